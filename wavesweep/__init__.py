@@ -7,7 +7,9 @@ of capabilities, to editors and type checkers.
 __version__ = "1.2.0.dev0"
 
 _HOMES = {
-    **dict.fromkeys(("IllPosedLoopError", "SpecError", "UsageError", "WavesweepError"), "engine.errors"),
+    **dict.fromkeys(
+        ("IllPosedLoopError", "SpecError", "UsageError", "WavesweepError"), "engine.errors"
+    ),
     **dict.fromkeys(("Loop", "bode", "compile", "stability_region", "zwidth"), "program.api"),
     **dict.fromkeys(("Spec", "load"), "program.spec"),
     "CheckpointError": "program.store.checkpoint",

@@ -67,35 +67,45 @@ CAPABILITIES = (
     ),
     Capability(
         "passive",
-        {"passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."},
+        {
+            "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port."
+        },
         kinds=("passivity", "passivity-filters", "passivity-ports", "passivity-along"),
         library=("passivity", "filter_choices", "Loop.passivity", "Loop.plot_passivity"),
         offers=("guarantee", "on_check", "wish"),
     ),
     Capability(
         "sensitivity",
-        {"why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number."},
+        {
+            "why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number."
+        },
         kinds=("why",),
         library=("why", "Loop.sensitivity"),
         offers=("section",),
     ),
     Capability(
         "margins",
-        {"margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."},
+        {
+            "margins": "Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal."
+        },
         kinds=("margins",),
         library=("Loop.margins", "Loop.plot_margins"),
         offers=("on_check", "panel", "section"),
     ),
     Capability(
         "poles",
-        {"poles": "List the modes of a loop with frequency, damping and states, and draw their root locus over a number."},
+        {
+            "poles": "List the modes of a loop with frequency, damping and states, and draw their root locus over a number."
+        },
         kinds=("poles",),
         library=("Loop.poles", "Loop.plot_root_locus"),
         offers=("locus",),
     ),
     Capability(
         "designs",
-        {"design": "Search for designs that meet a wish, for all devices and hands that they have to hold for."},
+        {
+            "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for."
+        },
         tables=("design",),
         kinds=("design",),
         library=("design",),
@@ -108,7 +118,9 @@ CAPABILITIES = (
     ),
     Capability(
         "identification",
-        {"identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec."},
+        {
+            "identify": "Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec."
+        },
         tables=("measured",),
         kinds=("identify", "identify-response"),
         library=("identify",),
@@ -117,7 +129,9 @@ CAPABILITIES = (
     Capability("frame_times", kinds=("identify-frames",), offers=("frames",)),
     Capability(
         "explore",
-        {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
+        {
+            "explore": "Show the boundary of stability in a browser, and vary every number by a slider."
+        },
     ),
     Capability("require", tables=("sweep.require",), offers=("bound", "keys")),
     Capability("axes", offers=("classes",)),
@@ -125,11 +139,15 @@ CAPABILITIES = (
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
     Capability(
         "inspect",
-        {"inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt."},
+        {
+            "inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt."
+        },
     ),
     Capability(
         "explain",
-        {"explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do."},
+        {
+            "explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do."
+        },
     ),
     Capability(
         "programs",
@@ -152,14 +170,24 @@ TABLES = MappingProxyType(
     }
 )
 
-HANDS = MappingProxyType({"passive": "passive", "box": "for_all", "port": "passive"})  # words of --for-hands, likewise
+HANDS = MappingProxyType(
+    {"passive": "passive", "box": "for_all", "port": "passive"}
+)  # words of --for-hands, likewise
 
 
 # What a user asks, and the commands that answer it, in the order of the help; others are among OTHER_COMMANDS.
 QUESTIONS = MappingProxyType(
     {
         "Describe a loop": ("init", "keys", "identify"),
-        "Is it stable, and how far": ("check", "zwidth", "stability-region", "why", "margins", "poles", "passivity"),
+        "Is it stable, and how far": (
+            "check",
+            "zwidth",
+            "stability-region",
+            "why",
+            "margins",
+            "poles",
+            "passivity",
+        ),
         "How does it behave": ("bode", "simulate"),
         "Which design, and how to build it": ("design", "explore", "report", "export"),
         "Tables and words": ("plot", "inspect", "verify", "explain"),
@@ -173,11 +201,22 @@ OTHER_COMMANDS = "Other commands"
 FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
 FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
 WITH_MESSAGES = (*FOR_ALL_MESSAGES, "design", "simulate")
-OVER_AXES = ("zwidth", "stability-region", "bode", "passivity")  # whose axes are those of [sweep] or [bode], values or not
+OVER_AXES = (
+    "zwidth",
+    "stability-region",
+    "bode",
+    "passivity",
+)  # whose axes are those of [sweep] or [bode], values or not
 WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # for which --json has no meaning
 WITH_SPECS = ("design",)  # kinds of tables with a folder of specs beside them
-COMMAND_OF_FIGURE = MappingProxyType(  # of a kind of table, or a picture, that has not the name of its command
-    {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
+COMMAND_OF_FIGURE = (
+    MappingProxyType(  # of a kind of table, or a picture, that has not the name of its command
+        {
+            "simulate-response": "simulate",
+            "passivity-filters": "passivity --filters",
+            "diagram": "check --plot",
+        }
+    )
 )
 
 
@@ -188,7 +227,9 @@ def home_of(command: str) -> Capability | None:
 
 def listed(commands: Iterable[str]) -> str:
     """Those of some commands that are there, in words; the program's own always are."""
-    *several, last = [name for name in commands if home_of(name) or name in ("zwidth", "stability-region", "bode")]
+    *several, last = [
+        name for name in commands if home_of(name) or name in ("zwidth", "stability-region", "bode")
+    ]
     return f"{', '.join(several)} and {last}" if several else last
 
 
@@ -237,6 +278,16 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
             return getattr(getattr(library, capability.class_for(kind)) if kind else library, last)
     from wavesweep.engine.keys import nearest
 
-    meant = nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"]) if last[0] != "_" else ""
-    hint = f"did you mean {meant}?" if meant else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
-    raise AttributeError(f"wavesweep has no {name}; {hint}", name=last)  # with the name, Python adds none of its own
+    meant = (
+        nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"])
+        if last[0] != "_"
+        else ""
+    )
+    hint = (
+        f"did you mean {meant}?"
+        if meant
+        else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
+    )
+    raise AttributeError(
+        f"wavesweep has no {name}; {hint}", name=last
+    )  # with the name, Python adds none of its own

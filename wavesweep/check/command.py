@@ -36,7 +36,11 @@ STEPS = 3  # commands that are named, at most
     is_flag=True,
     help="Print all that is known, not only the 18 lines that matter most: also states, methods, times, and what is skipped.",
 )
-@click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
+@click.option(
+    "--plot",
+    is_flag=True,
+    help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.",
+)
 @click.option(
     "--root-locus",
     "locus",
@@ -63,8 +67,15 @@ STEPS = 3  # commands that are named, at most
     metavar="NAME=FACTOR",
     help="Factor from that column to s, e.g. duration=0.001 from ms.",
 )
-@folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
-@click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable, or --frames are others.")
+@folder(
+    "Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.",
+    or_file=True,
+)
+@click.option(
+    "--exit-code",
+    is_flag=True,
+    help="End with 1 if the design is not known to be stable, or --frames are others.",
+)
 @override
 def check(
     spec: str,
@@ -149,7 +160,13 @@ class _Judged:
         return [*_foremost(self.ranked, MOST - self.shown - len(self.steps)), *self.steps]
 
 
-def _judged(spec: Spec, run: Facts | None, overrides: Sequence[str], whole: bool, report: Callable[..., None]) -> _Judged:
+def _judged(
+    spec: Spec,
+    run: Facts | None,
+    overrides: Sequence[str],
+    whole: bool,
+    report: Callable[..., None],
+) -> _Judged:
     """Judge a spec, and show the lines that come first at once. run: what the frames of a run are, None without."""
     from wavesweep.check.planning import plan, within_ticks
     from wavesweep.check.verdict import further, numbers, verdict_lines
@@ -179,7 +196,9 @@ def _judged(spec: Spec, run: Facts | None, overrides: Sequence[str], whole: bool
     return _Judged(verdict, shown, ranked, plan_lines, [*unusual_lines, *within], steps)
 
 
-def _frames_of_run(spec: Spec, file: str | None, columns: tuple[str, ...], scales: tuple[str, ...]) -> Facts | None:
+def _frames_of_run(
+    spec: Spec, file: str | None, columns: tuple[str, ...], scales: tuple[str, ...]
+) -> Facts | None:
     """Whether the frames of a run are among those of the spec; None without a file."""
     from wavesweep.program.csv_files import factors, pairs
 
@@ -225,7 +244,9 @@ def _show_json(spec: Spec, judged: _Judged, files: Sequence[str]) -> None:
 def _folded(line: str) -> list[str]:
     """A line as lines that a terminal shows whole, of about the same length."""
     indent = " " * (len(line) - len(line.lstrip()) + 4)
-    cut = partial(wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    cut = partial(
+        wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
     widest = cut(width())
     for narrower in range(width() // 2, width()):
         lines = cut(narrower)
@@ -266,7 +287,9 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
     drawing = spec.drawing
     regions = [command for command in ("zwidth", "stability-region") if command in possible]
     region = regions[0] if regions else ""
-    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in DOUBTS.keys() - {""}]
+    doubts = [
+        limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in DOUBTS.keys() - {""}
+    ]
     steps = []
     if doubts:
         steps.append((f"explain {doubts[0]}", "what this doubt means, and what helps"))
@@ -285,7 +308,9 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
     return steps
 
 
-def _interval_steps(spec: Spec, verdict: Facts, region: str, name: str) -> Iterator[tuple[str, str]]:
+def _interval_steps(
+    spec: Spec, verdict: Facts, region: str, name: str
+) -> Iterator[tuple[str, str]]:
     """Yield the commands for stable intervals; region: the possible one, empty without. name: of the spec, quoted."""
     from wavesweep.check.verdict import distance
 
@@ -293,7 +318,11 @@ def _interval_steps(spec: Spec, verdict: Facts, region: str, name: str) -> Itera
         yield f"why {name}", "what sets each limit"
     if region:
         subject = "all stable walls" if region == "zwidth" else "all stable intervals"
-        members = "of [for_all]" if not spec.drawing or (spec.for_all and spec.for_all.axes) else "that messages may do"
+        members = (
+            "of [for_all]"
+            if not spec.drawing or (spec.for_all and spec.for_all.axes)
+            else "that messages may do"
+        )
         yield f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject
     elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
         axis = min(limits, key=distance)
@@ -313,13 +342,17 @@ def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iter
             yield f"  wavesweep {line}"
 
 
-def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:
+def _places(
+    figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]
+) -> dict[str, Path]:
     """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
     from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things
 
     if not figures:
         if out is not None:
-            raise click.UsageError("--out: expected --plot or --root-locus, since nothing else is written, found none")
+            raise click.UsageError(
+                "--out: expected --plot or --root-locus, since nothing else is written, found none"
+            )
         return {}
     from wavesweep.program import plots, results
 
@@ -335,7 +368,9 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     refuse_inputs(spec.files, *places.values())
     plots.refuse_settings()
     if "diagram" in figures and offered("diagram") is None:
-        raise click.UsageError("--plot: expected the capability picture, found that it is not there")
+        raise click.UsageError(
+            "--plot: expected the capability picture, found that it is not there"
+        )
     return places
 
 
@@ -343,12 +378,19 @@ def _needed(name: str) -> ModuleType:
     """The module of this name. Errors: UsageError if the capability that offers it is not there."""
     module = offered(name)
     if module is None:
-        option, capability = {"locus": ("--root-locus", "poles"), "frames": ("--frames", "frame_times")}[name]
-        raise click.UsageError(f"{option}: expected the capability {capability}, found that it is not there")
+        option, capability = {
+            "locus": ("--root-locus", "poles"),
+            "frames": ("--frames", "frame_times"),
+        }[name]
+        raise click.UsageError(
+            f"{option}: expected the capability {capability}, found that it is not there"
+        )
     return module
 
 
-def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None) -> Iterator[Path]:
+def _drawn(
+    spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None
+) -> Iterator[Path]:
     """Draw the loop, its root locus, or both, and yield the paths of the files."""
     if not places:
         return
@@ -360,4 +402,6 @@ def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | No
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():
         canvas = plots.diagram(spec) if name == "diagram" else poles()
-        yield from save_all(canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts))
+        yield from save_all(
+            canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts)
+        )

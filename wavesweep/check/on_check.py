@@ -58,7 +58,9 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     """The range of each number in which the design stays as it is: that of the sweep is always shown, then the nearest end."""
     swept = spec.along and spec.names.find(spec.along).path
-    swept_limits = [limit for limit in found["limits"] if spec.names.find(limit["name"]).path == swept]
+    swept_limits = [
+        limit for limit in found["limits"] if spec.names.find(limit["name"]).path == swept
+    ]
     # Where stability changes in the range searched, or is not known there.
     bounded = [
         limit
@@ -256,19 +258,31 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
             yield DETAIL, f"  and rounding moves the device by at most {' and '.join(said)}"
     if "cycle_hz" in found:
         cycle = f"{found['cycle_hz']:.3g} Hz and {found['cycle_amplitude']:.2g} {length}"
-        yield 3, f"encoder: between two of its steps a cycle of about {cycle} is expected (a prediction, no bound)"
+        yield (
+            3,
+            f"encoder: between two of its steps a cycle of about {cycle} is expected (a prediction, no bound)",
+        )
     if "holds_to" in found:
         held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
         yield DETAIL, f"  after {source}"
         if not stable:
-            yield 2, "only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
+            yield (
+                2,
+                "only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does",
+            )
     if "passive_to" in found:
-        yield 5, f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+        yield (
+            5,
+            f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})",
+        )
     if "passive" in found:
         wall = min(found["holds_to"], found["passive_to"])
         said = "generates no energy" if found["passive"] else "may generate energy"
-        yield 5, f"encoder, friction and sampling together: the wall {said}, as up to {wall:.6g} {unit} ({source})"
+        yield (
+            5,
+            f"encoder, friction and sampling together: the wall {said}, as up to {wall:.6g} {unit} ({source})",
+        )
     if found.get("depth") is not None:
         depth = f"{found['depth']:.4g} {length}"
         most = f"{found['max_force']:.4g} {force}"

@@ -39,7 +39,10 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
         if command != "zwidth" or not drawing or drawing.wall:
             lines += _interval_lines(spec, command, along, estimated)
     if drawing and drawing.hand is None and not spec.routes:
-        lacking = ["bode", *filter(home_of, ("passivity", *(() if drawing.inputs else ("simulate",))))]
+        lacking = [
+            "bode",
+            *filter(home_of, ("passivity", *(() if drawing.inputs else ("simulate",)))),
+        ]
         names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
         return [*lines, f"  {', '.join(lacking)}: not possible, [ports] names {names}"]
     lines += _bode_lines(spec, estimated)
@@ -165,7 +168,9 @@ def _drawn_lines(spec):
     sums = [terms for _, terms, *_ in (*drawing.wires, *drawing.couplings, *drawing.outputs)]
     sums += filter(None, (drawing.hand or ())[1:])
     read = {signal.rpartition(".")[0] for terms in sums for signal, _ in terms}
-    if unread := [block.name for block in drawing.blocks if block.name not in read]:  # which may be a slip
+    if unread := [
+        block.name for block in drawing.blocks if block.name not in read
+    ]:  # which may be a slip
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
     yield from _state_lines(drift, [labels[state] for state in drift.states])
     yield from _number_lines(spec)
@@ -224,7 +229,9 @@ def _dead_time_lines(drawing, values):
             "brings what is held to {} between two ticks": arriving * held,
             "is read in ticks by {}": readers,
         }
-        does = ", ".join(phrase.format(_listed(names)) for phrase, names in phrases.items() if names)
+        does = ", ".join(
+            phrase.format(_listed(names)) for phrase, names in phrases.items() if names
+        )
         ticks = _count(f"{seconds * drawing.rate(values):.6g}", "tick")
         yield f"  {name}: {1e3 * seconds:.6g} ms, {ticks}; {does}"
 
@@ -241,7 +248,9 @@ def within_ticks(spec: Spec) -> Iterator[str]:
     for ring in drawn.rings():
         from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
 
-        blocks = [placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring]
+        blocks = [
+            placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring
+        ]
         ports = []
         outputs = []
         for block in blocks:
@@ -293,7 +302,9 @@ def _state_lines(drift, names):
         yield f"  states left out, since nothing in the loop reads them: {unobserved}"
 
 
-RUN = 3  # names with numbers that follow each other, from which on the first and the last are enough
+RUN = (
+    3  # names with numbers that follow each other, from which on the first and the last are enough
+)
 
 
 def _listed(names):

@@ -15,10 +15,16 @@ from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.program.sweep.running import in_memory
 
-HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
+HALVINGS, FEW = (
+    30,
+    8,
+)  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
 WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
 SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
-NEAR, HARDLY = 0.02, 1e-3  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
+NEAR, HARDLY = (
+    0.02,
+    1e-3,
+)  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
 LATE = "it takes longer than check does"
 NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
 DELAYS = 200  # ticks of delay that are tried
@@ -60,7 +66,9 @@ def _limit(spec, name, path, span, of_key=(False, False), again=False):
         job = _job(spec, name, path, near)
         rows, reached = _rows(job, value, near)
     except WavesweepError as error:
-        if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
+        if (
+            value == 0 and span[0] < 0 and not _poses(spec, path)
+        ):  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
         if narrower := _narrower(spec, name, path, value, span):
             cut = map(ne, narrower, span)
@@ -115,7 +123,10 @@ def _around(rows, value, start, stop):
         return limit
     row = int(np.flatnonzero(inside)[0])
     limit["open"] = open_places(rows, row)
-    for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
+    for end, of_range in (
+        ("low", start),
+        ("high", stop),
+    ):  # one without a crossing may end where nothing is known
         if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
             limit[end] = float(rows[end][row])
     return limit
@@ -152,7 +163,10 @@ def _next_to(spec, path, value, span):
     Panels crowd towards a singular pose.
     """
     if value == 0:
-        span = tuple(_reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS) for end in span)
+        span = tuple(
+            _reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS)
+            for end in span
+        )
     away = NEAR * (abs(value) or min(map(abs, span)))
     tiny = HARDLY * away
     low, high = own_loop(spec, path).domain(path, (value - tiny, value + tiny))

@@ -52,7 +52,9 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.contact.verdict import saturations
     from wavesweep.engine.errors import UsageError
 
-    if not spec.wall and saturations(spec.drawing):  # of these `check` has a verdict, and there are no rows
+    if not spec.wall and saturations(
+        spec.drawing
+    ):  # of these `check` has a verdict, and there are no rows
         return asked
     if hands := [each.word for each in asked if each.word]:
         expected = "no --for-hands, since its rows are of the spec's own hand"

@@ -26,7 +26,9 @@ def saturations(drawing: Drawing | None) -> list[str]:
 def refuse(spec: Spec) -> None:
     """Raise UsageError if the spec has neither a wall nor a saturation."""
     if not spec.wall and not saturations(spec.drawing):
-        expected = "wall = { stiffness = ..., damping = ... } in [ports], or a block of type saturation"
+        expected = (
+            "wall = { stiffness = ..., damping = ... } in [ports], or a block of type saturation"
+        )
         raise UsageError(f"[for_all] contact: expected {expected}, found neither")
 
 

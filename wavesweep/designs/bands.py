@@ -46,7 +46,9 @@ class BandModes:
     def logarithms(self, top: float) -> np.ndarray:
         """The logarithms of the frequencies and of their images up to a frequency (Hz), on three sheets, `(points, any)`."""
         count = int(np.ceil(top / self.rate.min(initial=np.inf))) + 1
-        images = self.frequency[:, :, None] + self.rate[:, None, None] * np.arange(-count, count + 1)
+        images = self.frequency[:, :, None] + self.rate[:, None, None] * np.arange(
+            -count, count + 1
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
             sheets = np.log(images)[..., None] + 2j * np.pi * np.array([-1, 0, 1])
         return np.where(np.isfinite(sheets), sheets, np.nan).reshape(len(images), -1)
@@ -90,16 +92,24 @@ def over_band(
         functions = [_Function(pieces, *response) for response in sampled.responses]
         clear = np.logical_and.reduce([function.clear(at_poles=at_poles) for function in functions])
         certified[at] = sampled.sure & settled & clear
-        return [(at[[row]], row, functions) for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))]
+        return [
+            (at[[row]], row, functions)
+            for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))
+        ]
 
     for count in PIECES:
-        edges, batches = np.linspace(*ends, count + 1), np.array_split(some, len(some) * count // 4096 + 1)
+        edges, batches = (
+            np.linspace(*ends, count + 1),
+            np.array_split(some, len(some) * count // 4096 + 1),
+        )
         open_ = [*chain.from_iterable(look(edges, batch) for batch in batches if batch.size)]
         some = np.array([at[0] for at, *_ in open_], int)
     for _ in range(ROUNDS):
         before, open_ = open_, []
         for at, row, functions in before:
-            singular = np.concatenate([function.singular(row, at_poles=at_poles) for function in functions])
+            singular = np.concatenate(
+                [function.singular(row, at_poles=at_poles) for function in functions]
+            )
             open_ += look(_divided(edges, singular), at) if singular.size else []
     return value, certified
 
@@ -131,14 +141,22 @@ class _Function:
 
     def __init__(self, pieces, values, modes) -> None:
         self.pieces = pieces
-        at = (modes.logarithms(pieces.top)[:, None, :] - pieces.middle[:, None]) / pieces.half[:, None]
+        at = (modes.logarithms(pieces.top)[:, None, :] - pieces.middle[:, None]) / pieces.half[
+            :, None
+        ]
         with np.errstate(invalid="ignore"):
             size = _size(at)
             order = np.argsort(size, -1)[..., : int((size < KNOWN).sum(-1).max(initial=0))]
             at, size = (np.take_along_axis(array, order, -1) for array in (at, size))
             self.poles = np.where(size < KNOWN, at, np.nan)
-            factor = np.where(np.isnan(self.poles)[..., None, :], 1.0, _nodes()[0][:, None] - self.poles[..., None, :])
-            self.degrees = degrees_of((values.reshape(factor.shape[:-1]) * factor.prod(-1)).reshape(len(values), -1))
+            factor = np.where(
+                np.isnan(self.poles)[..., None, :],
+                1.0,
+                _nodes()[0][:, None] - self.poles[..., None, :],
+            )
+            self.degrees = degrees_of(
+                (values.reshape(factor.shape[:-1]) * factor.prod(-1)).reshape(len(values), -1)
+            )
 
     def clear(self, *, at_poles):
         """Whether the ellipses have no zero, and perhaps no pole, of each point; False if that is not known."""
@@ -146,7 +164,11 @@ class _Function:
         with np.errstate(all="ignore"):
             unseen = np.abs(self.degrees[..., -HIGH:]).max(-1) * CLEAR**NODES / (1 - CLEAR / KNOWN)
             turns = np.angle(np.roll(rim, -1, -1) / rim)
-            clear = (unseen < np.abs(rim).min(-1) / 2) & (np.abs(turns).max(-1) < TURN) & (np.abs(turns.sum(-1)) < np.pi)
+            clear = (
+                (unseen < np.abs(rim).min(-1) / 2)
+                & (np.abs(turns).max(-1) < TURN)
+                & (np.abs(turns.sum(-1)) < np.pi)
+            )
             if at_poles:
                 clear &= ~(_size(self.poles) < CLEAR).any(-1)
         return clear.all(-1)
@@ -155,7 +177,9 @@ class _Function:
         """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the frequency, `(any,)`."""
         singular = []
         pieces = self.pieces.middle, self.pieces.half
-        for degrees, poles, middle, half in zip(self.degrees[row], self.poles[row], *pieces, strict=True):
+        for degrees, poles, middle, half in zip(
+            self.degrees[row], self.poles[row], *pieces, strict=True
+        ):
             if np.isfinite(degrees).all() and degrees.any():
                 at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
                 singular.append(middle + half * at[_size(at) < NEAR])

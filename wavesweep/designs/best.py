@@ -22,7 +22,15 @@ from wavesweep.program.tables.table import Table
 MOST = 10  # designs that are written
 WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
 LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
-EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")  # keys of [simulate] that a design keeps
+EXPERIMENT = (
+    "from",
+    "input",
+    "amplitude",
+    "at_s",
+    "width_s",
+    "duration_s",
+    "wall",
+)  # keys of [simulate] that a design keeps
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 
@@ -66,7 +74,9 @@ def _objective(wish, value):
     return np.where(np.isnan(value), np.inf, value)
 
 
-def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]) -> str:
+def miss(
+    spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]
+) -> str:
     """Return a text on the nearest miss and on the wishes that conflict with each other; units: of the wishes."""
     design = spec.design
     _, violation = judged(design, records)
@@ -81,7 +91,11 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
         wanted = "has a certified value for every wish"
     said = f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{_against(design, records)}"
     if missing:
-        loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
+        loop = (
+            "that is unstable or not proved for all of [for_all]"
+            if spec.for_all
+            else "that is unstable"
+        )
         said += f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so"
     return said
 
@@ -115,7 +129,9 @@ def _against(design, records):
             met[wish.name] = wish.margin(records[wish.name]) >= 0
     for one, other in combinations(met, 2):
         if met[one].any() and met[other].any() and not (met[one] & met[other]).any():
-            counts = f"{met[one].sum()} designs met the one, {met[other].sum()} the other, none both"
+            counts = (
+                f"{met[one].sum()} designs met the one, {met[other].sum()} the other, none both"
+            )
             return f"; {one} stands against {other}: {counts}"
     never = [name for name, flags in met.items() if not flags.any()]
     return f"; no design meets even alone the bound on {', '.join(never)}" if never else ""
@@ -140,14 +156,21 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     if spec.simulate:
         kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
         if spec.simulate["input"] != "record":
-            kept |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
+            kept |= {
+                name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given
+            }
         tables["simulate"] = kept
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them
             keys = tables["filters"][name]
-            tables["filters"][name] = {edge: value for edge, value in keys.items() if edge in BAND_EDGES}
-    wishes = [f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items()]
+            tables["filters"][name] = {
+                edge: value for edge, value in keys.items() if edge in BAND_EDGES
+            }
+    wishes = [
+        f"{name} {row[name]:.6g} {unit}".removesuffix(" 1")
+        for name, unit in wish_units(spec).items()
+    ]
     text = f"{HEADER}{', '.join(wishes)}, at their worst.\n"
     if spec.design.ratios:
         ratios = [f"{number}/{reference}" for number, reference, _ in spec.design.ratios]
@@ -156,14 +179,20 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     return text + as_toml(tables)
 
 
-def _sweep(spec: Spec, searched: Mapping[str, Any], row: Mapping[str, object], stop: float) -> dict[str, Any]:
+def _sweep(
+    spec: Spec, searched: Mapping[str, Any], row: Mapping[str, object], stop: float
+) -> dict[str, Any]:
     """The [sweep] of a design, over everything that it holds for; searched: that of the spec."""
     design = spec.design
     if spec.wall:
         stiffness, damping = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
         walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
         dampings = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
-        sweep = {"along": stiffness, stiffness: {"start": 0.0, "stop": stop}, damping: list(dampings)}
+        sweep = {
+            "along": stiffness,
+            stiffness: {"start": 0.0, "stop": stop},
+            damping: list(dampings),
+        }
     else:
         varied = {axis.path for axis in design.vary}
         sweep = dict(searched)
@@ -191,7 +220,9 @@ def _scenario_axes(spec: Spec, row: Mapping[str, object]) -> dict[str, list]:
         held[f"operator.{key}"] = list(values)
     for pair in str(row.get("z_width_scenario", "")).split(", "):
         name, is_set, value = pair.partition("=")
-        if is_set and name in held:  # what sets the worst may lie between the values that the spec lists
+        if (
+            is_set and name in held
+        ):  # what sets the worst may lie between the values that the spec lists
             number = type(held[name][0])(float(value))
             held[name] = sorted({*held[name], number})
     return held

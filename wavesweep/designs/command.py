@@ -45,4 +45,6 @@ def design(spec: str, checked: str, options: Options) -> None:
         return [with_best(table, specs[0]) if options.to_folder else table]
 
     less = "a smaller population and fewer generations in [design] take less"
-    produce(["design"], [spec], options, compute, asked=lambda spec: spec.asking("design"), less=less)
+    produce(
+        ["design"], [spec], options, compute, asked=lambda spec: spec.asking("design"), less=less
+    )

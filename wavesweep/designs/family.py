@@ -13,7 +13,9 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import Spec
 
 WALL_STIFFNESS = "environment.K_VE"
-OF_ALL = -1  # in place of the number of a scenario, if a value is what is proved for all of [for_all]
+OF_ALL = (
+    -1
+)  # in place of the number of a scenario, if a value is what is proved for all of [for_all]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,9 @@ class Scenario:
     def described(self) -> str:
         """Return the scenario in the words of a table; empty if it is the spec's own."""
         texts = [f"{name_of(path)}={value:.12g}" for path, value in self.values.items()]
-        texts += [f"{number}/{reference}={ratio:g}" for number, (reference, ratio) in self.ratios.items()]
+        texts += [
+            f"{number}/{reference}={ratio:g}" for number, (reference, ratio) in self.ratios.items()
+        ]
         return ", ".join(texts)
 
 
@@ -43,7 +47,11 @@ def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:
     scenarios = []
     for combination in product(*_choices(spec, between)):
         values = {path: value for path, value in combination if not isinstance(value, tuple)}
-        scenarios.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
+        scenarios.append(
+            Scenario(
+                values, {path: value for path, value in combination if isinstance(value, tuple)}
+            )
+        )
     return scenarios
 
 
@@ -57,7 +65,13 @@ def _choices(spec, between):
     choices, design = [], spec.design
     for axis in design.for_all:
         values = _filled(axis.values, between, axis.structural)
-        choices.append([(axis.path, value) for value in values if value in axis.values or _makes_a_loop(spec, axis, value)])
+        choices.append(
+            [
+                (axis.path, value)
+                for value in values
+                if value in axis.values or _makes_a_loop(spec, axis, value)
+            ]
+        )
     for name in HAND:
         if name in design.hand:
             values = _filled(design.hand[name], between, False)
@@ -107,7 +121,11 @@ class Points:
 
     def some(self, index) -> "Points":
         """Return some of the points, each as a design of its own."""
-        return Points({path: column[index] for path, column in self.changes.items()}, self.ties, (len(index), 1, 1))
+        return Points(
+            {path: column[index] for path, column in self.changes.items()},
+            self.ties,
+            (len(index), 1, 1),
+        )
 
     def worst(self, values, more: bool) -> tuple[np.ndarray, np.ndarray]:
         """Return the worst value of each design, `(designs,)`, and the scenario that has it.
@@ -143,8 +161,12 @@ def points_of(
     for path, values in zip(walls, zip(*combinations, strict=True), strict=True):
         changes[path] = np.array(values)[wall]
     ties = []
-    for path, reference, _ in in_order([(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]):
-        factor = np.array([scenario_ratio.ratios[path][1] for scenario_ratio in scenarios])[scenario]
+    for path, reference, _ in in_order(
+        [(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]
+    ):
+        factor = np.array([scenario_ratio.ratios[path][1] for scenario_ratio in scenarios])[
+            scenario
+        ]
         if reference == WALL_STIFFNESS and reference not in changes:
             ties.append(path)
             changes[path] = factor

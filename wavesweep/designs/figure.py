@@ -9,15 +9,40 @@ from wavesweep.designs.table import margins_of, wish_of
 from wavesweep.designs.wish_keys import WISHES
 from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns
-from wavesweep.program.plots.labels import assumption, at_hand, label, printed, symbol, unit, valued, with_unit
+from wavesweep.program.plots.labels import (
+    assumption,
+    at_hand,
+    label,
+    printed,
+    symbol,
+    unit,
+    valued,
+    with_unit,
+)
 from wavesweep.program.plots.scales import by_factors
-from wavesweep.program.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
+from wavesweep.program.plots.style import (
+    FAINT,
+    GRID,
+    TWO_COLUMNS,
+    Look,
+    family_looks,
+    figure,
+    is_narrow,
+    note_below,
+    paler,
+)
 from wavesweep.program.tables.columns import fields
 
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
-_OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
+_OWN = {
+    "marker": "X",
+    "markersize": 8,
+    "color": "#D55E00",
+    "markeredgecolor": "white",
+    "linestyle": "none",
+}
 _NOMINAL = Look("#D55E00", (0, (1.5, 0.8)))
 
 
@@ -29,7 +54,11 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
     the admittances are below. A single design has the next best one next to it.
     """
     wishes, varied = list(facts["spec"]["design"]["wish"]), list(facts["spec"]["design"]["vary"])
-    free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
+    free = [
+        name
+        for name in wishes
+        if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])
+    ]
     x, y = free if len(free) == 2 else (wishes * 2)[:2]
     if len(columns[x]) <= _FEW:
         return _draw_few(columns, facts, wishes, varied)
@@ -69,42 +98,59 @@ def _scale_numbers(panel: Any, values: np.ndarray, whole: bool) -> None:
     _by_factors_if_wide(panel.yaxis, values)
     if whole:
         varies = values.max() > values.min()
-        panel.yaxis.set_major_locator(MaxNLocator(integer=True) if varies else FixedLocator(values[:1]))
+        panel.yaxis.set_major_locator(
+            MaxNLocator(integer=True) if varies else FixedLocator(values[:1])
+        )
         panel.set_ylim(values.min() - 0.5, values.max() + 0.5)
     panel.grid(**GRID)
     panel.tick_params(labelsize=7)
 
 
-def _draw_front(axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str, Any], labels: dict[str, str]) -> None:
+def _draw_front(
+    axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str, Any], labels: dict[str, str]
+) -> None:
     """The second of two wishes over the first one, and the nominal design if both are known of it; labels: of both axes."""
     x, y = labels
     axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
     if own.get(x) is not None and own.get(y) is not None:
         axes.plot(own[x], own[y], label="nominal design", **_OWN)
     for name, axis in ((x, axes.xaxis), (y, axes.yaxis)):
-        axis.set_label_text(labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n"))
+        axis.set_label_text(
+            labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n")
+        )
         _by_factors_if_wide(axis, columns[name])
     axes.grid(**GRID, which="both")
     axes.figure.legend(loc="outside upper center", ncols=2)
 
 
-def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], varied: list[str]) -> Any:
+def _draw_few(
+    columns: Columns, facts: Mapping[str, Any], wishes: list[str], varied: list[str]
+) -> Any:
     """A panel for each wish and each varied number, with its value in each design, and the admittances of all."""
     spec, count = spec_of(facts), len(columns[wishes[0]])
     nominal = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
     designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **nominal}}
     for at in range(count):
-        designs[f"found ({at + 1})" if count > 1 else "found"] = {name: columns[name][at].item() for name in (*wishes, *varied)}
+        designs[f"found ({at + 1})" if count > 1 else "found"] = {
+            name: columns[name][at].item() for name in (*wishes, *varied)
+        }
     for runner_up in facts.get("runners_up", ())[: count == 1]:
         designs["next best"] = {**runner_up["wishes"], **runner_up["numbers"]}
-    looks, hand = [_NOMINAL, *family_looks(len(designs) - 1)], spec is not None and not spec.without_hand()
+    looks, hand = (
+        [_NOMINAL, *family_looks(len(designs) - 1)],
+        spec is not None and not spec.without_hand(),
+    )
     across = 1 if is_narrow() else 2
     down, row = -(-len([*wishes, *varied]) // across), 0.65 + 0.17 * len(designs)
     with figure(TWO_COLUMNS, row * down + 2.4 * hand) as canvas:
-        grid = canvas.add_gridspec(down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand])
+        grid = canvas.add_gridspec(
+            down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand]
+        )
         for place, name in enumerate((*wishes, *varied)):
             axes = canvas.add_subplot(grid[place // across, place % across])
-            _draw_values(axes, name, [numbers.get(name) for numbers in designs.values()], looks, facts)
+            _draw_values(
+                axes, name, [numbers.get(name) for numbers in designs.values()], looks, facts
+            )
             axes.set_yticks(range(len(designs)), [*designs] * (place % across == 0))
         if hand:
             _draw_admittances(canvas.add_subplot(grid[-1, :]), spec, designs, varied, looks)
@@ -115,32 +161,53 @@ def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], var
 def _listed(name: str, values: Iterable[float], facts: Mapping[str, Any]) -> str:
     """A number or a ratio of two with its values and unit."""
     numbers = ", ".join(f"{value:g}" for value in values)
-    return f"{name} = {numbers}" if "/" in name else f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
+    return (
+        f"{name} = {numbers}"
+        if "/" in name
+        else f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
+    )
 
 
 def _studied(facts: Mapping[str, Any]) -> list[str]:
     """Sentences on the walls and the band that each wish is for, and on what designs have to hold for."""
     tables, study = facts["spec"], facts["spec"]["design"]
     wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
-    names, environment = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
+    names, environment = (
+        {"walls": wall["stiffness"], "B_VE": wall["damping"]},
+        tables.get("environment", {}),
+    )
     constants = {key: [environment[at]] for key, at in names.items() if at in environment}
     wishes = []
     for name, options_given in study["wish"].items():
         options = WISHES[name].options
         walls = constants | options_given
-        words = [_listed(names[key], walls[key], facts) for key in names if key in options and key in walls]
+        words = [
+            _listed(names[key], walls[key], facts)
+            for key in names
+            if key in options and key in walls
+        ]
         words += (
-            [f"{options_given['band_hz'][0]:g} to {options_given['band_hz'][1]:g} Hz"] if "band_hz" in options_given else []
+            [f"{options_given['band_hz'][0]:g} to {options_given['band_hz'][1]:g} Hz"]
+            if "band_hz" in options_given
+            else []
         )
         wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
     for_all = study.get("for_all", {})
     scenarios = [_listed(name, values, facts) for name, values in for_all.items() if name != "hand"]
-    scenarios += [_listed(f"operator.{key}", values, facts) for key, values in for_all.get("hand", {}).items()]
+    scenarios += [
+        _listed(f"operator.{key}", values, facts) for key, values in for_all.get("hand", {}).items()
+    ]
     sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences if sentence]
 
 
-def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Sequence[Look], facts: Mapping[str, Any]) -> None:
+def _draw_values(
+    axes: Any,
+    name: str,
+    values: Sequence[float | None],
+    looks: Sequence[Look],
+    facts: Mapping[str, Any],
+) -> None:
     """The values of a wish or a number, each with its text, and for a wish its bound with the margins to it."""
     margins: list[float | None] = [None] * len(values)
     if name in WISHES:
@@ -149,15 +216,28 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
         if wish.bound is not None:
             margins = [margins_of({name: value}, facts).get(name) for value in values]
             axes.axvline(wish.bound, color="0.5", linewidth=0.8, linestyle="--")
-            axes.set_xlabel(f"{wish.kind.bound.replace('_', ' ')} {wish.bound:g}, with margins", fontsize=7)
+            axes.set_xlabel(
+                f"{wish.kind.bound.replace('_', ' ')} {wish.bound:g}, with margins", fontsize=7
+            )
     else:
         axes.set_title(label(name, facts), fontsize=7)
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
         finite = value is not None and np.isfinite(value)
-        said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if finite else "not known"
+        said = (
+            f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "")
+            if finite
+            else "not known"
+        )
         if finite:
             axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
-        axes.annotate(said, (1.03, place), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=7)
+        axes.annotate(
+            said,
+            (1.03, place),
+            xycoords=("axes fraction", "data"),
+            ha="left",
+            va="center",
+            fontsize=7,
+        )
     axes.margins(x=0.1)
     axes.set_ylim(len(values) - 0.5, -0.5)
     axes.locator_params(axis="x", nbins=4)
@@ -165,7 +245,9 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
     axes.grid(**GRID, axis="x")
 
 
-def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
+def _draw_admittances(
+    axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any
+) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
     from wavesweep.engine.response import respond
     from wavesweep.program.analyses.spec_loops import loop_at_hand
@@ -173,12 +255,28 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
 
     frequency = np.array([f for f in spec.frequency_hz if f > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):
-        values = {spec.names.find(name_varied).path: numbers[name_varied] for name_varied in varied if name != "nominal"}
+        values = {
+            spec.names.find(name_varied).path: numbers[name_varied]
+            for name_varied in varied
+            if name != "nominal"
+        }
         integers = {path for path in values if isinstance(spec.values.get(path), int)}
-        changed = spec.with_values({path: int(value) if path in integers else float(value) for path, value in values.items()})
-        admittance, stable = respond(loop_at_hand(changed), frequency).admittance.ravel(), bool(own_loop(changed).radii() < 1)
-        colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
-        axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
+        changed = spec.with_values(
+            {
+                path: int(value) if path in integers else float(value)
+                for path, value in values.items()
+            }
+        )
+        admittance, stable = (
+            respond(loop_at_hand(changed), frequency).admittance.ravel(),
+            bool(own_loop(changed).radii() < 1),
+        )
+        colour, said = (
+            (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
+        )
+        axes.loglog(
+            frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said
+        )
     tables = {"spec": spec.tables()}
     walls = [valued(path.rpartition(".")[2], spec.own(path), tables) for path in spec.wall]
     axes.set_title(f"with {', '.join(walls)}" if walls else "", fontsize=7)

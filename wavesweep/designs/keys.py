@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 VARIED, FOR_DESIGNS, WISHED = (f"design.{name}" for name in ("vary", "for_all", "wish"))
-RATIOS, HANDS = "design.for_all ratios", "design.for_all.hand"  # where the leaves of these are sorted to
+RATIOS, HANDS = (
+    "design.for_all ratios",
+    "design.for_all.hand",
+)  # where the leaves of these are sorted to
 DESIGN_KEYS = Key.by_path(
     [
         Key.whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
@@ -63,7 +66,11 @@ class Design(TableValue):
         """
         wishes = []
         for wish in self.wishes:
-            lacking = {name: hardware[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
+            lacking = {
+                name: hardware[name]
+                for name in OF_DEVICE
+                if name in wish.kind.options and name not in wish.options
+            }
             device_numbers = {name: (float(value),) for name, value in lacking.items() if value}
             wishes.append(replace(wish, options={**device_numbers, **wish.options}))
             for name in lacking.keys() - device_numbers:
@@ -77,7 +84,13 @@ class Design(TableValue):
             stop = max(wish.options.get("band_hz", ()), default=0.0)
             if stop > hz / 2:
                 path, (expected, highest) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
-                mistakes.refuse(wish.places["band_hz"], path, f"numbers <= {expected} (half of {rate})", highest, of_key=False)
+                mistakes.refuse(
+                    wish.places["band_hz"],
+                    path,
+                    f"numbers <= {expected} (half of {rate})",
+                    highest,
+                    of_key=False,
+                )
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""
@@ -86,10 +99,18 @@ class Design(TableValue):
         faults += [("wish", decides, name) for name in sorted(drawing.shaping & set(wall))]
         self.refuse_unsuited_axes(set(map(path_of, wall)), mistakes)
         if self.hand:
-            faults.append(("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand"))
+            faults.append(
+                ("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand")
+            )
         for swept, reference, _ in self.ratios:
             ratio = f"{swept}/{reference}"
-            faults.append((f"for_all.{ratio}", "a number of the drawing; write a ratio as an expression there", ratio))
+            faults.append(
+                (
+                    f"for_all.{ratio}",
+                    "a number of the drawing; write a ratio as an expression there",
+                    ratio,
+                )
+            )
         for path, expected, problem in faults:
             mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
@@ -99,31 +120,62 @@ class Design(TableValue):
         drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
         for wish in self.wishes:
             if wish.name not in drawn_wishes:
-                yield f"wish.{wish.name}", f"one of {', '.join(drawn_wishes)} for a drawn loop", wish.name
+                yield (
+                    f"wish.{wish.name}",
+                    f"one of {', '.join(drawn_wishes)} for a drawn loop",
+                    wish.name,
+                )
                 continue
-            needed = {*wish.kind.ports, *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
+            needed = {
+                *wish.kind.ports,
+                *(["wall"] if {"walls", "B_VE"} & set(wish.options) else []),
+            }
             for name in sorted(name for name in needed if ports[name] is None):
                 yield f"wish.{wish.name}", f"a loop with a {name} in [ports]", "none"
 
     def refuse_unsuited_axes(self, wall: set[str], mistakes: Mistakes) -> None:
         """Add the mistakes of axes along which a drawn loop cannot be designed; wall: the paths of its wall's numbers."""
-        for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
+        for axis, table in [
+            *((axis, "vary") for axis in self.vary),
+            *((axis, "for_all") for axis in self.for_all),
+        ]:
             expected = ""
             if axis.path in wall:
                 expected = "a number that is not of the wall (walls belong to the wishes)"
-            elif table == "for_all" and axis.structural and not all(isinstance(value, int) for value in axis.values):
+            elif (
+                table == "for_all"
+                and axis.structural
+                and not all(isinstance(value, int) for value in axis.values)
+            ):
                 expected = "a whole number, or one that does not decide how the loop is built"
             if expected:
                 mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
-        ranges = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
+        ranges = {
+            path: (value, value)
+            for path, value in values.items()
+            if isinstance(value, (int, float))
+        }
         ranges |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
-        ranges |= {f"operator.{key}": (min(values_of_key), max(values_of_key)) for key, values_of_key in self.hand.items()}
-        dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", ranges["environment.B_VE"])]
-        stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", ranges["environment.K_VE"])]
-        stiffnesses += [0.0, stop] if any(wish.name in ("z_width", "felt") for wish in self.wishes) else []
+        ranges |= {
+            f"operator.{key}": (min(values_of_key), max(values_of_key))
+            for key, values_of_key in self.hand.items()
+        }
+        dampings = [
+            damping
+            for wish in self.wishes
+            for damping in wish.options.get("B_VE", ranges["environment.B_VE"])
+        ]
+        stiffnesses = [
+            wall
+            for wish in self.wishes
+            for wall in wish.options.get("walls", ranges["environment.K_VE"])
+        ]
+        stiffnesses += (
+            [0.0, stop] if any(wish.name in ("z_width", "felt") for wish in self.wishes) else []
+        )
         ranges["environment.B_VE"] = min(dampings), max(dampings)
         ranges["environment.K_VE"] = min(stiffnesses), max(stiffnesses)
         for swept, reference, factors in in_order(self.ratios):
@@ -133,12 +185,19 @@ class Design(TableValue):
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         for_all = {axis.name: list(axis.values) for axis in self.for_all}
-        for_all |= {f"{swept}/{reference}": list(values) for swept, reference, values in self.ratios}
-        for_all |= {"hand": {key: list(values) for key, values in self.hand.items()}} if self.hand else {}
+        for_all |= {
+            f"{swept}/{reference}": list(values) for swept, reference, values in self.ratios
+        }
+        for_all |= (
+            {"hand": {key: list(values) for key, values in self.hand.items()}} if self.hand else {}
+        )
         return {
             **self.settings,
             "vary": {
-                axis.name: axis.written() if axis.values else {**axis.written(), "scale": axis.scale} for axis in self.vary
+                axis.name: axis.written()
+                if axis.values
+                else {**axis.written(), "scale": axis.scale}
+                for axis in self.vary
             },
             "wish": {wish.name: wish.written() for wish in self.wishes},
             **({"for_all": for_all} if for_all else {}),
@@ -151,7 +210,9 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
     Those that follow themselves are left out.
     """
     ordered, waiting = [], list(ratios)
-    while ready := [ratio for ratio in waiting if ratio[1] not in {number for number, *_ in waiting}]:
+    while ready := [
+        ratio for ratio in waiting if ratio[1] not in {number for number, *_ in waiting}
+    ]:
         ordered += ready
         waiting = [ratio for ratio in waiting if ratio not in ready]
     return ordered
@@ -163,7 +224,11 @@ def build(request: Request) -> Design | None:
     varied, for_all = request.axes(VARIED), request.axes(FOR_DESIGNS)
     request.refuse_other_edges(VARIED, varied, spared=True)  # no design varies an edge
     request.refuse_other_edges(FOR_DESIGNS, for_all)
-    leaves = {path: leaf for path, leaf in request.belongs.leaves.items() if path == "design" or path.startswith("design.")}
+    leaves = {
+        path: leaf
+        for path, leaf in request.belongs.leaves.items()
+        if path == "design" or path.startswith("design.")
+    }
     if not leaves:
         return None
     design = _Reader(leaves, request.belongs, request.names, mistakes).design(varied, for_all)
@@ -183,21 +248,36 @@ def build(request: Request) -> Design | None:
 
 def refuse_beyond_limits(request: Request, design: Design) -> None:
     """Add the mistakes of numbers of a controller's loop that leave the range set by its other values."""
-    wall = next((axis.stop for axis in request.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1])
+    wall = next(
+        (axis.stop for axis in request.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1]
+    )
     followers = tuple(design.followers(request.values, wall))
-    for section, axes in ((VARIED, design.vary), (FOR_DESIGNS, design.for_all), (FOR_DESIGNS, followers)):
+    for section, axes in (
+        (VARIED, design.vary),
+        (FOR_DESIGNS, design.for_all),
+        (FOR_DESIGNS, followers),
+    ):
         request.refuse_beyond_limits(section, axes)
-    for axis, end in ((follower, end) for follower in followers for end in (follower.start, follower.stop)):
+    for axis, end in (
+        (follower, end) for follower in followers for end in (follower.start, follower.stop)
+    ):
         try:
             check(KEYS[axis.path], float(end))
         except Rejected as error:
-            request.mistakes.refuse(axis.place, f"design.for_all.{axis.name}", error.expected, f"{show(end)} of {axis.path}")
+            request.mistakes.refuse(
+                axis.place,
+                f"design.for_all.{axis.name}",
+                error.expected,
+                f"{show(end)} of {axis.path}",
+            )
 
 
 class _Reader:
     """A reading of [design]."""
 
-    def __init__(self, leaves: Mapping[str, Leaf], belongs: Sorted, names: Names, mistakes: Mistakes) -> None:
+    def __init__(
+        self, leaves: Mapping[str, Leaf], belongs: Sorted, names: Names, mistakes: Mistakes
+    ) -> None:
         self.leaves, self.parts, self.names, self.mistakes = leaves, belongs.axes, names, mistakes
         self.settings = {path: leaf for path, leaf in belongs.keys.items() if path in DESIGN_KEYS}
 
@@ -207,20 +287,43 @@ class _Reader:
         self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
 
     def design(self, varied: Iterable[Axis], given: Iterable[Axis]) -> Design:
-        settings = {path: key.default for path, key in DESIGN_KEYS.items()} | self.mistakes.read(DESIGN_KEYS, self.settings)
-        vary, wishes, ratios, hand = tuple(self.varied(varied)), tuple(self.wished()), self.ratios(), self.hand()
-        for_all = tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in given)
-        for section, expected in (("vary", "at least one number to vary"), ("wish", f"at least one of {', '.join(WISHES)}")):
+        settings = {path: key.default for path, key in DESIGN_KEYS.items()} | self.mistakes.read(
+            DESIGN_KEYS, self.settings
+        )
+        vary, wishes, ratios, hand = (
+            tuple(self.varied(varied)),
+            tuple(self.wished()),
+            self.ratios(),
+            self.hand(),
+        )
+        for_all = tuple(
+            replace(axis, values=axis.values or (axis.start, axis.stop), scale=None)
+            for axis in given
+        )
+        for section, expected in (
+            ("vary", "at least one number to vary"),
+            ("wish", f"at least one of {', '.join(WISHES)}"),
+        ):
             if not any(path.startswith(f"design.{section}.") for path in self.leaves):
                 self.refuse(section, expected, "none")
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
-            self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
+            self.refuse(
+                "wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}"
+            )
         self.refuse_numbers(for_all, ratios, hand)
         self.refuse_ratios(ratios)
-        several = [*(axis.values for axis in for_all), *hand.values(), *map(itemgetter(-1), ratios.values())]
+        several = [
+            *(axis.values for axis in for_all),
+            *hand.values(),
+            *map(itemgetter(-1), ratios.values()),
+        ]
         if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
-            self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations of values; list fewer", f"{scenarios}")
+            self.refuse(
+                "for_all",
+                f"at most {MOST_SCENARIOS} combinations of values; list fewer",
+                f"{scenarios}",
+            )
         names = {path.rpartition(".")[2]: value for path, value in settings.items()}
         place = next(iter(self.leaves.values())).place.parent()
         return Design(vary, wishes, for_all, hand, tuple(ratios.values()), names, place)
@@ -231,35 +334,60 @@ class _Reader:
             if axis.path.rpartition(".")[2] in BAND_EDGES:
                 self.refuse(path, "the order or the cutoff of a filter", "an edge of its band")
             elif axis.path in NOT_VARIED:
-                self.refuse(path, "a number of the device or the controller", "one of the wall or the rates")
+                self.refuse(
+                    path, "a number of the device or the controller", "one of the wall or the rates"
+                )
             elif not axis.structural or axis.values:
                 yield axis
             elif self.names.keys[axis.path].type != "integer":
-                self.refuse(path, "a list of choices, since the loop is built anew for each", "only a span")
+                self.refuse(
+                    path, "a list of choices, since the loop is built anew for each", "only a span"
+                )
             elif axis.stop - axis.start >= MOST_CHOICES:
                 self.refuse(path, f"fewer than {MOST_CHOICES} whole numbers", "more")
             else:
-                yield replace(axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None)
+                yield replace(
+                    axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None
+                )
 
     def wished(self) -> Iterator[Wish]:
         for name, leaves in self.parts[WISHED].items():
             path, kind = f"design.wish.{name}", WISHES.get(name)
-            if not self.mistakes.is_known(name, WISHES, next(iter(leaves.values())), path, "an unknown wish"):
+            if not self.mistakes.is_known(
+                name, WISHES, next(iter(leaves.values())), path, "an unknown wish"
+            ):
                 continue
             bound, options = None, {}
             for name_of_leaf, leaf in leaves.items():
                 if name_of_leaf == kind.bound:
-                    bound = self.mistakes.check(Key.number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf)
+                    bound = self.mistakes.check(
+                        Key.number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf
+                    )
                 elif name_of_leaf in kind.options:
-                    options[name_of_leaf] = self.values(f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf])
+                    options[name_of_leaf] = self.values(
+                        f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf]
+                    )
                 elif name_of_leaf:
-                    self.mistakes.is_known(name_of_leaf, (kind.bound, *kind.options), leaf, f"{path}.{name_of_leaf}")
+                    self.mistakes.is_known(
+                        name_of_leaf, (kind.bound, *kind.options), leaf, f"{path}.{name_of_leaf}"
+                    )
                 elif leaf.value != {}:
-                    self.mistakes.refuse(leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value))
+                    self.mistakes.refuse(
+                        leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value)
+                    )
             band = options.get("band_hz", ())
             if len(band) == 2 and not band[0] < band[1]:
-                self.refuse(f"wish.{name}.band_hz", "the lower frequency first", f"[{band[0]:g}, {band[1]:g}]")
-            yield Wish(name, bound, options, {name_of_leaf: leaf.place for name_of_leaf, leaf in leaves.items()})
+                self.refuse(
+                    f"wish.{name}.band_hz",
+                    "the lower frequency first",
+                    f"[{band[0]:g}, {band[1]:g}]",
+                )
+            yield Wish(
+                name,
+                bound,
+                options,
+                {name_of_leaf: leaf.place for name_of_leaf, leaf in leaves.items()},
+            )
 
     def values(self, path: str, leaf: Leaf, key: Key, count: int | None) -> tuple[float | str, ...]:
         """The values of an option: numbers, or a word."""
@@ -267,12 +395,16 @@ class _Reader:
             return (self.mistakes.check(key, leaf, path),)
         return self.numbers(path, leaf, key, count)
 
-    def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
+    def numbers(
+        self, path: str, leaf: Leaf, key: Key, count: int | None = None
+    ) -> tuple[float, ...]:
         """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
         if count == 1:
             numbers = [self.mistakes.check(key, leaf, path)]
         else:
-            numbers = self.mistakes.check_list(key, leaf, path, f"a list of {f'{count} ' if count else ''}numbers", count)
+            numbers = self.mistakes.check_list(
+                key, leaf, path, f"a list of {f'{count} ' if count else ''}numbers", count
+            )
         return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
 
     def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:
@@ -284,25 +416,33 @@ class _Reader:
                 key = Key.positive(f"design.for_all.{name}", None, "1", "")
                 ratios[name] = swept.path, reference.path, self.numbers(key.path, leaves[""], key)
             else:
-                self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", reference.path)
+                self.refuse(
+                    f"for_all.{name}", "a ratio to a number that every spec has", reference.path
+                )
         return ratios
 
     def hand(self) -> dict[str, tuple[float, ...]]:
         """The hands of [design.for_all]."""
         path, leaves = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
         if table := leaves.pop("", None):
-            self.mistakes.refuse(table, path, "a table such as { damping = [0, 5] }", show(table.value))
+            self.mistakes.refuse(
+                table, path, "a table such as { damping = [0, 5] }", show(table.value)
+            )
         return {
             key: self.numbers(f"{path}.{key}", leaf, KEYS[f"operator.{key}"])
             for key, leaf in leaves.items()
             if self.mistakes.is_known(key, HAND, leaf, f"{path}.{key}")
         }
 
-    def refuse_numbers(self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
+    def refuse_numbers(
+        self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]
+    ) -> None:
         """Refuse numbers of [design.for_all] that it cannot have: walls and those given twice."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
-        numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{key}", f"hand.{key}") for key in hand]
+        numbers = [(axis.path, axis.name) for axis in axes] + [
+            (f"operator.{key}", f"hand.{key}") for key in hand
+        ]
         for path, name in [*numbers, *((path, name) for name, (path, *_) in ratios.items())]:
             if path in WALL and name not in ratios:
                 expected = "a number of device, operator or timing (walls belong to the wishes)"
@@ -317,15 +457,25 @@ class _Reader:
         leading = in_order(list(ratios.values()))
         for name, ratio in ratios.items():
             if ratio[0] in WALL or self.names.keys[ratio[0]].structural:
-                self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", ratio[0])
+                self.refuse(
+                    f"for_all.{name}",
+                    "a ratio of a number that is neither a wall nor whole",
+                    ratio[0],
+                )
             if ratio not in leading:
-                self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", f"{ratio[0]}, which follows itself")
+                self.refuse(
+                    f"for_all.{name}",
+                    "ratios that lead to a number of the spec",
+                    f"{ratio[0]}, which follows itself",
+                )
 
 
 def demand(spec: Spec) -> None:
     """Raise UsageError if the spec has no such table."""
     if spec.design is None:
-        raise UsageError(f"{spec.name}: expected the tables [design.vary] and [design.wish], found none")
+        raise UsageError(
+            f"{spec.name}: expected the tables [design.vary] and [design.wish], found none"
+        )
 
 
 def _takes_wish(rest: tuple[str, ...], leaf: Leaf, result: Sorted, names: Names) -> bool:
@@ -352,23 +502,31 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     hand = shapes.table(dict.fromkeys(HAND, values))
     wishes = {
-        name: _schema_of_wish(shapes, name) for name, kind in WISHES.items() if kind.ports is not None or not shapes.drawn
+        name: _schema_of_wish(shapes, name)
+        for name, kind in WISHES.items()
+        if kind.ports is not None or not shapes.drawn
     }
     sections = {
         "vary": shapes.axes(),
         "wish": shapes.table(wishes),
         "for_all": shapes.table({"hand": hand}, shapes.reference("axis")),
     }
-    return shapes.table({path.rpartition(".")[2]: shapes.value(key) for path, key in DESIGN_KEYS.items()} | sections)
+    return shapes.table(
+        {path.rpartition(".")[2]: shapes.value(key) for path, key in DESIGN_KEYS.items()} | sections
+    )
 
 
 def _schema_of_wish(shapes: Shapes, name: str) -> dict[str, Any]:
     kind = WISHES[name]
     options = {
-        option: shapes.value(key) if count == 1 else {"type": "array", "items": shapes.value(key), "minItems": count or 1}
+        option: shapes.value(key)
+        if count == 1
+        else {"type": "array", "items": shapes.value(key), "minItems": count or 1}
         for option, (key, count) in kind.options.items()
     }
-    return shapes.table({kind.bound: {"type": "number"}, **options}, description=shapes.described(kind))
+    return shapes.table(
+        {kind.bound: {"type": "number"}, **options}, description=shapes.described(kind)
+    )
 
 
 TABLE = SpecTable(
@@ -389,7 +547,12 @@ TABLE = SpecTable(
             "description": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as "
             "possible",
             "wishes": {
-                wish: {"unit": kind.unit, "bound": kind.bound, "options": list(kind.options), "description": kind.description}
+                wish: {
+                    "unit": kind.unit,
+                    "bound": kind.bound,
+                    "options": list(kind.options),
+                    "description": kind.description,
+                }
                 for wish, kind in WISHES.items()
             },
         },

@@ -262,7 +262,9 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
             value = np.exp(low + gene * (np.log(axis.stop) - low))
             columns[axis.path] = np.clip(value, axis.start, axis.stop)
         else:
-            columns[axis.path] = np.clip(axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop)
+            columns[axis.path] = np.clip(
+                axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop
+            )
     return columns
 
 
@@ -283,7 +285,9 @@ def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
     return np.clip(genes, 0.0, 1.0)
 
 
-def differing(vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart: float, most: int) -> np.ndarray:
+def differing(
+    vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart: float, most: int
+) -> np.ndarray:
     """Return the indices of the first designs that differ from those found, and from each other.
 
     They differ if a number is another choice, or another by a share `apart` of its range. genes: `(designs, axes)`, the best

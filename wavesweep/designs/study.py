@@ -12,7 +12,15 @@ import numpy as np
 from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
 from wavesweep.designs.keys import HAND
-from wavesweep.designs.search import Judged, designs_of, differing, generations, genes_of, spread, undominated
+from wavesweep.designs.search import (
+    Judged,
+    designs_of,
+    differing,
+    generations,
+    genes_of,
+    spread,
+    undominated,
+)
 from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
@@ -24,7 +32,15 @@ from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.program.sweep.job import Chunks, Job, JobKind
-from wavesweep.program.sweep.running import RunCounts, Work, checkpoint_of, compute, kept_of, records_of, resumable
+from wavesweep.program.sweep.running import (
+    RunCounts,
+    Work,
+    checkpoint_of,
+    compute,
+    kept_of,
+    records_of,
+    resumable,
+)
 from wavesweep.program.sweep.workers import choose
 from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.kind import count
@@ -38,7 +54,12 @@ RUNNERS_UP = 3  # further designs next to a single best one
 APART = 0.1  # of a number's range: how far apart these are
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
-BETWEEN = (63, 15, 7, 3)  # values between two of a range: the most of these with which the combinations are few, which are
+BETWEEN = (
+    63,
+    15,
+    7,
+    3,
+)  # values between two of a range: the most of these with which the combinations are few, which are
 OFTEN = 20  # at most, of those that the search looks at from time to time
 FINEST = 256  # at most, of those of the last check
 
@@ -100,7 +121,9 @@ def _evaluation(job, scenarios, designs, count: int, last: bool):
     else:
         box = None
         proof = spec.for_all and spec.for_all.ranking(spec)
-    return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof)
+    return partial(
+        evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof
+    )
 
 
 def evaluated(
@@ -150,7 +173,9 @@ def _hold(spec, scenarios, designs, box, records):
         if not record[SETTLED]:  # no wall to touch
             continue
         for device, damping in product(devices, dampings):
-            values = dict(spec.with_values({**numbers, **device, "environment.B_VE": damping}).values)
+            values = dict(
+                spec.with_values({**numbers, **device, "environment.B_VE": damping}).values
+            )
             hands = dict(box)
             for key in HAND:
                 path = f"operator.{key}"
@@ -186,7 +211,9 @@ def design(
     warnings: list[str] = []
     store = checkpoint_of(job, work.checkpoint, work.force, warnings)
     run = _Run(job, store, work.progress)
-    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job))
+    run.workers = choose(
+        work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job)
+    )
     wanted = spec.design
     population = wanted.settings["population"]
     rounds = wanted.settings["generations"]
@@ -194,14 +221,18 @@ def design(
     own = genes_of(wanted.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in wanted.vary]
     with resumable(job, run.store, run.tally):
-        for tried in generations(run.judge, len(wanted.vary), population, rounds, seed, own, choices, run.look):
+        for tried in generations(
+            run.judge, len(wanted.vary), population, rounds, seed, own, choices, run.look
+        ):
             best = tried
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
     genes = spread(best, FRONT).genes
-    if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
+    if (
+        len(genes) == 1
+    ):  # what is worth less in the search may be worth more over all that it is checked for
         candidates = run.feasible()
         further = [genes]
         if spec.for_all:  # of which the search proves nothing
@@ -223,7 +254,11 @@ def design(
     still = undominated(Judged(genes, objectives, violation))
     rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
     columns, best_rows = _columns(spec, job, genes[still], records[still])
-    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(best_rows["certified"].sum())}
+    counts = {
+        "computed": run.tally.done,
+        "skipped": 0,
+        "certified": int(best_rows["certified"].sum()),
+    }
     timings = {
         "compute_s": time.perf_counter() - started,
         "processor_s": run.tally.seconds,
@@ -241,7 +276,13 @@ def design(
         "checked_scenarios": len(job.asked.finest),
         "units": wish_units(spec),
     }
-    return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
+    return Table(
+        "design",
+        lambda: (columns,),
+        facts,
+        fields=fields_of_design(spec, columns),
+        forget=run.forget,
+    )
 
 
 def _ends_with_walls(wish, records):
@@ -270,12 +311,16 @@ def _refuse_for_all(spec, wanted, for_hands):
             hint = "design for one rate"
             if path == "rates.ratio":
                 hint = "in [for_all], with varying = true, it may change from frame to frame"
-            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}")
+            raise UsageError(
+                f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}"
+            )
     if not spec.for_all:
         return
     if wanted.ratios or for_hands == "box":
         problem = "--for-hands box" if for_hands == "box" else "a ratio"
-        raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}")
+        raise UsageError(
+            f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}"
+        )
     of_walls = any(wish.name in ("z_width", "felt") for wish in wanted.wishes)
     _proof_of(spec).refuse_unsuitable(spec, spec.wall[0] if of_walls else "")
 
@@ -286,13 +331,19 @@ def _stiffest_searched(spec, wishes):
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
         expected = "a stop > 0, up to which walls are searched"
-        raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
-    unseen = next((wish for wish in wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+        raise SpecError(
+            [axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)]
+        )
+    unseen = next(
+        (wish for wish in wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None
+    )
     if unseen:
         name = spec.drawing.wall[0] if spec.drawing else "K_VE"
         unit = wish_units(spec)["z_width"]
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
-        mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
+        mistake = unseen.places["at_least"].mistake(
+            "design.wish.z_width.at_least", searched, f"{unseen.bound:g}"
+        )
         raise SpecError([mistake])
     return stop
 
@@ -310,7 +361,9 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     for axis in wanted.for_all:
         if axis.structural:
             for value in axis.values:
-                grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
+                grid.spec.with_values(
+                    {axis.path: value}
+                )  # or an error that names what it does not suit
     often = _between(grid.spec, OFTEN)
     finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= FINER))
     finest = finer
@@ -326,7 +379,16 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     population = wanted.settings["population"]
     chunks = Chunks(rounds + 1, max(population, FRONT), 1, CHUNK)
     total = rounds * population
-    return Job(DESIGNS, grid, chunks, {}, record_of(wanted.wishes, box=box is not None), identity, study, total)
+    return Job(
+        DESIGNS,
+        grid,
+        chunks,
+        {},
+        record_of(wanted.wishes, box=box is not None),
+        identity,
+        study,
+        total,
+    )
 
 
 def _between(spec, most: int) -> int:
@@ -356,11 +418,15 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
     """
     wanted = spec.asking("design").design
     if not wanted.hand:
-        raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
+        raise UsageError(
+            "hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none"
+        )
     if not any(wish.name == "z_width" for wish in wanted.wishes):
         raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
     if wanted.ratios:
-        raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
+        raise UsageError(
+            "hand box: expected a wall that nothing follows, found ratios in [design.for_all]"
+        )
     hand = {key: (spec.values[f"operator.{key}"],) for key in HAND}
     for axis in wanted.for_all:
         for key in HAND:
@@ -474,7 +540,9 @@ class _Run:
         """The first of some designs, the best first, that differ from those of a result and from each other."""
         return others[differing(self.job.grid.spec.design.vary, others, genes, APART, RUNNERS_UP)]
 
-    def runners_up(self, genes: np.ndarray, others: np.ndarray, records: np.ndarray) -> list[dict[str, Any]]:
+    def runners_up(
+        self, genes: np.ndarray, others: np.ndarray, records: np.ndarray
+    ) -> list[dict[str, Any]]:
         """The next best designs after the only one of a result: their numbers, and their wishes at their worst.
 
         others: that were checked as it was, the best first, with their records.

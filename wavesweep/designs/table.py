@@ -24,13 +24,17 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
     design_fields: list[Field] = []
     if spec.design:
         names = [axis.name for axis in spec.design.vary]
-        by_name = {field.name: field for field in fields("zwidth", names, facts={"spec": spec.tables()})}
+        by_name = {
+            field.name: field for field in fields("zwidth", names, facts={"spec": spec.tables()})
+        }
         design_fields += [by_name[name] for name in names]
         units = wish_units(spec)
         for wish in spec.design.wishes:
             at_worst = f"{wish.kind.description}, at its worst"
             design_fields.append(Field(wish.name, "number", units[wish.name], at_worst))
-            design_fields.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+            design_fields.append(
+                Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}")
+            )
     design_fields += DESIGN
     return tuple(field for field in design_fields if field.name in columns)
 
@@ -81,16 +85,24 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "free": free,
         "runners_up": runners_up,
     }
-    if BOX in columns:  # how many designs keep all their walls with every hand of a box, how many of these are proved
+    if (
+        BOX in columns
+    ):  # how many designs keep all their walls with every hand of a box, how many of these are proved
         wall = columns["z_width"]
         kept = columns[BOX] >= wall
         share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
         settled = kept & columns[SETTLED]
-        tally["box"] = {"kept": int(kept.sum()), "settled": int(settled.sum()), "least": float(share.min())}
+        tally["box"] = {
+            "kept": int(kept.sum()),
+            "settled": int(settled.sum()),
+            "least": float(share.min()),
+        }
     return tally
 
 
-def _best(columns: Columns, wishes: Sequence[Wish], varied: Iterable[str]) -> tuple[dict[str, dict], dict[str, dict]]:
+def _best(
+    columns: Columns, wishes: Sequence[Wish], varied: Iterable[str]
+) -> tuple[dict[str, dict], dict[str, dict]]:
     """For each wish the values of all wishes, and the varied numbers, of the design that is the best in it."""
     values = {}
     numbers = {}
@@ -137,10 +149,16 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
 def _lines(found: Numbers) -> Iterator[Line]:
     """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
     searched = count(found["searched"], "design")
-    evaluated = f"{searched} evaluated, each at its worst over {count(found['scenarios'], 'combination')}"
+    evaluated = (
+        f"{searched} evaluated, each at its worst over {count(found['scenarios'], 'combination')}"
+    )
     tried = f"{searched} tried"
     if "proved" in found:
-        by = "by what short patterns of frames refute" if found.get("ranked") else "without [for_all]"
+        by = (
+            "by what short patterns of frames refute"
+            if found.get("ranked")
+            else "without [for_all]"
+        )
         evaluated += f", {by}; {found['proved']} of them then for all of [for_all]"
         tried = f"these {found['proved']}"
     yield evaluated, False
@@ -149,15 +167,23 @@ def _lines(found: Numbers) -> Iterator[Line]:
     for names in _alike(found["numbers"]):
         name = names[0]
         best = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
-        yield f"{best} of {tried}: {_design(found['best'][name], found['numbers'][name], found['units'])}", False
+        yield (
+            f"{best} of {tried}: {_design(found['best'][name], found['numbers'][name], found['units'])}",
+            False,
+        )
         ends = found["ends"][name]
         if ends:
-            where = "near an end of the range in [design.vary]; a longer one may have better designs"
+            where = (
+                "near an end of the range in [design.vary]; a longer one may have better designs"
+            )
             yield f"  {_several(ends, 'lie')} {where}", False
     yield from _bound_lines(found)
     for runner_up in found["runners_up"]:
         margins = f"; margins: {_shares(runner_up['margins'])}" if runner_up["margins"] else ""
-        yield f"next best: {_design(runner_up['wishes'], runner_up['numbers'], found['units'])}{margins}", False
+        yield (
+            f"next best: {_design(runner_up['wishes'], runner_up['numbers'], found['units'])}{margins}",
+            False,
+        )
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
@@ -168,7 +194,10 @@ def _notes(found: Numbers) -> Iterator[Line]:
     """Yield where walls end with their range, the files, and what is proved, not certified or does not hold."""
     if found["at_end"]:
         where = f"where the range of {found['wall']} ends, at {found['walls_to']:g}"
-        yield f"{_several(found['at_end'], 'end')} {where}; a longer one in [sweep] may show more", False
+        yield (
+            f"{_several(found['at_end'], 'end')} {where}; a longer one in [sweep] may show more",
+            False,
+        )
     files = found["files"]
     if files:
         number = f"{len(files)} of them " if 1 < len(files) < found["designs"] else ""
@@ -182,10 +211,16 @@ def _notes(found: Numbers) -> Iterator[Line]:
             said += f"; the worst keeps {100 * box['least']:.3g} %"
         yield said, False
     if found["certified"] < found["designs"]:
-        yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
+        yield (
+            f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified",
+            True,
+        )
     if found["bounds_hold_between"] < found["designs"]:
         missed = found["designs"] - found["bounds_hold_between"]
-        yield f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)", True
+        yield (
+            f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)",
+            True,
+        )
 
 
 def _several(names: Sequence[str], verb: str) -> str:
@@ -211,7 +246,10 @@ def _bound_lines(found: Numbers) -> Iterator[Line]:
     if found["designs"] > 1:
         for name, number in found["near"].items():
             if number:
-                yield f"{name} is within {100 * THIN:g} % of its bound in {number} of {found['designs']} designs", False
+                yield (
+                    f"{name} is within {100 * THIN:g} % of its bound in {number} of {found['designs']} designs",
+                    False,
+                )
     elif found["designs"] == 1 and found["best"]:
         margins = next(iter(found["margins"].values()))
         if found["free"]:
@@ -223,14 +261,19 @@ def _bound_lines(found: Numbers) -> Iterator[Line]:
             least = min(margins.values(), default=0.0)
             tight = [name for name, share in margins.items() if share < least + THIN]
             decides = f"{_several(tight, 'decide')}: no design found has a larger smallest margin"
-        yield (f"margins to the bounds: {_shares(margins)}; {decides}" if margins else decides), False
+        yield (
+            (f"margins to the bounds: {_shares(margins)}; {decides}" if margins else decides),
+            False,
+        )
 
 
 def _shares(margins: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {100 * share:.3g} %" for name, share in margins.items())
 
 
-def _design(wishes: Mapping[str, float | None], numbers: Mapping[str, Any], units: Mapping[str, str]) -> str:
+def _design(
+    wishes: Mapping[str, float | None], numbers: Mapping[str, Any], units: Mapping[str, str]
+) -> str:
     said = ", ".join(f"{axis} = {value:.5g}" for axis, value in numbers.items())
     return f"{_wishes(wishes, units)}, with {said}"
 

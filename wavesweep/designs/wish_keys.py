@@ -18,7 +18,12 @@ _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
 _MODES = {
     "modes": (Key.word("modes", ALL_MODES, "which modes count", MODES), 1),
-    "slower_than": (Key.positive("slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6), 1),
+    "slower_than": (
+        Key.positive(
+            "slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6
+        ),
+        1,
+    ),
 }
 # Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
 OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
@@ -107,7 +112,11 @@ WISHES = MappingProxyType(
             (),
         ),
         "delay_margin": WishKind(
-            "tick", True, "delay margin", "further delay of the slow result up to which every delay is stable", _WALLS
+            "tick",
+            True,
+            "delay margin",
+            "further delay of the slow result up to which every delay is stable",
+            _WALLS,
         ),
         "chatter": WishKind(
             "N",
@@ -155,4 +164,7 @@ class Wish:
         """Return the wish as a spec could give it."""
         bound = {} if self.bound is None else {self.kind.bound: self.bound}
         single = [name for name, (_, count) in self.kind.options.items() if count == 1]
-        return bound | {name: values[0] if name in single else list(values) for name, values in self.options.items()}
+        return bound | {
+            name: values[0] if name in single else list(values)
+            for name, values in self.options.items()
+        }

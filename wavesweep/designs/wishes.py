@@ -79,7 +79,9 @@ def evaluate(
         blank = _unknown(points.size)
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if proof and not wish.kind.reads:  # all of the loop
-            said = _of_each(points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls))
+            said = _of_each(
+                points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls)
+            )
             value = np.where(said == "refuted", np.nan, value)
             certified = certified & (said == "proved")
         worst, scenario = points.worst(value, wish.kind.more)
@@ -117,7 +119,9 @@ def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
     return np.full(shape, np.nan), np.zeros(shape[0], bool)
 
 
-def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *blank: np.ndarray) -> tuple:
+def _where_solvable(
+    spec, points: Points, measure: Callable[[Points], tuple], *blank: np.ndarray
+) -> tuple:
     """What `measure` gives for the points, arrays over them, filled into blank ones: numbers that make no loop are left out."""
     waiting = [np.arange(points.size)]
     while waiting:
@@ -170,7 +174,9 @@ class _Stiffest:
 def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
     start = BEGUN * stop if points.ties else 0.0
-    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), start, stop, False)
+    axis = Axis(
+        spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), start, stop, False
+    )
 
     def stiffest_of(points):  # all different
         value = np.zeros(points.size)
@@ -196,7 +202,9 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     if not proof:
         return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
     paths = [path for path in points.changes if path in designs or path in spec.wall]
-    proved = _of_each(points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths)
+    proved = _of_each(
+        points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths
+    )
     wall = np.minimum(value, proved)
     at_walls = replace(points, changes={**points.changes, axis.path: wall})
     if wished:
@@ -317,10 +325,20 @@ def _transparency(spec, wish, points):
     def reduce(degrees, share):
         value = np.sqrt(degrees[..., 0] @ share)
         unseen = np.abs(degrees[..., -HIGH:]).max(-1) @ share
-        return value, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
+        return value, unseen <= UNSEEN * np.maximum(
+            value, ERROR
+        ) ** 2  # responses are not known better
 
     band = wish.options.get("band_hz", BAND_HZ)
-    return over_band(band, stable_points, sample, reduce, np.where(stable, 0.0, np.nan), stable.copy(), at_poles=True)
+    return over_band(
+        band,
+        stable_points,
+        sample,
+        reduce,
+        np.where(stable, 0.0, np.nan),
+        stable.copy(),
+        at_poles=True,
+    )
 
 
 def _radii(spec, points):
@@ -405,7 +423,9 @@ def _offered(spec, wish, points):
 def _delay_margin(spec, wish, points):
     """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
     del wish
-    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
+    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(
+        int
+    )
     value = np.full(points.size, -1.0)
     certain = np.ones(points.size, bool)
     open_ = np.arange(points.size)  # those that are stable with every delay so far
@@ -494,7 +514,9 @@ def slowest(delta):
 def responses_of(loops: Loops, size: int, frequency_hz, good: float) -> Response:
     """The steady responses of `size` loops at the hand, `(size, points)`; good: see `respond`."""
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
-    responses = Response(*(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    responses = Response(
+        *(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float))
+    )
     read = {path: loops.values[path] for path in loops.values.keys() & loops.drawing.reads}
     for at, port in ports_of_batch(Loops(loops.drawing, read), size):
         for array, values in zip(responses, respond(Lifted.of(port), frequency, good), strict=True):
@@ -506,5 +528,8 @@ _MEASURES = {
     "transparency": _transparency,
     "free_motion": _free_motion,
     "delay_margin": _delay_margin,
-    **{measure.__name__.lstrip("_"): _batched(measure) for measure in (_damping_ratio, _settling, _chatter, _depth)},
+    **{
+        measure.__name__.lstrip("_"): _batched(measure)
+        for measure in (_damping_ratio, _settling, _chatter, _depth)
+    },
 }

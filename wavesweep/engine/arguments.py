@@ -16,10 +16,17 @@ def real_numbers(values: Any) -> np.ndarray | None:
     """
     try:
         array = np.asarray(values)
-        items = () if hasattr(values, "dtype") and array.dtype != object else np.asarray(values, dtype=object).ravel()
+        items = (
+            ()
+            if hasattr(values, "dtype") and array.dtype != object
+            else np.asarray(values, dtype=object).ravel()
+        )
         if array.dtype == object and all(isinstance(item, Real) for item in items):
             array = array.astype(float)
-    except (ValueError, OverflowError):  # lists of unlike lengths; a whole number beyond all doubles
+    except (
+        ValueError,
+        OverflowError,
+    ):  # lists of unlike lengths; a whole number beyond all doubles
         return None
     unsure = np.ma.is_masked(values) or any(isinstance(item, (bool, np.bool_)) for item in items)
     return array if array.dtype.kind in "iuf" and not unsure else None

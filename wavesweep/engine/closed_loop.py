@@ -132,7 +132,11 @@ class LiftedStateSpace:
         """The same as a system of python-control, with dt of the frame (s)."""
         import control
 
-        names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
+        names = {
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "states": list(self.states),
+        }
         return control.ss(self.A, self.B, self.C, self.D, self.frame_s, **names)
 
 
@@ -204,7 +208,12 @@ class ClosedLoop:
         return replace(self, values={**self.values, **changed})
 
     def stable_intervals(
-        self, along: str, span: tuple[float, float], numbers: Numbers = None, *, prover: Prover | None = None
+        self,
+        along: str,
+        span: tuple[float, float],
+        numbers: Numbers = None,
+        *,
+        prover: Prover | None = None,
     ) -> StableIntervals:
         """All stable intervals along one of the numbers, with a certificate.
 
@@ -243,21 +252,39 @@ class ClosedLoop:
         key, ends = self._key(along), real_numbers(span)
         if key.structural:
             expected = "a number that does not decide how the loop is built"
-            raise UsageError(f"along {along}: expected {expected}; ask for the spectral radius at its values")
-        if ends is None or ends.shape != (2,) or not ends[0] < ends[1] or not computable(ends).all():
+            raise UsageError(
+                f"along {along}: expected {expected}; ask for the spectral radius at its values"
+            )
+        if (
+            ends is None
+            or ends.shape != (2,)
+            or not ends[0] < ends[1]
+            or not computable(ends).all()
+        ):
             raise UsageError(f"span: expected (low, high), low < high, found {span!r:.60}")
         if key.path in map(self._path, numbers or {}):
-            raise UsageError(f"{along}: expected other numbers than the one that the intervals are along")
+            raise UsageError(
+                f"{along}: expected other numbers than the one that the intervals are along"
+            )
         low, high = map(float, ends)
         by_drawing: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
         for members, loops in self._batches(self._arrays(numbers)[1], along=True):
             by_drawing.setdefault(loops.drawing, []).append((members, loops.read))
-        searches = (Search(key.path, (low, high), tuple(groups), prover=prover) for groups in by_drawing.values())
+        searches = (
+            Search(key.path, (low, high), tuple(groups), prover=prover)
+            for groups in by_drawing.values()
+        )
         records = Searches(tuple(searches)).records()
         names = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
-        columns = {name: np.ascontiguousarray(records[name]) for name in (*names, "certified", "residual")}
-        open_ends = {name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")}
-        return StableIntervals(loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns, **open_ends)
+        columns = {
+            name: np.ascontiguousarray(records[name]) for name in (*names, "certified", "residual")
+        }
+        open_ends = {
+            name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")
+        }
+        return StableIntervals(
+            loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns, **open_ends
+        )
 
     def spectral_radius(self, numbers: Numbers = None) -> Floats:
         """The largest modulus of the eigenvalues of a frame, without what nothing opposes (drift): below 1, it is stable.
@@ -313,7 +340,9 @@ class ClosedLoop:
         drawn, drift = loops.drawn(), loops.drift()
         E, hidden = loops.frames_with_reliability(drift, drawn)
         if not np.isfinite(E).all():
-            raise UsageError("poles: expected a loop whose frame stays within doubles, found one that overflows")
+            raise UsageError(
+                "poles: expected a loop whose frame stays within doubles, found one that overflows"
+            )
         names, (delta, shares) = named_modes(E, drawn, drift)
         clear = bool(count_outside(E[None])[1].all() and not np.any(hidden))
         period = float(np.asarray(drawn.period)) * drawn.ticks
@@ -324,7 +353,9 @@ class ClosedLoop:
         states = tuple(self.state_names.get(name, name) for name in names)
         return ClosedLoopPoles(1 + delta, s, damping_ratio(delta), certain, shares, states)
 
-    def response(self, frequency_hz: ArrayLike, source: str, output: str, numbers: Numbers = None) -> InputResponse:
+    def response(
+        self, frequency_hz: ArrayLike, source: str, output: str, numbers: Numbers = None
+    ) -> InputResponse:
         """The steady response of an output to a sinusoidal input that is held over each tick.
 
         The component at the frequency of the input itself: a loop of several rates answers with images of it too.
@@ -364,7 +395,10 @@ class ClosedLoop:
             )
 
         def of_batch(loops: Loops, size: int) -> tuple[Any, Any, Bools]:
-            value, error = np.empty((size, frequency.size), complex), np.empty((size, frequency.size))
+            value, error = (
+                np.empty((size, frequency.size), complex),
+                np.empty((size, frequency.size)),
+            )
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], error[members] = transfer(Lifted.of(port), frequency)
             return value, error, loops.read.radii(size) < 1
@@ -434,7 +468,9 @@ class ClosedLoop:
         """
 
         def smallest(ticks: TickMaps) -> tuple[Floats, Floats, Bools]:
-            peak = damping_peak(ticks, ticks.lifted(measured=False), np.ones(ticks.loops), np.zeros(ticks.loops))
+            peak = damping_peak(
+                ticks, ticks.lifted(measured=False), np.ones(ticks.loops), np.zeros(ticks.loops)
+            )
             return -peak.value, peak.theta, peak.certified
 
         return self._extreme(source, output, numbers, smallest, -np.inf)
@@ -461,11 +497,15 @@ class ClosedLoop:
         with drawn.naming_blocks():
             ticks = Ticks.of(drawn, tuple(OUTPUT + name for name in self.outputs))
         columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
-        maps = [(tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns]) for tick_map in ticks.maps]
+        maps = [
+            (tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns])
+            for tick_map in ticks.maps
+        ]
         lifted = TickMaps.of(maps, ticks.kind, ()).lifted(measured=False)
         E, B, C, D = (matrix[0] for matrix in (lifted.E, lifted.G, lifted.O, lifted.T))
         inputs, outputs = (
-            tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names) for names in (self.inputs, self.outputs)
+            tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names)
+            for names in (self.inputs, self.outputs)
         )
         labels, period = drawn.labels(), float(np.asarray(drawn.period)) * drawn.ticks
         named = (labels.get(state, state) for state in ticks.states)
@@ -487,7 +527,9 @@ class ClosedLoop:
         if key is None:
             near = nearest(name, [*self._names.symbols, *self._names.keys])
             hint = f"; did you mean {near}?" if near else ""
-            raise UsageError(f"{name}: expected one of the numbers {', '.join(self._names.symbols) or '(none)'}{hint}")
+            raise UsageError(
+                f"{name}: expected one of the numbers {', '.join(self._names.symbols) or '(none)'}{hint}"
+            )
         return key
 
     def _path(self, name: str) -> str:
@@ -497,7 +539,9 @@ class ClosedLoop:
         """Raise UsageError for names that are no input and no output."""
         for side, name, ends in (("input", source, self.inputs), ("output", output, self.outputs)):
             if name not in ends:
-                raise UsageError(f"expected an {side} of the loop, one of {', '.join(ends) or '(none)'}, found {name!r:.60}")
+                raise UsageError(
+                    f"expected an {side} of the loop, one of {', '.join(ends) or '(none)'}, found {name!r:.60}"
+                )
 
     def _arrays(self, numbers: Numbers) -> tuple[tuple[int, ...], dict[str, Floats]]:
         """The shape that the values given have together, and path -> values, flat. Errors: UsageError."""
@@ -505,7 +549,9 @@ class ClosedLoop:
         for name, argument in (numbers or {}).items():
             key, values = self._key(name), real_numbers(argument)
             if values is None or not computable(values).all() or key.path in arrays:
-                raise UsageError(f"{name}: expected a finite number, or an array of them, once, found {argument!r:.60}")
+                raise UsageError(
+                    f"{name}: expected a finite number, or an array of them, once, found {argument!r:.60}"
+                )
             for value in np.unique(values).tolist() if key.structural else ():
                 try:
                     check(key, value)
@@ -515,11 +561,19 @@ class ClosedLoop:
         try:
             shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
         except ValueError:
-            shapes = ", ".join(f"{name} {np.shape(values)}" for name, values in (numbers or {}).items())
-            raise UsageError(f"expected arrays of numbers that broadcast together, found {shapes}") from None
-        return shape, {path: np.broadcast_to(values, shape).ravel() for path, values in arrays.items()}
+            shapes = ", ".join(
+                f"{name} {np.shape(values)}" for name, values in (numbers or {}).items()
+            )
+            raise UsageError(
+                f"expected arrays of numbers that broadcast together, found {shapes}"
+            ) from None
+        return shape, {
+            path: np.broadcast_to(values, shape).ravel() for path, values in arrays.items()
+        }
 
-    def _batches(self, arrays: Mapping[str, Floats], *, along: bool = False) -> Iterator[tuple[NDArray[np.intp], Loops]]:
+    def _batches(
+        self, arrays: Mapping[str, Floats], *, along: bool = False
+    ) -> Iterator[tuple[NDArray[np.intp], Loops]]:
         """Yield indices and loops of one structure; of these a number that is zero in one is zero in all.
 
         along: for intervals along a number, which take the longest tick that the loops have in common.
@@ -530,7 +584,11 @@ class ClosedLoop:
         for members in distinct(alike, size):
             values: dict[str, Any] = {**self.values}
             for path, array in arrays.items():
-                values[path] = check(self._names.keys[path], array[members[0]].item()) if path in shaping else array[members]
+                values[path] = (
+                    check(self._names.keys[path], array[members[0]].item())
+                    if path in shaping
+                    else array[members]
+                )
                 if array.size == 1 and path not in shaping:
                     values[path] = array.item()
             together = Loops(self.drawing, values)
@@ -544,15 +602,24 @@ class ClosedLoop:
         """The one loop of these numbers."""
         shape, arrays = self._arrays(numbers)
         if shape:
-            raise UsageError(f"expected numbers for a single loop, found arrays of the shape {shape}")
+            raise UsageError(
+                f"expected numbers for a single loop, found arrays of the shape {shape}"
+            )
         return next(loops for _, loops in self._batches(arrays))
 
-    def _of_batches(self, numbers: Numbers, of_batch: Callable[[Loops, int], tuple[Any, ...]], count: int) -> list[Any]:
+    def _of_batches(
+        self, numbers: Numbers, of_batch: Callable[[Loops, int], tuple[Any, ...]], count: int
+    ) -> list[Any]:
         """What a function returns of batches of loops, `count` arrays `(loops, ...)`, in the shape of the numbers."""
         shape, arrays = self._arrays(numbers)
-        results = [(members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)]
+        results = [
+            (members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)
+        ]
         order = np.argsort(np.concatenate([members for members, _ in results]))
-        joined = [np.concatenate([answers[number] for _, answers in results])[order] for number in range(count)]
+        joined = [
+            np.concatenate([answers[number] for _, answers in results])[order]
+            for number in range(count)
+        ]
         return [array.reshape((*shape, *array.shape[1:])) for array in joined]
 
     def _extreme(
@@ -570,7 +637,11 @@ class ClosedLoop:
         self._refuse_ends(source, output)
 
         def of_port(port: Port) -> tuple[Floats, Floats, Bools]:
-            ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, port.batch)
+            ticks = TickMaps.of(
+                [(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps],
+                port.kind,
+                port.batch,
+            )
             frame = ticks.frame()
             stable, lost = is_stable(frame) & (port.outputs == 1), ~np.isfinite(frame).all((-1, -2))
             value = np.where(lost, np.nan, unbounded)

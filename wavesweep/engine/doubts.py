@@ -10,15 +10,23 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "rounding": (
             "rounding of the loop's own entries could move a number beyond its tolerance, or change stable to unstable"
         ),
-        "counts": ("the counts of unstable eigenvalues do not fit the crossings that were found, or are not known everywhere"),
+        "counts": (
+            "the counts of unstable eigenvalues do not fit the crossings that were found, or are not known everywhere"
+        ),
         "crowded": "crossings or poles lie too close together to prove that none is missed",
         "search": "part of the range could not be searched with proof",
         "overflow": (
             "the frame's matrix overflows or is lost in rounding, so part of the range, or the response, is not known"
         ),
-        "unstable": ("the loop is unstable and has no steady response: the numbers are those of its equations"),
-        "defective": ("two eigenvalues meet where the interval ends, which has no derivative there that doubles can find"),
-        "fast": ("the open loop's gain is not below 1 at half the rate of its frame, so that no delay follows from its phase"),
+        "unstable": (
+            "the loop is unstable and has no steady response: the numbers are those of its equations"
+        ),
+        "defective": (
+            "two eigenvalues meet where the interval ends, which has no derivative there that doubles can find"
+        ),
+        "fast": (
+            "the open loop's gain is not below 1 at half the rate of its frame, so that no delay follows from its phase"
+        ),
         "contradiction": (
             "what is proved for a set contradicts the exact intervals of one of its members, so one of the two is wrong"
         ),
@@ -30,7 +38,9 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
 class Doubt:
     """The numbers of the reasons in MEANINGS, which records hold in place of their words; NONE: certified."""
 
-    NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST, CONTRADICTION = range(len(MEANINGS))
+    NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST, CONTRADICTION = (
+        range(len(MEANINGS))
+    )
 
 
 def words(codes: Any) -> Any:

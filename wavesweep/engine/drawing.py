@@ -6,7 +6,13 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._drawing.block_classes import PARTS, expanded, numbers_of_blocks
-    from wavesweep.engine._drawing.block_types import LONGEST_DELAY, MOST_LATE, TICK_HZ, TYPES, without_rule
+    from wavesweep.engine._drawing.block_types import (
+        LONGEST_DELAY,
+        MOST_LATE,
+        TICK_HZ,
+        TYPES,
+        without_rule,
+    )
     from wavesweep.engine._drawing.complex_gain import TWIN, with_complex_factor
     from wavesweep.engine._drawing.conditions import OF_PLANT, faults, finite_value
     from wavesweep.engine._drawing.drawing import (
@@ -23,14 +29,25 @@ if TYPE_CHECKING:
         scalars,
     )
     from wavesweep.engine._drawing.drawing_ports import NAMED, OPTIONAL, PORTS
-    from wavesweep.engine._drawing.drawing_tables import NUMBER_PARTS, TABLES, Surroundings, read_drawing
+    from wavesweep.engine._drawing.drawing_tables import (
+        NUMBER_PARTS,
+        TABLES,
+        Surroundings,
+        read_drawing,
+    )
     from wavesweep.engine._drawing.drawn_block import DELTA, PORT, DrawnBlock, Plant, keys_of_block
     from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN
 else:
     __getattr__ = on_demand(
         {
             "_drawing.block_classes": ("PARTS", "expanded", "numbers_of_blocks"),
-            "_drawing.block_types": ("LONGEST_DELAY", "MOST_LATE", "TICK_HZ", "TYPES", "without_rule"),
+            "_drawing.block_types": (
+                "LONGEST_DELAY",
+                "MOST_LATE",
+                "TICK_HZ",
+                "TYPES",
+                "without_rule",
+            ),
             "_drawing.complex_gain": ("TWIN", "with_complex_factor"),
             "_drawing.conditions": ("OF_PLANT", "faults", "finite_value"),
             "_drawing.drawing": (

@@ -4,7 +4,10 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
+LONGEST_WORD, LONGEST_LINE = (
+    400,
+    2000,
+)  # letters of a message, which repeats what was given; a screen has 2000
 
 MOST_LINES = 50  # of the mistakes of a spec
 
@@ -12,7 +15,11 @@ MOST_LINES = 50  # of the mistakes of a spec
 def shortened(text: str) -> str:
     """The text with the middle of each word and line left out that is too long to be read."""
     for pattern, most in ((r"\S", LONGEST_WORD), (".", LONGEST_LINE)):
-        text = re.sub(f"({pattern}{{{most // 4}}}){pattern}{{{most // 2},}}({pattern}{{{most // 4}}})", r"\1...\2", text)
+        text = re.sub(
+            f"({pattern}{{{most // 4}}}){pattern}{{{most // 2},}}({pattern}{{{most // 4}}})",
+            r"\1...\2",
+            text,
+        )
     return text
 
 
@@ -69,5 +76,8 @@ class SpecError(UsageError):
 
     def __str__(self) -> str:
         unlisted = len(self.mistakes) - MOST_LINES
-        lines = [*map(str, self.mistakes[:MOST_LINES]), *([f"and {unlisted} more mistakes"] if unlisted > 0 else [])]
+        lines = [
+            *map(str, self.mistakes[:MOST_LINES]),
+            *([f"and {unlisted} more mistakes"] if unlisted > 0 else []),
+        ]
         return shortened("\n".join(lines))

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, SECOND, VELOCITY, LinearFractional
+    from wavesweep.engine._monodromy.cut import (
+        ADVANCE,
+        FIRST,
+        OFFSET,
+        SECOND,
+        VELOCITY,
+        LinearFractional,
+    )
     from wavesweep.engine._monodromy.drift import MarginalModes, consistent_solution, relative_row
     from wavesweep.engine._monodromy.open_frame import OpenFrame
     from wavesweep.engine._monodromy.open_ticks import OpenTicks
@@ -19,7 +26,14 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_monodromy.cut": ("ADVANCE", "FIRST", "LinearFractional", "OFFSET", "SECOND", "VELOCITY"),
+            "_monodromy.cut": (
+                "ADVANCE",
+                "FIRST",
+                "LinearFractional",
+                "OFFSET",
+                "SECOND",
+                "VELOCITY",
+            ),
             "_monodromy.drift": ("MarginalModes", "consistent_solution", "relative_row"),
             "_monodromy.open_frame": ("OpenFrame",),
             "_monodromy.open_ticks": ("OpenTicks",),

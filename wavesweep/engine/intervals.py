@@ -7,7 +7,12 @@ from wavesweep.engine import on_demand
 if TYPE_CHECKING:
     from wavesweep.engine._loops.resolution import Resolution, Side
     from wavesweep.engine._search.at_ends import AtPort, buildable
-    from wavesweep.engine._search.interval_records import FAILURES, blank_records, record_type, unanswered
+    from wavesweep.engine._search.interval_records import (
+        FAILURES,
+        blank_records,
+        record_type,
+        unanswered,
+    )
     from wavesweep.engine._search.interval_search import Search, Searches
     from wavesweep.engine._search.question import Prover, Question
     from wavesweep.engine._stability.along_any import EXACT, stable_along_any

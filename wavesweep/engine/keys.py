@@ -5,7 +5,15 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._keys.checking import Mistakes, Rejected, check, computable, expectation, nearest, show
+    from wavesweep.engine._keys.checking import (
+        Mistakes,
+        Rejected,
+        check,
+        computable,
+        expectation,
+        nearest,
+        show,
+    )
     from wavesweep.engine._keys.key import (
         FORMULA,
         HIGHEST_ORDER,
@@ -27,7 +35,15 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
-            "_keys.checking": ("Mistakes", "Rejected", "check", "computable", "expectation", "nearest", "show"),
+            "_keys.checking": (
+                "Mistakes",
+                "Rejected",
+                "check",
+                "computable",
+                "expectation",
+                "nearest",
+                "show",
+            ),
             "_keys.key": (
                 "FORMULA",
                 "HIGHEST_ORDER",

@@ -36,14 +36,21 @@ class Loops(NamedTuple):
     @property
     def read(self) -> Self:
         """The loops with the numbers that their drawing reads alone."""
-        read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
+        read_values = {
+            p: value
+            for p, value in self.values.items()
+            if p in self.drawing.reads or p in self.drawing.building
+        }
         return type(self)(self.drawing, read_values)
 
     @property
     def unbuilt(self) -> Self:
         """The loops without the whole ticks of dead times with which they were built."""
         building = self.drawing.building
-        return type(self)(self.drawing, {path: value for path, value in self.values.items() if path not in building})
+        return type(self)(
+            self.drawing,
+            {path: value for path, value in self.values.items() if path not in building},
+        )
 
     def with_gain_at(self, signal: str) -> "Loops":
         """The loops with a gain behind a signal, the number GAIN, with the value 1: with it they are cut there."""
@@ -76,7 +83,10 @@ class Loops(NamedTuple):
     def one(self, at: int) -> Self:
         """One of the loops, with plain numbers."""
         values = selected(self.values, at)
-        plain = {path: value.item() if isinstance(value, np.generic) else value for path, value in values.items()}
+        plain = {
+            path: value.item() if isinstance(value, np.generic) else value
+            for path, value in values.items()
+        }
         return type(self)(self.drawing, plain)
 
     def built_alike(self, members: np.ndarray) -> Iterator[tuple[np.ndarray, "Loops"]]:
@@ -88,7 +98,10 @@ class Loops(NamedTuple):
             yield members, self
             return
         structure = dead_time.structure(self.drawing, self.values)
-        building = {path: np.broadcast_to(number, members.shape).astype(int) for path, number in structure.items()}
+        building = {
+            path: np.broadcast_to(number, members.shape).astype(int)
+            for path, number in structure.items()
+        }
         for batch in distinct(list(building.values()), members.size):
             ticks = {path: int(number[batch[0]]) for path, number in building.items()}
             yield members[batch], Loops(self.drawing, selected(self.values, batch) | ticks)
@@ -140,7 +153,9 @@ class Loops(NamedTuple):
         """Two loops between those of the batch, in which drift is searched for, or one twice if no number varies."""
         return from_drawing.twins(self.drawing, self.values, out, beside)
 
-    def drift(self, out: str = "", watched: tuple[str, ...] = (), second: str = "") -> MarginalModes:
+    def drift(
+        self, out: str = "", watched: tuple[str, ...] = (), second: str = ""
+    ) -> MarginalModes:
         """What nothing opposes in the loops.
 
         out, second: numbers that are taken out, see `drawn`. watched: signals that are read in every tick.
@@ -158,7 +173,9 @@ class Loops(NamedTuple):
         with drawn.naming_blocks(), np.errstate(all="ignore"):
             return drift.closed_frame(drawn)
 
-    def frames_with_reliability(self, drift: MarginalModes, drawn: MultirateLoop | None = None) -> tuple[Floats, Bools]:
+    def frames_with_reliability(
+        self, drift: MarginalModes, drawn: MultirateLoop | None = None
+    ) -> tuple[Floats, Bools]:
         """`frames`, and whether rounding hides their spectral radius, `(...)`.
 
         drawn: the blocks of the loops, if the caller has them.
@@ -172,7 +189,9 @@ class Loops(NamedTuple):
 
         Infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
-        radii = np.array(np.broadcast_to(radius_of(*self.frames_with_reliability(self.drift())), (size,)))
+        radii = np.array(
+            np.broadcast_to(radius_of(*self.frames_with_reliability(self.drift())), (size,))
+        )
         if size > 1:
             for at in np.flatnonzero(np.isnan(radii)).tolist():
                 alone = self.one(at)
@@ -188,7 +207,9 @@ _drift = lru_cache(maxsize=256)(MarginalModes.of)  # twins of the same numbers a
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
-def _blocks_without_solution(drawing: Drawing, items: tuple[tuple[str, Any], ...]) -> list[str] | None:
+def _blocks_without_solution(
+    drawing: Drawing, items: tuple[tuple[str, Any], ...]
+) -> list[str] | None:
     try:
         drawn = Loops(drawing, dict(items)).drawn()
     except IllPosedLoopError:  # within a plant

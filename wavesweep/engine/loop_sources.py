@@ -156,14 +156,19 @@ def loop_from_blocks(
     tables = {
         "rates": {"tick_hz": rate_hz},
         "numbers": numbers or {},
-        "block": {name: block.table() if isinstance(block, StateSpaceBlock) else block for name, block in read.items()},
+        "block": {
+            name: block.table() if isinstance(block, StateSpaceBlock) else block
+            for name, block in read.items()
+        },
         "wire": wires,
         "ports": {"inputs": {name: name for name in inputs}, "outputs": outputs or {}},
     }
     state_names: dict[str, str] = {}
     for name, block in read.items():
         if isinstance(block, StateSpaceBlock):
-            state_names |= {f"{name} x{index}": f"{name} {state}" for index, state in enumerate(block.states)}
+            state_names |= {
+                f"{name} x{index}": f"{name} {state}" for index, state in enumerate(block.states)
+            }
     return replace(loop_from_drawing(tables), state_names=state_names)
 
 
@@ -172,9 +177,13 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
     if isinstance(block, StateSpaceBlock | Mapping):
         return block
     dt = getattr(block, "dt", None)
-    if dt is None and not type(block).__module__.startswith("scipy.signal"):  # where None means continuous
+    if dt is None and not type(block).__module__.startswith(
+        "scipy.signal"
+    ):  # where None means continuous
         expected = "a system that says its time: dt = 0 for continuous, or its sample time in s"
-        raise UsageError(f"block {name}: expected {expected}, found dt = None, which leaves it open")
+        raise UsageError(
+            f"block {name}: expected {expected}, found dt = None, which leaves it open"
+        )
     every = _every(name, dt, rate_hz)
     if all(hasattr(block, matrix) for matrix in "ABCD"):
         outputs, inputs = np.shape(block.D)
@@ -187,8 +196,12 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
         if all(array.ndim < 2 for array in coefficients):
             num, den = (np.atleast_1d(array).tolist() for array in coefficients)
             return {"type": "tf", "num": num, "den": den, **_timing(every, 0)}
-        raise UsageError(f"block {name}: expected a transfer function with one input and one output; convert it to state space")
-    expected = "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
+        raise UsageError(
+            f"block {name}: expected a transfer function with one input and one output; convert it to state space"
+        )
+    expected = (
+        "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
+    )
     raise UsageError(f"block {name}: expected {expected}, found {block!r:.60}")
 
 

@@ -5,14 +5,46 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._energy.hinf import NEAR, SOFT, START, Peak, angles, hinf_norm, tick, with_middles
-    from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps, closure, damping_peak, reached, read
+    from wavesweep.engine._energy.hinf import (
+        NEAR,
+        SOFT,
+        START,
+        Peak,
+        angles,
+        hinf_norm,
+        tick,
+        with_middles,
+    )
+    from wavesweep.engine._energy.lifted_map import (
+        LiftedMap,
+        TickMaps,
+        closure,
+        damping_peak,
+        reached,
+        read,
+    )
     from wavesweep.engine._energy.norms import TOLERANCE, squared_norm
 else:
     __getattr__ = on_demand(
         {
-            "_energy.hinf": ("NEAR", "Peak", "SOFT", "START", "angles", "hinf_norm", "tick", "with_middles"),
-            "_energy.lifted_map": ("LiftedMap", "TickMaps", "closure", "damping_peak", "reached", "read"),
+            "_energy.hinf": (
+                "NEAR",
+                "Peak",
+                "SOFT",
+                "START",
+                "angles",
+                "hinf_norm",
+                "tick",
+                "with_middles",
+            ),
+            "_energy.lifted_map": (
+                "LiftedMap",
+                "TickMaps",
+                "closure",
+                "damping_peak",
+                "reached",
+                "read",
+            ),
             "_energy.norms": ("TOLERANCE", "squared_norm"),
         }
     )

@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
-    from wavesweep.engine._response.at_hand import Route, port_of_loops, ports_of_batch, varied_rates
+    from wavesweep.engine._response.at_hand import (
+        Route,
+        port_of_loops,
+        ports_of_batch,
+        varied_rates,
+    )
     from wavesweep.engine._response.bounded_sums import joined, ordered_products, plus, times
     from wavesweep.engine._response.gain import gain_of
     from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame

@@ -30,7 +30,12 @@ class Rows:
         """Return the rows of several such values, one after the other."""
         if len(parts) == 1:
             return parts[0]
-        return cls(*(np.concatenate([getattr(rows, field.name) for rows in parts]) for field in fields(cls)))
+        return cls(
+            *(
+                np.concatenate([getattr(rows, field.name) for rows in parts])
+                for field in fields(cls)
+            )
+        )
 
 
 def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
@@ -44,7 +49,9 @@ def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
         return [np.flatnonzero(varied[0]), np.flatnonzero(~varied[0])]
     label = _labels(columns, size)[1]
     order = np.argsort(label, kind="stable")
-    return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
+    return sorted(
+        np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0]
+    )
 
 
 def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +78,10 @@ def _labels(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.nd
 
 def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
-    return tuple((path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value) for path, value in values.items())
+    return tuple(
+        (path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value)
+        for path, value in values.items()
+    )
 
 
 def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:

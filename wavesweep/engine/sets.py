@@ -6,11 +6,25 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
-    from wavesweep.engine._sets.taylor_models import LEAST, UNIT, Polynomials, TaylorModel, UnresolvedError, monomials
+    from wavesweep.engine._sets.taylor_models import (
+        LEAST,
+        UNIT,
+        Polynomials,
+        TaylorModel,
+        UnresolvedError,
+        monomials,
+    )
 else:
     __getattr__ = on_demand(
         {
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
-            "_sets.taylor_models": ("LEAST", "Polynomials", "TaylorModel", "UNIT", "UnresolvedError", "monomials"),
+            "_sets.taylor_models": (
+                "LEAST",
+                "Polynomials",
+                "TaylorModel",
+                "UNIT",
+                "UnresolvedError",
+                "monomials",
+            ),
         }
     )

@@ -21,7 +21,12 @@ from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
 from wavesweep.program.tables.fields import DOUBTS, OF_ALONG, OF_WALL, Field, all_columns
 
 MANY = 4  # tables that have a column
-GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}
+GROUPS = {
+    "doubt": "Words of doubt",
+    "term": "Ideas",
+    "message": "Messages",
+    "value": "Values in columns",
+}
 
 
 class Entry(NamedTuple):
@@ -33,11 +38,17 @@ class Entry(NamedTuple):
     advice: str = ""
 
 
-def _completed(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def _completed(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
     """The words that begin with what is typed."""
     del context, parameter
     meanings = {entry.word: entry.meaning for entry in reversed(entries())}
-    return [CompletionItem(word, help=meaning) for word, meaning in meanings.items() if word.startswith(incomplete)]
+    return [
+        CompletionItem(word, help=meaning)
+        for word, meaning in meanings.items()
+        if word.startswith(incomplete)
+    ]
 
 
 @click.command("explain")
@@ -104,9 +115,16 @@ def _some(tables: list[str]) -> str:
 
 def _meaning(field: Field) -> str:
     """The meaning of a column with its unit."""
-    units = {OF_ALONG: "in the unit of the axis", OF_WALL: "in the unit of the wall's stiffness", "1": "", "": ""}
+    units = {
+        OF_ALONG: "in the unit of the axis",
+        OF_WALL: "in the unit of the wall's stiffness",
+        "1": "",
+        "": "",
+    }
     kinds = {"boolean": "1 or 0", "integer": "a whole number"}
-    kind_and_unit = ", ".join(filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit))))
+    kind_and_unit = ", ".join(
+        filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit)))
+    )
     return f"{field.description} ({kind_and_unit})" if kind_and_unit else field.description
 
 
@@ -116,15 +134,37 @@ def explained(word: str) -> tuple[Entry, ...]:
         if matches := tuple(entry for entry in entries() if alike(entry.word) == alike(word)):
             return matches
     if word in COMMANDS:
-        return (Entry(word, "command", COMMANDS[word], f"`wavesweep {word} --help` explains its options."),)
+        return (
+            Entry(
+                word, "command", COMMANDS[word], f"`wavesweep {word} --help` explains its options."
+            ),
+        )
     if key := find_key(word):
-        return (Entry(word, "key of a spec", key.description, f"`wavesweep keys {word}` has its values and its default."),)
+        return (
+            Entry(
+                word,
+                "key of a spec",
+                key.description,
+                f"`wavesweep keys {word}` has its values and its default.",
+            ),
+        )
     if word in TYPES:
         return (
-            Entry(word, "type of block", TYPES[word].description, f"`wavesweep keys block.{word}` has its ports and keys."),
+            Entry(
+                word,
+                "type of block",
+                TYPES[word].description,
+                f"`wavesweep keys block.{word}` has its ports and keys.",
+            ),
         )
-    meant = nearest(word, [*(entry.word for entry in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES])
-    hint = f"did you mean {meant}?" if meant else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
+    meant = nearest(
+        word, [*(entry.word for entry in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES]
+    )
+    hint = (
+        f"did you mean {meant}?"
+        if meant
+        else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
+    )
     raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
 
 
@@ -134,14 +174,18 @@ def _plain(word: str) -> str:
 
 def _lines(entry: Entry) -> Iterator[str]:
     """An entry in at most five lines."""
-    of = {"doubt": "word of doubt", "term": "", "message": "in a message", "value": ""}.get(entry.group, entry.group)
+    of = {"doubt": "word of doubt", "term": "", "message": "in a message", "value": ""}.get(
+        entry.group, entry.group
+    )
     yield from _wrapped(f"{entry.word}{f' ({of})' if of else ''}: {entry.meaning}", "  ")
     if entry.advice:
         yield from _wrapped(f"  {entry.advice}", "  ")
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap(text, width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return wrap(
+        text, width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def _list(found: tuple[Entry, ...]) -> Iterator[str]:

@@ -20,7 +20,14 @@ from wavesweep.haptics.controllers import WALL
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over
 from wavesweep.program.analyses.own_design import own_design
-from wavesweep.program.analyses.plane_columns import NARROW, Interval, PlaneCurve, View, curves_of, known_gaps
+from wavesweep.program.analyses.plane_columns import (
+    NARROW,
+    Interval,
+    PlaneCurve,
+    View,
+    curves_of,
+    known_gaps,
+)
 from wavesweep.program.analyses.response_jobs import doubt_of
 from wavesweep.program.analyses.spec_loops import loop_at_hand, radius_over
 from wavesweep.program.columns import complex_columns
@@ -80,7 +87,9 @@ def quick(spec: Spec, with_response: bool = True) -> dict:
     return answer
 
 
-def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool) -> dict:
+def preview(
+    spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool
+) -> dict:
     """The fastest preview of a plane, and the intervals through the design if these come with it.
 
     By the boundary's explicit curve if the plane is that of a wall, by proved columns if y is a gain, see `is_gain`, and
@@ -122,7 +131,9 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
         (column,) = quick_columns(cut, theta, walls, along, np.array([other_value]), span, ROUNDS)
         intervals = [{"low": low, "high": high} for low, high in column]
         ranges.append({"path": path, "span": span, "intervals": intervals})
-    shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
+    shape = _preview(
+        plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span)
+    )
     return {"plane": {**shape, "how": "curve", "angles": theta.size}, "ranges": ranges}
 
 
@@ -140,7 +151,9 @@ def _preview(plane, columns_at) -> dict:
         if not places:
             return
         for x, column in zip(places, columns_at(places), strict=True):
-            intervals = [Interval(first, last, first > low, last < high, False) for first, last in column]
+            intervals = [
+                Interval(first, last, first > low, last < high, False) for first, last in column
+            ]
             intervals_at[x] = (tuple(intervals), ())
 
     places = np.linspace(*plane.x_span, COLUMNS).tolist()
@@ -171,7 +184,15 @@ def _axis(spec, path, values, span=None) -> Axis:
     names = {known_path: name for name, known_path in spec.names.symbols.items()}
     low, high = span if span is not None else (float(np.min(values)), float(np.max(values)))
     key = spec.names.keys[path]
-    return Axis(names.get(path, path), path, tuple(np.asarray(values).tolist()), low, high, key.structural, "linear")
+    return Axis(
+        names.get(path, path),
+        path,
+        tuple(np.asarray(values).tolist()),
+        low,
+        high,
+        key.structural,
+        "linear",
+    )
 
 
 def certified_plane(spec: Spec, plane: Plane) -> dict:
@@ -214,7 +235,9 @@ def plane_of(curve: PlaneCurve, view: View) -> dict:
     partly = []
     for x in places:
         intervals, open_spans = curve.columns[x]
-        columns.append([(interval.low, interval.high, interval.certified) for interval in intervals])
+        columns.append(
+            [(interval.low, interval.high, interval.certified) for interval in intervals]
+        )
         partly.append(bool(open_spans))
     unknown = []
     for left, right, low, high in region.unknown:
@@ -267,7 +290,9 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
     errors = at_hand.admittance_error.ravel(), at_hand.impedance_error.ravel()
     doubts = doubt_of(errors, True, ~np.isfinite(admittance))
     columns = complex_columns("admittance", admittance) | complex_columns("impedance", impedance)
-    sizes_and_phases = {name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))}
+    sizes_and_phases = {
+        name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))
+    }
     return {
         "frequency_hz": frequency.tolist(),
         **sizes_and_phases,
@@ -300,7 +325,9 @@ def first_plane(spec: Spec, sliders) -> Plane | None:
     return fitted(spec, smooth, x, y, across.search if across.values else (across.low, across.high))
 
 
-def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], widest: float = 1.0) -> Plane:
+def fitted(
+    spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], widest: float = 1.0
+) -> Plane:
     """The plane of two numbers with ranges that show the boundary, if it has one, and the design.
 
     sliders: by their paths. The range of y ends a little above the highest limit of stability, if there is one within the range
@@ -319,7 +346,9 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
         except WavesweepError:  # somewhere in the range there is no loop
             return whole_plane
         columns = [intervals for intervals, _ in curve.columns.values()]
-        limits = [interval.high for intervals in columns for interval in intervals if interval.high < end]
+        limits = [
+            interval.high for intervals in columns for interval in intervals if interval.high < end
+        ]
         if limits:
             top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, end)))

@@ -22,10 +22,26 @@ from wavesweep.program.cli.options import PATH, is_given, override, overwriting
 )
 @overwriting("Replace the file of --save if it exists.")
 @click.option(
-    "--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port of the server [default: any free one]."
+    "--port",
+    metavar="N",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port of the server [default: any free one].",
 )
-@click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page, or only print its address.")
-def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: bool, port: int, browser: bool) -> None:
+@click.option(
+    "--browser/--no-browser",
+    default=True,
+    show_default=True,
+    help="Open the page, or only print its address.",
+)
+def explore(
+    spec: str,
+    overrides: tuple[str, ...],
+    save: str | None,
+    overwrite: bool,
+    port: int,
+    browser: bool,
+) -> None:
     """Show the boundary of stability in a browser, and vary every number by a slider.
 
     SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
@@ -46,10 +62,14 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
     if save is not None and not save.strip():
         raise click.UsageError("--save: expected the name of a file, found an empty text")
     if save == "-":
-        raise click.UsageError("--save -: expected the name of a file, since a page does not go to stdout")
+        raise click.UsageError(
+            "--save -: expected the name of a file, since a page does not go to stdout"
+        )
     for name, option in (("port", "port"), ("browser", "no-browser")):
         if save is not None and is_given(name):
-            raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
+            raise click.UsageError(
+                f"--save: expected no --{option} beside it, since nothing is served, found both"
+            )
     loaded = load(spec, overrides)
     loaded.refuse_require("explore")
     if save is not None:
@@ -62,7 +82,9 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
     try:
         server = Server(page.text, page.answers, port)
     except OSError as error:
-        raise UsageError(f"--port {port}: {error.strerror}; expected a free port, or none for any") from error
+        raise UsageError(
+            f"--port {port}: {error.strerror}; expected a free port, or none for any"
+        ) from error
     click.echo(f"{server.address} (Ctrl-C or closing the page ends it)", err=True)
     if browser and _has_screen():
         import threading
@@ -74,7 +96,9 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
 
 def _has_screen() -> bool:
     """Whether a browser has a screen; without one Python would start a browser for terminals in this one."""
-    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform == "darwin" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
 
 
 def _save(spec, target: Path, overwrite: bool) -> None:
@@ -85,7 +109,9 @@ def _save(spec, target: Path, overwrite: bool) -> None:
     refuse_no_folder(target)
     refuse_inputs(spec.files, target)
     if target.exists() and not overwrite:
-        raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
+        raise UsageError(
+            f"{target}: the file exists; expected another name, or --overwrite to replace it"
+        )
     with progress(verbosity().quiet, less="fewer values in [sweep] take less") as report:
         text = saved_page(spec, report)
     write_whole((target, text))

@@ -18,7 +18,16 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.engine.errors import SpecError, WavesweepError
-from wavesweep.explore.answers import Plane, certified_plane, first_plane, fitted, is_gain, preview, quick, stable_ranges
+from wavesweep.explore.answers import (
+    Plane,
+    certified_plane,
+    first_plane,
+    fitted,
+    is_gain,
+    preview,
+    quick,
+    stable_ranges,
+)
 from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
@@ -30,11 +39,15 @@ from wavesweep.program.spec import Spec
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
 PREVIEW_S = 0.02  # that a preview by cells may take
 ANSWER_S = 2.0  # that an answer may take, before it is cut
-WIDEST = 64.0  # times the range of a number that is searched for a limit, if the axes are to show one
+WIDEST = (
+    64.0  # times the range of a number that is searched for a limit, if the axes are to show one
+)
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_ROWS = 5000  # of its table
-NOTHING = MappingProxyType({"measured": {}, "cuts": [], "routes": []})  # that capabilities show in addition
+NOTHING = MappingProxyType(
+    {"measured": {}, "cuts": [], "routes": []}
+)  # that capabilities show in addition
 
 
 class Page:
@@ -51,7 +64,9 @@ class Page:
         with suppress(WavesweepError):  # somewhere in the plane there is no loop
             self.first |= self._preview(spec, self.plane, search) if self.plane else {}
         self.by_cells = self.first.get("plane", {}).get("how") == "cells"
-        if self.by_cells:  # a page opens with the proved plane, if this takes no longer than an answer
+        if (
+            self.by_cells
+        ):  # a page opens with the proved plane, if this takes no longer than an answer
             with suppress(WavesweepError, TimeoutError):
                 self.first["plane"] = within(answer_s, lambda: certified_plane(spec, self.plane))
 
@@ -106,7 +121,9 @@ class Page:
             except TimeoutError:
                 return {"error": f"takes longer than {self.answer_s:g} s", "cut": True}
             except SpecError as error:
-                mistakes = "; ".join(str(mistake._replace(location="")) for mistake in error.mistakes)
+                mistakes = "; ".join(
+                    str(mistake._replace(location="")) for mistake in error.mistakes
+                )
                 at = getattr(error, "at", [mistake.key for mistake in error.mistakes])
                 return {"error": _sentence(mistakes), "at": at}
             except WavesweepError as error:
@@ -119,11 +136,17 @@ class Page:
     def _quick(self, question):
         spec = self._changed(question)
         plane = self._plane(spec, question["plane"]) if question.get("plane") else None
-        search = {path: _span(span) for path, span in question.get("search", {}).items() if path in WALL}
+        search = {
+            path: _span(span) for path, span in question.get("search", {}).items() if path in WALL
+        }
         answer = quick(spec, bool(question.get("response", True)))
         if plane:
             answer |= self._preview(spec, plane, search, bool(question.get("preview", True)))
-        return reduce(or_, asked("panel", "quick", spec, question, self.shown, answer["own"]["stable"]), answer)
+        return reduce(
+            or_,
+            asked("panel", "quick", spec, question, self.shown, answer["own"]["stable"]),
+            answer,
+        )
 
     def _preview(self, spec, plane, search, wanted=True):
         """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
@@ -152,7 +175,9 @@ class Page:
         spec = self._changed(question)
         x, y = (self._smooth(question[name]) for name in ("x", "y"))
         sliders = {slider.path: slider for slider in sliders_of(spec)}
-        return {"plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))}
+        return {
+            "plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))
+        }
 
     def _plane(self, spec, given):
         """A plane whose corners are designs. Errors: SpecError `at` the field of another end, KeyError for other keys."""
@@ -222,16 +247,25 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     total = len(combinations) + len(TABLES)
     for done, values in enumerate(combinations):
         report(done, total)
-        with suppress(WavesweepError):  # a combination that makes no loop, such as a delay beyond the frame
+        with suppress(
+            WavesweepError
+        ):  # a combination that makes no loop, such as a delay beyond the frame
             designs.append(_design(page, dict(zip(stops, values, strict=True))))
     data["first"], tables = None, []
     for done, (title, make) in enumerate(TABLES.items(), len(combinations)):
         report(done, total)
         try:
             table = make(spec)
-            tables.append(_table(title, replace(table, facts={**table.facts, **facts_of_marks([spec], table.kind)})))
+            tables.append(
+                _table(
+                    title,
+                    replace(table, facts={**table.facts, **facts_of_marks([spec], table.kind)}),
+                )
+            )
         except WavesweepError as error:
-            text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves its folder
+            text = str(error).replace(
+                str(spec.source), f"{spec.name}.toml"
+            )  # the page leaves its folder
             tables.append({"title": title, "error": _sentence(text)})
     report(total, total)
     return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
@@ -276,7 +310,9 @@ def _table(title, table):
         "units": [field.unit for field in fields],
         "csv": "\n".join(lines[: MOST_ROWS + 1]),
         "rows": len(lines) - 1,
-        "facts": {name: fact for name, fact in table.facts.items() if name != "timings"},  # equal pages of equal specs
+        "facts": {
+            name: fact for name, fact in table.facts.items() if name != "timings"
+        },  # equal pages of equal specs
         "figure": f"data:image/svg+xml;base64,{base64.b64encode(figure.encode()).decode()}",
     }
 
@@ -284,12 +320,15 @@ def _table(title, table):
 def page_text(data: Mapping[str, object]) -> str:
     """The text of a page with data in it; a policy in it lets its own script run, and nothing be fetched from elsewhere."""
     text, style, *scripts = (
-        (files(__package__) / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", *SCRIPTS)
+        (files(__package__) / name).read_text(encoding="utf-8")
+        for name in ("page.html", "page.css", *SCRIPTS)
     )
     script = "".join(scripts)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
     policy += "base-uri 'none'; form-action 'none'"
     inside = as_json(data).replace("<", "\\u003c")
-    text = text.replace("{{style}}", style).replace("{{script}}", script).replace("{{policy}}", policy)
+    text = (
+        text.replace("{{style}}", style).replace("{{script}}", script).replace("{{policy}}", policy)
+    )
     return text.replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)

@@ -92,7 +92,9 @@ def quick_columns(
     inside = (value > span[0]) & (value < span[1])
     every = np.arange(fixed.size)
     column = np.concatenate([column[inside], every, every])
-    value = np.concatenate([value[inside], np.full(fixed.size, span[0]), np.full(fixed.size, span[1])])
+    value = np.concatenate(
+        [value[inside], np.full(fixed.size, span[0]), np.full(fixed.size, span[1])]
+    )
     order = np.lexsort((value, column))
     column, value = column[order], value[order]
     steps = np.flatnonzero(np.diff(column) == 0)

@@ -17,7 +17,9 @@ from threading import Lock
 LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 1024  # bytes of a question
 BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
-GRACE = 3.0  # s without any page after which the server ends; a page that is loaded again takes less
+GRACE = (
+    3.0  # s without any page after which the server ends; a page that is loaded again takes less
+)
 LOOK = 0.25  # s between two looks at the pages
 HEADERS = {
     "Cache-Control": "no-store",
@@ -43,7 +45,9 @@ class Server(ThreadingHTTPServer):
     block_on_close = False
     timeout = LOOK
 
-    def __init__(self, page: Callable[[], str], answers: Mapping[str, Answer], port: int = 0) -> None:
+    def __init__(
+        self, page: Callable[[], str], answers: Mapping[str, Answer], port: int = 0
+    ) -> None:
         super().__init__((LOOPBACK, port), Handler)
         self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
         self._pages, self._seen, self._lock = 0, None, Lock()
@@ -62,7 +66,11 @@ class Server(ThreadingHTTPServer):
     def over(self) -> bool:
         """Whether the last page has been closed for GRACE seconds."""
         with self._lock:
-            return self._pages == 0 and self._seen is not None and time.monotonic() - self._seen > GRACE
+            return (
+                self._pages == 0
+                and self._seen is not None
+                and time.monotonic() - self._seen > GRACE
+            )
 
     def open_page(self, change: int) -> None:
         """Count a page that was opened (1) or closed (-1)."""
@@ -94,8 +102,12 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """The page, and the connection that it keeps open."""
         address, name = self.path.partition("?")[0], self._asked()
-        if name == "" and not address.endswith("/"):  # addresses of questions are relative to the page's
-            self._head(HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/")
+        if name == "" and not address.endswith(
+            "/"
+        ):  # addresses of questions are relative to the page's
+            self._head(
+                HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/"
+            )
         elif name == "":
             self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
         elif name == "alive":
@@ -113,7 +125,11 @@ class Handler(BaseHTTPRequestHandler):
             return
         length = self.headers.get("Content-Length", "")
         if not length.isascii() or not length.isdigit() or len(length) > 9 or int(length) > LARGEST:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE if length.isdigit() else HTTPStatus.LENGTH_REQUIRED)
+            self._refuse(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+                if length.isdigit()
+                else HTTPStatus.LENGTH_REQUIRED
+            )
             return
         try:
             answer = self.server.answers[name](dict(json.loads(self.rfile.read(int(length)))))
@@ -125,7 +141,10 @@ class Handler(BaseHTTPRequestHandler):
     def _asked(self, asking: bool = False) -> str | None:
         """The last part of the path; None, with a refusal, unless host, origin and token are those of the page."""
         _, token, name = (*self.path.partition("?")[0].split("/", 2), "", "")[:3]
-        if not (self._from_here(asking) and hmac.compare_digest(token.encode(), self.server.token.encode())):
+        if not (
+            self._from_here(asking)
+            and hmac.compare_digest(token.encode(), self.server.token.encode())
+        ):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
         return name
@@ -155,7 +174,9 @@ class Handler(BaseHTTPRequestHandler):
 
     def _refuse(self, status: HTTPStatus) -> None:
         self.close_connection = True  # the body of the question has not been read
-        self._send(status, f"{status.value} {status.phrase}\n".encode(), "text/plain; charset=utf-8")
+        self._send(
+            status, f"{status.value} {status.phrase}\n".encode(), "text/plain; charset=utf-8"
+        )
 
     def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
         self._head(status, kind, len(body))

@@ -19,7 +19,11 @@ from wavesweep.program.sweep.grid import is_plain
 FACTOR = 4.0  # times a gain's value: the end of its slider
 HALVINGS = 12  # steps towards an end that the spec accepts
 DIGITS = 3  # of that end
-HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
+HAND = {
+    "operator.mass": 0.5,
+    "operator.damping": 5.0,
+    "operator.stiffness": 500.0,
+}  # usual numbers of keys that are often 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +99,11 @@ def _keeps_slow_rate(spec):
 
 def _stops(spec, key):
     """The rates that divide each other, of a spec that keeps a slow rate; empty for other keys."""
-    if spec.uneven or not _keeps_slow_rate(spec) or key.path not in ("rates.fast_hz", "rates.slow_hz"):
+    if (
+        spec.uneven
+        or not _keeps_slow_rate(spec)
+        or key.path not in ("rates.fast_hz", "rates.slow_hz")
+    ):
         return ()
     ratios = range(1, min(int(FACTOR * spec.values["rates.ratio"]), HIGHEST_RATIO) + 1)
     if key.path == "rates.slow_hz":
@@ -112,7 +120,9 @@ def _slider(spec: Spec, key: Key) -> Slider:
     low, high, scale = _range(key, value, axis, most)
     plain = is_plain(spec, key.path)
     # Other rates of a spec of uneven rates are hardly ever in step again.
-    uneven_rate = spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer()
+    uneven_rate = (
+        spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer()
+    )
     if uneven_rate:
         scale = "linear"
     structural = spec.drawing and not plain and key.path != "rates.tick_hz"
@@ -190,7 +200,11 @@ def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) 
         else:
             end = middle
     short = float(Context(prec=DIGITS, rounding=rounding).create_decimal(value))
-    fits = not whole and min(start, value) <= short <= max(start, value) and _accepts(spec, path, short)
+    fits = (
+        not whole
+        and min(start, value) <= short <= max(start, value)
+        and _accepts(spec, path, short)
+    )
     return short if fits else value
 
 
@@ -262,7 +276,12 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
     changes: dict[str, float] = {}
     for path, value in values.items():
         key = spec.names.find(path)
-        integral = key is not None and key.type == "integer" and isinstance(value, float) and value.is_integer()
+        integral = (
+            key is not None
+            and key.type == "integer"
+            and isinstance(value, float)
+            and value.is_integer()
+        )
         wanted = int(value) if integral else value
         if path not in spec.values or spec.values[path] != wanted:
             changes[path] = wanted
@@ -285,7 +304,11 @@ def text_of(spec: Spec) -> str:
             stem, _, last = path.rpartition(".")
             if last in BAND_EDGES:  # from which these follow
                 kept -= {f"{stem}.order", f"{stem}.cutoff_hz"}
-        studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
+        studies = {
+            name: tables.pop(name)
+            for name in ("sweep", "bode", "for_all", "measured", "design")
+            if name in tables
+        }
         tables = _only(tables, kept) | studies
     simulated = _simulate_table(spec)
     if simulated:
@@ -298,7 +321,9 @@ def _simulate_table(spec):
     """The keys of [simulate] that the spec gives, as TOML has them."""
     if not spec.simulate:
         return {}
-    names = sorted(path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate."))
+    names = sorted(
+        path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate.")
+    )
     table = {}
     for name in names:
         value = spec.simulate[name]

@@ -45,12 +45,18 @@ class ForAllRanges(TableValue):
     def results(self) -> tuple[tuple[float, ...], ...]:
         """The probabilities of delays, and then that a result never comes: a row, or one in frames of each length."""
         rows = self.delays or ((1.0,),)
-        return tuple((*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows)
+        return tuple(
+            (*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows
+        )
 
     @property
     def changing(self) -> tuple[Axis, ...]:
         """The numbers that may change from frame to frame; one with a single value is constant."""
-        return tuple(axis for axis in self.axes if axis.path in self.varying and len(values_of_range(axis)) > 1)
+        return tuple(
+            axis
+            for axis in self.axes
+            if axis.path in self.varying and len(values_of_range(axis)) > 1
+        )
 
     @property
     def unknown(self) -> tuple[Axis, ...]:
@@ -73,28 +79,49 @@ class ForAllRanges(TableValue):
         """
         known = {axis.path for axis in (*design.vary, *design.for_all)}
         others = (axis for axis in self.unknown if axis.path not in known)
-        return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
+        return tuple(
+            replace(axis, values=axis.values or (axis.start, axis.stop), scale=None)
+            for axis in others
+        )
 
     def beside(self, design: Any) -> Self:
         """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
         known = {axis.path for axis in self.axes}
         hand = ((f"operator.{part}", values) for part, values in design.hand.items())
         axes = [axis for axis in design.for_all if axis.path not in known]
-        axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
+        axes += [
+            Axis(path, path, values, min(values), max(values), False)
+            for path, values in hand
+            if path not in known
+        ]
         return replace(self, axes=(*self.axes, *axes))
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         table: dict[str, object] = {}
         for axis in self.axes:
-            range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
+            range_ = (
+                {"values": list(axis.values)}
+                if axis.scale is None
+                else {"start": axis.start, "stop": axis.stop}
+            )
             table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
             of_delay = axis.path == DELAY
-            if rows := [list(row) for row in (self.delays if of_delay else self.shares) if axis in self.changing]:
+            if rows := [
+                list(row)
+                for row in (self.delays if of_delay else self.shares)
+                if axis in self.changing
+            ]:
                 table[axis.name] |= (
-                    {"next": rows} if len(rows) > 1 and not of_delay else {"shares": rows if rows[1:] else rows[0]}
+                    {"next": rows}
+                    if len(rows) > 1 and not of_delay
+                    else {"shares": rows if rows[1:] else rows[0]}
                 )
-        return table | ({"lost": self.lost} if self.lost else {}) | ({"loss": self.loss} if self.loss else {})
+        return (
+            table
+            | ({"lost": self.lost} if self.lost else {})
+            | ({"loss": self.loss} if self.loss else {})
+        )
 
 
 def values_of_range(axis: Axis) -> tuple:

@@ -108,7 +108,9 @@ def _summed(powers, Q):
     return (total + np.swapaxes(total, -1, -2)) / 2
 
 
-def forms_on_average(A: Polynomials, graph: Graph, weight: np.ndarray) -> tuple[tuple[Centre, np.ndarray] | None, float]:
+def forms_on_average(
+    A: Polynomials, graph: Graph, weight: np.ndarray
+) -> tuple[tuple[Centre, np.ndarray] | None, float]:
     """Return forms for the middle of a box and their slopes, None if moments do not decay there; and the work.
 
     Errors: LinAlgError if a matrix is singular to rounding.
@@ -124,7 +126,9 @@ def forms_on_average(A: Polynomials, graph: Graph, weight: np.ndarray) -> tuple[
     size = np.ones(n)
 
     def solved(right, *, forms):
-        return unpacked(lu_solve(lu, packed(right).ravel(), trans=int(forms)).reshape(graph.nodes, -1), n)
+        return unpacked(
+            lu_solve(lu, packed(right).ravel(), trans=int(forms)).reshape(graph.nodes, -1), n
+        )
 
     def alike(diagonal):
         return np.broadcast_to(np.diag(diagonal), (graph.nodes, n, n))

@@ -15,7 +15,14 @@ from wavesweep.for_all.sides import as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
 from wavesweep.program.spec import Spec
 
-__all__ = ["drift_over", "frames_over", "numbers_in_words", "proved_stable", "values_of_range", "varying"]
+__all__ = [
+    "drift_over",
+    "frames_over",
+    "numbers_in_words",
+    "proved_stable",
+    "values_of_range",
+    "varying",
+]
 
 WORK = 1e11  # operations that the proof for a box may take
 ORDER = 6  # of polynomials at most: with a complex factor there are twice as many states
@@ -34,14 +41,22 @@ class Stable:
 
 
 def proved_stable(
-    loop: Loops, sides: Sequence[Side], ends: np.ndarray, ranges: Sequence[str], box: np.ndarray, up: bool
+    loop: Loops,
+    sides: Sequence[Side],
+    ends: np.ndarray,
+    ranges: Sequence[str],
+    box: np.ndarray,
+    up: bool,
 ) -> Stable:
     """Return up to where all loops of a box are stable, from an end of its first side on.
 
     sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other numbers, with their ends `(2,
     numbers)`. up: from the low end on.
     """
-    all_sides = [*sides, *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True))]
+    all_sides = [
+        *sides,
+        *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True)),
+    ]
     whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
     found = cover(constant_frames(loop, all_sides, whole, ORDER), whole, ALWAYS, WORK, up)
     if not found.open:

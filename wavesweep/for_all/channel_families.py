@@ -13,7 +13,14 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop, ScheduledBlock, scalar_place
+from wavesweep.engine.blocks import (
+    FACTOR,
+    PRODUCT,
+    Block,
+    MultirateLoop,
+    ScheduledBlock,
+    scalar_place,
+)
 from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import value_of
@@ -66,9 +73,13 @@ class Channel:
             elif source != NOTHING:
                 taps[row, 0 if source == KEPT else 1 + source] = 1.0
         states = ("shown", *(f"message {i}" for i in range(1, n)))
-        return Block(self.name, ("u",), ("y",), states, taps - np.eye(n), direct, taps[:1], direct[:1])
+        return Block(
+            self.name, ("u",), ("y",), states, taps - np.eye(n), direct, taps[:1], direct[:1]
+        )
 
-    def tick(self, tick: int, arriving: tuple[int, ...], late: int | None) -> tuple[tuple, tuple[int, ...]]:
+    def tick(
+        self, tick: int, arriving: tuple[int, ...], late: int | None
+    ) -> tuple[tuple, tuple[int, ...]]:
         """What the channel takes from where in a tick, and the ticks until those messages arrive that are then under way.
 
         arriving: the same before, the oldest message first, which is the first to arrive as well: one that a newer message
@@ -116,13 +127,18 @@ def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel
     numbers, channels = scalars(values), []
     for block in drawing.channels:
         keys = dict(block.keys)
-        ticks = [int(value_of(tree, numbers)) for tree in (block.every, block.phase, keys["late"], keys["lost"])]
+        ticks = [
+            int(value_of(tree, numbers))
+            for tree in (block.every, block.phase, keys["late"], keys["lost"])
+        ]
         ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
         channels.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
     return tuple(channels)
 
 
-def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number: str = "") -> LoopFrames:
+def frames_with_messages(
+    drawing: Drawing, values: Mapping[str, object], number: str = ""
+) -> LoopFrames:
     """Return the family of a drawn loop with channels, along a number that one wire or gain reads.
 
     values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for a number that the loop reads
@@ -136,18 +152,31 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
-    assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(name_of(number) if number else "")
+    assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
+        name_of(number) if number else ""
+    )
     steps = list(_steps(channels, assembled_loop))
     rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
     drift = MarginalModes.of(*pair)
     _refuse_moved(ticks, drift)
     ticks, _ = drift.relative_ticks(ticks)
-    follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
+    follows = np.array(
+        [[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps]
+    )
     symbols = tuple(symbol for _, symbol, *_ in steps)
-    return LoopFrames.of(ticks, drift.remaining, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
+    return LoopFrames.of(
+        ticks,
+        drift.remaining,
+        [row[:-1] for row in rows],
+        [row[-1] for row in rows],
+        symbols,
+        follows,
+    )
 
 
-def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequence[Side], box: np.ndarray) -> FramesOver:
+def messages_over(
+    drawing: Drawing, values: Mapping[str, object], sides: Sequence[Side], box: np.ndarray
+) -> FramesOver:
     """Return the family over the cells of a box of sides."""
     drawing, channels = _in_step(drawing, values)
     inside = inside_of(box)
@@ -162,21 +191,27 @@ def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequenc
     enclosed = EnclosedLoop(drawing, values, sides, ORDER)
     names = frozenset(channel.name for channel in channels)
     kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
-    places = [TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds]
+    places = [
+        TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds
+    ]
     ahead, last = tuple(tuple(row[:-1]) for row in rows), tuple(row[-1] for row in rows)
     symbols = tuple(symbol for _, symbol, *_ in steps)
     copies = groups[len(drift.constant) :]
     return FramesOver([(enclosed, place) for place in places], drift, ahead, last, symbols, copies)
 
 
-def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray) -> Members:
+def members_with_messages(
+    drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray
+) -> Members:
     """Return the steps of members of a box of numbers at these paths, in plain doubles."""
     drawing, channels = _in_step(drawing, values)
 
     def with_numbers(points):
         return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
-    pair = [_in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()]
+    pair = [
+        _in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()
+    ]
     held, drift = pair[0].held(), MarginalModes.of(*pair)
     steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
@@ -197,16 +232,22 @@ def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, t
     return drawing, channels_of(drawing, values)
 
 
-def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple[list[list[int]], Ticks]:
+def _ticks(
+    own: MultirateLoop, channels, steps, held, number: str = ""
+) -> tuple[list[list[int]], Ticks]:
     """The ticks of each step, as numbers of kinds, and the map of each kind."""
     kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
     maps = []
     for tick, arrivals in kinds:
         loop = _at(own, tick, channels, arrivals)
-        ticks = Ticks.of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
+        ticks = Ticks.of(
+            loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True
+        )
         maps.append(ticks.maps[ticks.kind[0]])
     index = {kind: i for i, kind in enumerate(kinds)}
-    return [[index[kind] for kind in row] for row, *_ in steps], Ticks(tuple(maps), np.arange(len(maps)))
+    return [[index[kind] for kind in row] for row, *_ in steps], Ticks(
+        tuple(maps), np.arange(len(maps))
+    )
 
 
 def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple]:
@@ -227,21 +268,32 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
         state = open_.pop()
         moment, before = state
         tick, end = moments[moment], (*moments, moments[0] + frame)[moment + 1]
-        choices = [_choices(channel, tick, lost) for channel, (lost, _) in zip(channels, before, strict=True)]
+        choices = [
+            _choices(channel, tick, lost)
+            for channel, (lost, _) in zip(channels, before, strict=True)
+        ]
         for late in product(*choices):
             row, arriving = [], [flight for _, flight in before]
             for at in range(tick, end):
                 arrivals, arriving = zip(
-                    *(channel.tick(at, *state) for channel, *state in zip(channels, arriving, late, strict=True)), strict=True
+                    *(
+                        channel.tick(at, *state)
+                        for channel, *state in zip(channels, arriving, late, strict=True)
+                    ),
+                    strict=True,
                 )
                 row.append((alike[at % frame], arrivals))
             in_a_row = [
-                (lost + 1 if lateness is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
+                (lost + 1 if lateness is LOST else 0)
+                if channel.sends(tick) and channel.lost > 0
+                else lost
                 for channel, lateness, (lost, _) in zip(channels, late, before, strict=True)
             ]
             after = (moment + 1) % len(moments), tuple(zip(in_a_row, arriving, strict=True))
             sent = tuple(
-                (channel.name, lateness) for channel, lateness in zip(channels, late, strict=True) if channel.sends(tick)
+                (channel.name, lateness)
+                for channel, lateness in zip(channels, late, strict=True)
+                if channel.sends(tick)
             )
             steps.setdefault((tuple(row), after), (Sent(moment, sent), set()))[1].add(state)
             if after not in seen_states:
@@ -260,28 +312,46 @@ def _choices(channel, tick, lost):
     """What may happen to the message of a channel in a tick."""
     if not channel.sends(tick):
         return [LOST]
-    return [*range(channel.late + 1), *([LOST] if lost < channel.lost or channel.lost == ANY_NUMBER else [])]
+    return [
+        *range(channel.late + 1),
+        *([LOST] if lost < channel.lost or channel.lost == ANY_NUMBER else []),
+    ]
 
 
 def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
     """The loop whose channels show in every tick what they read, with all of their states."""
-    through = {channel.name: channel.block(SENT, (NOTHING,) * channel.registers) for channel in channels}
+    through = {
+        channel.name: channel.block(SENT, (NOTHING,) * channel.registers) for channel in channels
+    }
     placed = (
-        ScheduledBlock(through[scheduled.block.name]) if scheduled.block.name in through else scheduled
+        ScheduledBlock(through[scheduled.block.name])
+        if scheduled.block.name in through
+        else scheduled
         for scheduled in loop.placed
     )
     return replace(loop, placed=tuple(placed))
 
 
-def _at(loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple) -> MultirateLoop:
+def _at(
+    loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple
+) -> MultirateLoop:
     """The loop of two ticks of which the first is a tick of a frame, in which channels take from these places; all run then."""
-    channel_blocks = {channel.name: channel.block(*places) for channel, places in zip(channels, taken, strict=True)}
-    unread = {f"{name}.u": {} for name, block in channel_blocks.items() if not (block.B.any() or block.D.any())}
+    channel_blocks = {
+        channel.name: channel.block(*places)
+        for channel, places in zip(channels, taken, strict=True)
+    }
+    unread = {
+        f"{name}.u": {}
+        for name, block in channel_blocks.items()
+        if not (block.B.any() or block.D.any())
+    }
     placed = []
     for scheduled in loop.placed:
         name = scheduled.block.name
         runs = name in channel_blocks or scheduled.runs(tick + 1)[tick]
-        placed.append(ScheduledBlock(channel_blocks.get(name, scheduled.block), 2, (0, 1) if runs else 1))
+        placed.append(
+            ScheduledBlock(channel_blocks.get(name, scheduled.block), 2, (0, 1) if runs else 1)
+        )
     return replace(loop, placed=tuple(placed), sums={**loop.sums, **unread})
 
 
@@ -292,7 +362,10 @@ def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
         shift[lead] = 1.0
         shift[[state for state, _ in trailing]] = [factor for _, factor in trailing]
         for tick_map in ticks.maps:
-            if lead in drift.varying or (np.abs(tick_map.E @ shift) > STILL * (np.abs(tick_map.E) @ np.abs(shift))).any():
+            if (
+                lead in drift.varying
+                or (np.abs(tick_map.E @ shift) > STILL * (np.abs(tick_map.E) @ np.abs(shift))).any()
+            ):
                 raise UsageError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
                     "holds in place; feed the position back"

@@ -57,7 +57,9 @@ class Climbed:
         return self.points[~(self.growth < 1)]
 
 
-def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS) -> Climbed:
+def climb(
+    growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS
+) -> Climbed:
     """Return the members of a box `(2, numbers)` that grow most, as far as a climb finds them.
 
     starts: members that are tried in any case, `(points, numbers)`. The same box has the same
@@ -172,7 +174,9 @@ def constant_growth(loop: Loops, paths: list[str]) -> Growth:
     return Growth(of, operations)
 
 
-def growth_in_words(frames_at: Callable[[np.ndarray], np.ndarray], states: int, follows: np.ndarray) -> Growth:
+def growth_in_words(
+    frames_at: Callable[[np.ndarray], np.ndarray], states: int, follows: np.ndarray
+) -> Growth:
     """Return the growth per frame of the fastest of some short patterns of frames.
 
     frames_at: from points to the matrices of all symbols, `(symbols, points, n, n)`.
@@ -191,7 +195,9 @@ def growth_in_words(frames_at: Callable[[np.ndarray], np.ndarray], states: int, 
     return Growth(of, OF_A_MEMBER + EIGENVALUES * len(words) * states**3)
 
 
-def growth_on_average(frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray) -> Growth:
+def growth_on_average(
+    frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray
+) -> Growth:
     """Return the growth of second moments per frame; see `growth_in_words`. weight: of the edges."""
 
     def of(points):

@@ -44,13 +44,22 @@ class DesignRanking(DesignProof):
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
-        return "refuted" if any(seems_refuted(family, 0.0) for family in self._families(spec, "")) else "proved"
+        return (
+            "refuted"
+            if any(seems_refuted(family, 0.0) for family in self._families(spec, ""))
+            else "proved"
+        )
 
     def stiffest(self, spec: Spec, path: str, stop: float) -> float:
         """The softest wall, at most `stop`, with which some short pattern of frames is unstable."""
-        return min((seems_refuted_from(family, stop) for family in self._families(spec, path)), default=stop)
+        return min(
+            (seems_refuted_from(family, stop) for family in self._families(spec, path)),
+            default=stop,
+        )
 
     def _families(self, spec, along):
         cases = cases_of(self.rules, along, (0.0, 0.0), loops_of(spec, dict(spec.values), along))
         families = (self.rules.family(case.values, along) for case in cases)
-        return [family for family in families if family.drift is None]  # one that drifts never decays
+        return [
+            family for family in families if family.drift is None
+        ]  # one that drifts never decays

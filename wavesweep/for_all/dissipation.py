@@ -51,12 +51,18 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     while open_:
         node = open_.pop()
         for kind in sorted({rest[0] for rest, _ in node}):
-            further = ({(rest[1:], some)} if rest[1:] else begun(some) for rest, some in node if rest[0] == kind)
+            further = (
+                {(rest[1:], some)} if rest[1:] else begun(some)
+                for rest, some in node
+                if rest[0] == kind
+            )
             edges.append((nodes[node], kind, number(frozenset().union(*further))))
     return Graph(*np.array(edges).T)
 
 
-def least_damping(M: np.ndarray, S: np.ndarray, follows: np.ndarray) -> Iterator[tuple[Centre, float]]:
+def least_damping(
+    M: np.ndarray, S: np.ndarray, follows: np.ndarray
+) -> Iterator[tuple[Centre, float]]:
     """Yield energies and dampings with which every edge dissipates, from the least damping on; nothing if none are found.
 
     M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges, edges)`. The edges are the
@@ -73,7 +79,10 @@ def least_damping(M: np.ndarray, S: np.ndarray, follows: np.ndarray) -> Iterator
     centre, factor = find_norms(M[..., :n], follows)
     if factor == 1:
         for each, damping in reversed(_path(centre, M, S)):
-            yield replace(each, basis=units[:, None] * each.basis, inverse=each.inverse / units), damping
+            yield (
+                replace(each, basis=units[:, None] * each.basis, inverse=each.inverse / units),
+                damping,
+            )
 
 
 def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
@@ -108,7 +117,9 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
                 change, step, decrement = _newton(slack(P, d), M, weight, graph, len(P))
             except np.linalg.LinAlgError:  # singular to rounding
                 return found
-            while length > SHORTEST and not barrier(P + length * change, d + length * step) < before:
+            while (
+                length > SHORTEST and not barrier(P + length * change, d + length * step) < before
+            ):
                 length *= 0.7
             if length <= SHORTEST:
                 return found

@@ -18,7 +18,15 @@ from wavesweep.engine.expressions import degree
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold
-from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
+from wavesweep.for_all.rows import (
+    FOR_ALL_RECORD,
+    Row,
+    all_of,
+    cases_of,
+    is_near,
+    recorded,
+    text_of_part,
+)
 from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
 from wavesweep.haptics.controllers import HAND
@@ -29,7 +37,15 @@ from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.sweep.job import Job
 
 FREE = dict.fromkeys(HAND, 0.0)
-STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for
+STARTS = (
+    0.0,
+    1.0,
+    0.05,
+    0.2,
+    0.01,
+    0.5,
+    0.002,
+)  # of the range, where a passive value is looked for
 CLOSE = 1e-5  # of an end, or of the range, how near the last value on its other side is
 LARGE = 1e9  # N*s/m: more than anything is short of
 SLOW = 1e-3  # rad per tick, below which the motion is the same in each repetition of a pattern
@@ -50,7 +66,9 @@ class EveryHandGuarantee(Guarantee):
 
     def notices(self, job: Job) -> tuple[str, ...]:  # noqa: ARG002
         """What the other rows are of."""
-        return ("rows passive hold for all of [for_all], whatever the frames do; the others are of the spec's own numbers",)
+        return (
+            "rows passive hold for all of [for_all], whatever the frames do; the others are of the spec's own numbers",
+        )
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
@@ -66,7 +84,9 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     drawing = own_loop(spec, along).drawing
     _refuse_loop(spec, rules, drawing)
     with placed(spec):
-        margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along)
+        margin = _Margin(
+            rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along
+        )
     ruled = margin.ruled
 
     def curved(path):
@@ -74,11 +94,18 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
 
     for axis in margin.case.ranges:
         if axis.path not in HAND and (axis.path in ruled.reads or curved(axis.path)):
-            raise UsageError(REFUSED.format("ranges of the device's mass and damping alone, and values of others", axis.name))
+            raise UsageError(
+                REFUSED.format(
+                    "ranges of the device's mass and damping alone, and values of others", axis.name
+                )
+            )
     name = name_of(along)
     if along and (curved(along) or (along in ruled.reads and not _acts_once(ruled, name))):
         raise UsageError(
-            REFUSED.format("intervals along a number that multiplies what it does not act on itself, such as K_VE", name)
+            REFUSED.format(
+                "intervals along a number that multiplies what it does not act on itself, such as K_VE",
+                name,
+            )
         )
 
 
@@ -86,9 +113,13 @@ def _refuse_loop(spec, rules, drawing):
     if rules.messages:
         raise UsageError("for hands: expected a spec without channels, found some")
     if drawing.has_waves:
-        raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
+        raise UsageError(
+            REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves")
+        )
     if drawing.dead_times:
-        expected = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
+        expected = (
+            "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
+        )
         raise UsageError(REFUSED.format(expected, f"seconds of {', '.join(drawing.dead_times)}"))
 
 
@@ -98,7 +129,9 @@ def _acts_once(ruled: Drawing, name: str) -> bool:
     start = place.split(".")[1] if place else ""
     sources = {}
     for port, terms in (*ruled.wires, *ruled.couplings):
-        sources.setdefault(port.partition(".")[0], set()).update(signal.partition(".")[0] for signal, _ in terms)
+        sources.setdefault(port.partition(".")[0], set()).update(
+            signal.partition(".")[0] for signal, _ in terms
+        )
     reached = sources.get(start, set())
     while further := set().union(*(sources.get(signal, ()) for signal in reached)) - reached:
         reached = reached | further
@@ -121,8 +154,12 @@ def damping(spec: Spec) -> dict[str, object] | None:
     _, needed, has = max(margins_at_rest, key=lambda each: each[1].proved - each[2])
     margin, worst, _ = max(margins_at_rest, key=lambda each: each[1].refuted - each[2])
     numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
-    facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
-    if needed.proved <= has and not claims_hold(rules, [margin.case for margin in margins], changes=FREE):
+    facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {
+        "by": margin.text(worst)
+    }
+    if needed.proved <= has and not claims_hold(
+        rules, [margin.case for margin in margins], changes=FREE
+    ):
         return facts | {"needed": None, "doubt": "contradiction"}
     return facts
 
@@ -137,7 +174,11 @@ class _Margin:
         self.plan = rules.plan({**case.values, **FREE}, (along,) if along else ())
         self.loop = HeldLoop(self.plan.drawing, self.plan.values)
         self.ruled = with_ruler(self.plan.drawing)
-        block = next(block for block in self.plan.drawing.blocks if block.name == device_of(self.plan.drawing))
+        block = next(
+            block
+            for block in self.plan.drawing.blocks
+            if block.name == device_of(self.plan.drawing)
+        )
         self.device = [dict(block.keys)[name] for name in ("damping", "stiffness")]
 
     def at(self, p: float):
@@ -147,7 +188,10 @@ class _Margin:
         along_value = {self.along: p} if self.along else {}
         ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
         paths = [axis.path for axis in self.case.ranges]
-        ends = [device_keys(self.loop.changed({**dict(zip(paths, corner, strict=True)), **along_value})) for corner in ends]
+        ends = [
+            device_keys(self.loop.changed({**dict(zip(paths, corner, strict=True)), **along_value}))
+            for corner in ends
+        ]
         has, stiffness = (float(min(end_keys[place] for end_keys in ends)) for place in (1, 2))
         loop, needed = self._needed(p, along_value)
         return Needed(np.inf) if loop and loop.pulls(stiffness) else needed, has
@@ -159,7 +203,10 @@ class _Margin:
         key = p if self.along in self.ruled.reads else None
         if key not in self.known:
             loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **along_value}))
-            self.known[key] = loop, loop.needed() if loop and self._decays(loop, p) else Needed(np.inf)
+            self.known[key] = (
+                loop,
+                loop.needed() if loop and self._decays(loop, p) else Needed(np.inf),
+            )
         return self.known[key]
 
     def _decays(self, loop, p) -> bool:
@@ -185,7 +232,9 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
     """The passive values that are proved, and the nearest ones that are refuted."""
     low, high = span
     proved, refuted = (_signed(margin, side) for side in ("proved", "refuted"))
-    start = next((p for p in (low + share * (high - low) for share in STARTS) if proved(p) <= 0), None)
+    start = next(
+        (p for p in (low + share * (high - low) for share in STARTS) if proved(p) <= 0), None
+    )
     if start is None:
         return None
     ends, fails, by, omega = [], [], [], []
@@ -200,7 +249,8 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
         omega.append(needed.omega if needed else np.nan)
     interval = Part(*fails, *by, *omega)
     settled = all(
-        is_near(end, fail) and (known or end == limit) for end, fail, known, limit in zip(ends, fails, by, span, strict=True)
+        is_near(end, fail) and (known or end == limit)
+        for end, fail, known, limit in zip(ends, fails, by, span, strict=True)
     )
     return Row(*ends, interval, settled, text_of_part(interval))
 
@@ -213,7 +263,9 @@ def _signed(margin, part) -> Callable[[float], float]:
     return missing
 
 
-def _edge(missing: Callable[[float], float], inside: float, limit: float) -> tuple[float, float | None]:
+def _edge(
+    missing: Callable[[float], float], inside: float, limit: float
+) -> tuple[float, float | None]:
     """The last value found at which nothing is missing, from one where it is so towards a limit, and the first one beyond."""
     from scipy.optimize import brentq
 
@@ -228,6 +280,10 @@ def _edge(missing: Callable[[float], float], inside: float, limit: float) -> tup
     least = CLOSE * abs(limit - inside)
     end = brentq(looked, inside, limit, xtol=CLOSE * least, rtol=CLOSE / 4)
     for side in (-1, 1):
-        looked(float(np.clip(end + side * CLOSE / 2 * max(abs(end), least), *sorted((inside, limit)))))
+        looked(
+            float(np.clip(end + side * CLOSE / 2 * max(abs(end), least), *sorted((inside, limit))))
+        )
     within = [p for p, value in margins_seen.items() if value <= 0]
-    return max(within, key=lambda p: abs(p - inside)), min(margins_seen.keys() - within, key=lambda p: abs(p - inside))
+    return max(within, key=lambda p: abs(p - inside)), min(
+        margins_seen.keys() - within, key=lambda p: abs(p - inside)
+    )

@@ -36,8 +36,14 @@ from wavesweep.haptics.held_loop import device_of
 BITS = 192
 MOST = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
-LONGEST, TRIED = 3, 96  # frames of a pattern, and how many patterns of two and of three are looked at
-NEAR, LEAST = 1e-4, 0.01  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
+LONGEST, TRIED = (
+    3,
+    96,
+)  # frames of a pattern, and how many patterns of two and of three are looked at
+NEAR, LEAST = (
+    1e-4,
+    0.01,
+)  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
 ROOM = 1e-12  # of the damping, for the rounding of a product
 
 
@@ -71,7 +77,12 @@ class Unmet:
             return None
         matrices = [[frame[i, j] - int(i == j) for i in left for j in left] for frame in frames]
         E = np.array([[float(entry.mid()) for entry in matrix] for matrix in matrices])
-        dE = np.array([[float((entry - arb(float(entry.mid()))).abs_upper()) for entry in matrix] for matrix in matrices])
+        dE = np.array(
+            [
+                [float((entry - arb(float(entry.mid()))).abs_upper()) for entry in matrix]
+                for matrix in matrices
+            ]
+        )
         shape = len(frames), len(left), len(left)
         return Unmet(E.reshape(shape), np.nextafter(dE, np.inf).reshape(shape), follows)
 
@@ -117,13 +128,18 @@ class EveryHand:
             index, maps = _ticks(plan)
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
-            words = tuple(_timed([*row, sample], maps, joined) for row, sample in zip(rows, samples, strict=True))
+            words = tuple(
+                _timed([*row, sample], maps, joined)
+                for row, sample in zip(rows, samples, strict=True)
+            )
             ticks = [reduce(_after, (maps[index] for index in indices)) for indices in joined]
             from_rest = _from_rest(ticks)
             if from_rest is None:
                 return None
             (kinds, stiffness, rest), graph = from_rest, automaton(words, follows)
-            unmet = Unmet.of([reduce(_after, (ticks[index] for index in word)) for word in words], rest, follows)
+            unmet = Unmet.of(
+                [reduce(_after, (ticks[index] for index in word)) for word in words], rest, follows
+            )
         n = kinds[0][0].nrows()
         if (most := graph.nodes * n * (n + 1) // 2) > MOST:
             raise UsageError(
@@ -159,11 +175,16 @@ class EveryHand:
         Patterns that need most are made longer until one needs about what is proved.
         """
         n, best, beam = M.shape[1], (-np.inf, (), np.nan), [()]
-        maps = [(A[:, :n] - np.eye(n), A[:, n:], row[:, :n], row[:, n:]) for A, row in zip(M, rows, strict=True)]
+        maps = [
+            (A[:, :n] - np.eye(n), A[:, n:], row[:, :n], row[:, n:])
+            for A, row in zip(M, rows, strict=True)
+        ]
         for _ in range(LONGEST):
             longer = [(*first, last) for first in beam for last in range(len(self.words))]
             longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
-            needs = sorted((self._needed_by(word, maps) for word in longer), key=lambda each: -each[0])
+            needs = sorted(
+                (self._needed_by(word, maps) for word in longer), key=lambda each: -each[0]
+            )
             best = max(best, needs[0], key=lambda each: each[0])
             if best[0] >= proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
@@ -185,12 +206,16 @@ class EveryHand:
         with ctx.workprec(BITS):
             stored = [arb_mat(P.tolist()) for P in norms.P]
             definite = all(map(_definite, (P.tolist() for P in stored)))
-            for source, edge, target in zip(norms.graph.source, norms.graph.symbol, norms.graph.target, strict=True):
+            for source, edge, target in zip(
+                norms.graph.source, norms.graph.symbol, norms.graph.target, strict=True
+            ):
                 M, row = self.kinds[self.graph.symbol[edge]]
                 F = (M.transpose() * stored[target] * M * -1).tolist()
                 n = len(F) - 1
                 for i in range(n):
-                    F[i] = [F[i][j] + stored[source][i, j] for j in range(n)] + [F[i][n] + row[0, i] / 2]
+                    F[i] = [F[i][j] + stored[source][i, j] for j in range(n)] + [
+                        F[i][n] + row[0, i] / 2
+                    ]
                     F[n][i] = F[i][n]
                 F[n][n] += row[0, n] + arb(damping)
                 definite = definite and _definite(F)
@@ -209,7 +234,9 @@ def _definite(rows) -> bool:
 
 
 def _doubles(matrix):
-    return np.array([[float(entry.mid()) for entry in row] for row in matrix.tolist()]).reshape(matrix.nrows(), matrix.ncols())
+    return np.array([[float(entry.mid()) for entry in row] for row in matrix.tolist()]).reshape(
+        matrix.nrows(), matrix.ncols()
+    )
 
 
 def with_ruler(drawing: Drawing) -> Drawing:
@@ -218,34 +245,58 @@ def with_ruler(drawing: Drawing) -> Drawing:
     device, zero = device_of(drawing), ("number", 0.0, 0)
     pushes, takes = f"{device}!push", f"{device}!force"
     explicit = (("method", "explicit"),)
-    ruler = [DrawnBlock(name, "integrator", explicit, ("number", 1.0, 0), zero) for name in (device, pushes)]
-    ruler.append(DrawnBlock(takes, "delay", (("steps", ("number", 1.0, 0)),), ("number", 1.0, 0), zero))
+    ruler = [
+        DrawnBlock(name, "integrator", explicit, ("number", 1.0, 0), zero)
+        for name in (device, pushes)
+    ]
+    ruler.append(
+        DrawnBlock(takes, "delay", (("steps", ("number", 1.0, 0)),), ("number", 1.0, 0), zero)
+    )
     wires = []
     for port, terms in drawing.wires:
         kept = tuple(
-            (f"{device}.y" if signal == f"{device}.x" else signal, gain) for signal, gain in terms if signal != drawing.hand[0]
+            (f"{device}.y" if signal == f"{device}.x" else signal, gain)
+            for signal, gain in terms
+            if signal != drawing.hand[0]
         )
         wires.append((f"{takes}.u" if port == f"{device}.f" else port, kept))
     wires.append((f"{device}.u", ((f"{pushes}.y", drawing.tick_hz),)))
     other_blocks = [block for block in drawing.blocks if block.name != device]
-    return replace(drawing, blocks=(*ruler, *other_blocks), wires=tuple(wires), hand=None, inputs=(), outputs=(), named=())
+    return replace(
+        drawing,
+        blocks=(*ruler, *other_blocks),
+        wires=tuple(wires),
+        hand=None,
+        inputs=(),
+        outputs=(),
+        named=(),
+    )
 
 
 def _ticks(plan: Plan):
     """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
     index, maps, balls = {}, {}, offered("ticks")
     if balls is None:
-        raise UsageError("hand passive while frames vary: expected the capability prove, found that it is not there")
+        raise UsageError(
+            "hand passive while frames vary: expected the capability prove, found that it is not there"
+        )
     at_steps = [with_ruler(plan.schedule.with_period(plan.drawing, step)) for step in plan.steps]
     loops = [balls.BallLoop(drawing, plan.values, "") for drawing in at_steps]
-    held = sorted({output for loop in loops for output in loop.held})  # at one step perhaps, where a block runs in every tick
+    held = sorted(
+        {output for loop in loops for output in loop.held}
+    )  # at one step perhaps, where a block runs in every tick
     for step, loop in zip(plan.steps, loops, strict=True):
         running = plan.schedule.running([block.name for block in loop.blocks])
-        loop.kinds, loop.held = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running), held
+        loop.kinds, loop.held = (
+            tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running),
+            held,
+        )
         tick_maps = loop.tick_maps(arb(0))
         for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
             matrix = tick_maps[places][0]
-            key = tuple((entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries())
+            key = tuple(
+                (entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries()
+            )
             index[kind, step] = maps.setdefault(key, (len(maps), matrix))[0]
     return index, [matrix for _, matrix in maps.values()]
 
@@ -281,7 +332,10 @@ def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndar
     def part(tick, rows, columns):
         return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
 
-    frame, identity = reduce(_after, ticks), arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
+    frame, identity = (
+        reduce(_after, ticks),
+        arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest]),
+    )
     try:
         R = (identity - part(frame, rest, rest)).solve(part(frame, rest, [X]))
     except ZeroDivisionError:
@@ -296,14 +350,28 @@ def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndar
             return None
         B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
         rows_found.append([[*a, *b] for a, b in zip(free.tolist(), B.tolist(), strict=True)])
-        rows_found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
-    present = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in rows_found]).any(0)
+        rows_found[-1].append(
+            [*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2]
+        )
+    present = np.array(
+        [[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in rows_found]
+    ).any(0)
     moved = closure([present[:, :-1].T], present[:, -1]) if rest else np.zeros(0, bool)
     places = [*np.flatnonzero(moved).tolist(), len(rest)]
     rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in rows_found]
-    size, met = (len(places) - 1, len(places)), {X, PUSH, FORCE, *(rest[place] for place in places[:-1])}
+    size, met = (
+        (len(places) - 1, len(places)),
+        {X, PUSH, FORCE, *(rest[place] for place in places[:-1])},
+    )
     kinds = tuple(
-        (arb_mat(*size, [entry for row in rows_of_kind[:-1] for entry in row]), arb_mat(rows_of_kind[-1:]))
+        (
+            arb_mat(*size, [entry for row in rows_of_kind[:-1] for entry in row]),
+            arb_mat(rows_of_kind[-1:]),
+        )
         for rows_of_kind in rows
     )
-    return kinds, stiffness, np.array([state for state in range(ticks[0].nrows()) if state not in met], int)
+    return (
+        kinds,
+        stiffness,
+        np.array([state for state in range(ticks[0].nrows()) if state not in met], int),
+    )

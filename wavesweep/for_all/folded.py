@@ -14,7 +14,9 @@ from wavesweep.engine.frames import MarginalModes, Ticks, consistent_solution
 from wavesweep.engine.sets import UNIT
 
 
-def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray) -> MarginalModes:
+def lasting(
+    drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray
+) -> MarginalModes:
     """Return the drift with the lead that moves most at all corners of a box of numbers, so that V stays finite in all of it.
 
     ticks_at: gives the ticks at points of the box. More than one lead is left as it is.

@@ -10,7 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from wavesweep.engine.drawing import Drawing, DrawnBlock, finite_value, name_of, scalars, without_rule
+from wavesweep.engine.drawing import (
+    Drawing,
+    DrawnBlock,
+    finite_value,
+    name_of,
+    scalars,
+    without_rule,
+)
 from wavesweep.engine.errors import Mistake, SpecError
 from wavesweep.engine.expressions import names_in, text_of
 from wavesweep.for_all.loop_frames import Symbol
@@ -19,7 +26,9 @@ from wavesweep.haptics.controller_page import loop_drawing
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
-IN_PHASE = (None,)  # as delays: results are in place when the blocks that show them run, by their phases
+IN_PHASE = (
+    None,
+)  # as delays: results are in place when the blocks that show them run, by their phases
 RULED = "whose types have a rule for steps that vary (`wavesweep keys block`)"
 RATIO, DELAY = "rates.ratio", "environment.delay"
 # Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place at once; one in which a
@@ -61,7 +70,12 @@ class SlowFrames:
     number: str = ""
 
     @staticmethod
-    def of(drawing: Drawing, values: Mapping[str, object], number: str = "", numbers: Sequence[int] = ()) -> "SlowFrames":
+    def of(
+        drawing: Drawing,
+        values: Mapping[str, object],
+        number: str = "",
+        numbers: Sequence[int] = (),
+    ) -> "SlowFrames":
         """Return those of a loop in which a number has some values in turn, and `every` of blocks depends on it in any way.
 
         number: its path; its value among `values` gives the nominal length, which is the only one without a number.
@@ -74,9 +88,15 @@ class SlowFrames:
             if {*ticks} != {1} or any(each == name for each, _ in names_in(block.every)):
                 found[block.name] = block, tuple(map(int, ticks))
         if len({ticks for _, ticks in found.values()}) > 1:
-            runs = ", ".join(f"{text_of(block.every)} of {block.name}" for block, _ in found.values())
+            runs = ", ".join(
+                f"{text_of(block.every)} of {block.name}" for block, _ in found.values()
+            )
             last, _ = [*found.values()][-1]
-            refuse(_every(last), "one `every` of all blocks that do not run in every tick, whatever varies", runs)
+            refuse(
+                _every(last),
+                "one `every` of all blocks that do not run in every tick, whatever varies",
+                runs,
+            )
         ticks = next((ticks for _, ticks in found.values()), (1,))
         return SlowFrames(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
 
@@ -87,7 +107,11 @@ def _whole_ticks(block, numbers, name):
     for values, value in zip(numbers, ticks, strict=True):
         if value is None or value < 1 or value % 1:
             at = f" with {name} = {values[name]}" if name else ""
-            refuse(_every(block), "a whole number of ticks, 1 or more", f"{'none' if value is None else f'{value:g}'}{at}")
+            refuse(
+                _every(block),
+                "a whole number of ticks, 1 or more",
+                f"{'none' if value is None else f'{value:g}'}{at}",
+            )
     return ticks
 
 
@@ -99,7 +123,11 @@ def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = (
     drawing = loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
     if any(block.type == "mean" for block in drawing.blocks):
         expected = "a controller whose filters do not depend on the ratio, where frames, delays or results vary"
-        refuse("controller.kind", expected, f"{values['controller.kind']}, whose mean is as long as a frame")
+        refuse(
+            "controller.kind",
+            expected,
+            f"{values['controller.kind']}, whose mean is as long as a frame",
+        )
     return drawing
 
 
@@ -118,19 +146,46 @@ def plan_of(
     Errors: SpecError for blocks that cannot have such frames.
     """
     blocks, known = [block for block in drawing.blocks if block.name in slow.names], scalars(values)
-    shown = frozenset(name for name in slow.names if frames.delays != IN_PHASE and name.endswith("_shown"))
-    phases = {block.name: int(finite_value(block.phase, known)) for block in blocks if block.name not in shown}
+    shown = frozenset(
+        name for name in slow.names if frames.delays != IN_PHASE and name.endswith("_shown")
+    )
+    phases = {
+        block.name: int(finite_value(block.phase, known))
+        for block in blocks
+        if block.name not in shown
+    }
     for name, phase in phases.items():
         if phase >= min(frames.lengths):
-            refuse(f"block.{name}.phase", f"phases below the shortest frame, {min(frames.lengths)}", f"{phase} of {name}")
+            refuse(
+                f"block.{name}.phase",
+                f"phases below the shortest frame, {min(frames.lengths)}",
+                f"{phase} of {name}",
+            )
     if len({*frames.lengths, slow.nominal}) > 1:
-        _refuse_unsteady(drawing, [each for each in blocks if each.name not in channels], slow.number, frames.elapsed)
-    kinds = {phase: frozenset(name for name in phases if phases[name] == phase) for phase in sorted({0, *phases.values()})}
+        _refuse_unsteady(
+            drawing,
+            [each for each in blocks if each.name not in channels],
+            slow.number,
+            frames.elapsed,
+        )
+    kinds = {
+        phase: frozenset(name for name in phases if phases[name] == phase)
+        for phase in sorted({0, *phases.values()})
+    }
     steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
     results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
     through = sorted({delay == 0 for delay, _ in results})
-    some = [frozenset(each) for count in range(len(channels) + 1) for each in combinations(sorted(channels), count)]
-    kinds |= {(phase, gone): kinds[phase] - gone for phase in [*kinds] for gone in some if gone & kinds[phase] == gone != set()}
+    some = [
+        frozenset(each)
+        for count in range(len(channels) + 1)
+        for each in combinations(sorted(channels), count)
+    ]
+    kinds |= {
+        (phase, gone): kinds[phase] - gone
+        for phase in [*kinds]
+        for gone in some
+        if gone & kinds[phase] == gone != set()
+    }
     symbols = [
         Symbol(ticks, *result, step, each, gone)
         for ticks in frames.lengths
@@ -157,12 +212,27 @@ def plan_of(
 
     kinds_of_ticks = {**kinds, TICK: frozenset()}
     if frames.delays != IN_PHASE:
-        kinds_of_ticks |= {SHOW: shown, LATE: None} | ({THROUGH: frozenset(slow.names)} if 0 in frames.delays else {})
-    held = {path: value for path, value in values.items() if path in drawing.reads or path in drawing.building}
-    return Plan(drawing, held, Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown), symbols, rest, sample)
+        kinds_of_ticks |= {SHOW: shown, LATE: None} | (
+            {THROUGH: frozenset(slow.names)} if 0 in frames.delays else {}
+        )
+    held = {
+        path: value
+        for path, value in values.items()
+        if path in drawing.reads or path in drawing.building
+    }
+    return Plan(
+        drawing,
+        held,
+        Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown),
+        symbols,
+        rest,
+        sample,
+    )
 
 
-def _refuse_unsteady(drawing: Drawing, slow: Sequence[DrawnBlock], number: str, elapsed: bool) -> None:
+def _refuse_unsteady(
+    drawing: Drawing, slow: Sequence[DrawnBlock], number: str, elapsed: bool
+) -> None:
     """Raise SpecError if slow blocks have a type without a rule for steps that vary, or a key or wire reads what varies.
 
     Keys and wires that read the period (`dt`) would keep the nominal one.
@@ -171,7 +241,9 @@ def _refuse_unsteady(drawing: Drawing, slow: Sequence[DrawnBlock], number: str, 
         refuse(f"block.{wrong[0].partition(' ')[0]}.type", f"slow blocks {RULED}", ", ".join(wrong))
     for path, tree in drawing.trees():
         if not path.endswith(".every") and any(name == number for name, _ in names_in(tree)):
-            refuse(path, f"keys and wires that do not read the frame's length, {number}", text_of(tree))
+            refuse(
+                path, f"keys and wires that do not read the frame's length, {number}", text_of(tree)
+            )
 
 
 def _every(block: DrawnBlock) -> str:

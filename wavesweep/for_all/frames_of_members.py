@@ -25,7 +25,9 @@ class Members:
     follows: np.ndarray
 
 
-def frames_of_ticks(ticks: Ticks, drift: MarginalModes, rows: Sequence[Sequence[int]], samples: Sequence[int]) -> np.ndarray:
+def frames_of_ticks(
+    ticks: Ticks, drift: MarginalModes, rows: Sequence[Sequence[int]], samples: Sequence[int]
+) -> np.ndarray:
     """Return the matrices of all symbols without drift, `(symbols, points, n, n)`.
 
     ticks: of members in a batch. rows, samples: see `LoopFrames`.
@@ -38,7 +40,9 @@ def frames_of_ticks(ticks: Ticks, drift: MarginalModes, rows: Sequence[Sequence[
     with np.errstate(all="ignore"):
         return np.stack(
             [
-                reduce(lambda whole, kind: maps[kind] @ whole, (*row, sample), np.eye(maps.shape[-1]))
+                reduce(
+                    lambda whole, kind: maps[kind] @ whole, (*row, sample), np.eye(maps.shape[-1])
+                )
                 for row, sample in zip(rows, samples, strict=True)
             ]
         )

@@ -15,14 +15,30 @@ import numpy as np
 from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, TaylorModel, UnresolvedError, monomials
+from wavesweep.engine.sets import (
+    UNIT,
+    EnclosedLoop,
+    Polynomials,
+    Side,
+    TaylorModel,
+    UnresolvedError,
+    monomials,
+)
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.loop_frames import Symbol, alive
 
 ORDER = 5  # total degree of the polynomials
-ORDERS = (8, 10, 8, 6, 6)  # the same for so many numbers where frames are all alike, whose forms are of that degree too
+ORDERS = (
+    8,
+    10,
+    8,
+    6,
+    6,
+)  # the same for so many numbers where frames are all alike, whose forms are of that degree too
 ROUNDINGS = 16.0  # of its terms, that a row of equations is known to at best
-INSIDE = np.array([[0.3], [0.7]])  # places in a box at which the structure of its ticks is looked at
+INSIDE = np.array(
+    [[0.3], [0.7]]
+)  # places in a box at which the structure of its ticks is looked at
 
 
 Groups = Sequence[tuple[int, Sequence[tuple[int, float]]]]
@@ -184,7 +200,9 @@ class FramesOver:
         return frames.at(self.kept, self.kept)
 
 
-def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]) -> FramesOver:
+def constant_frames(
+    loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]
+) -> FramesOver:
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides. most: of the order."""
     inside = inside_of(box)
     values = dict(loop.values)

@@ -66,7 +66,11 @@ class Graph:
 
     def doubled(self, symbols: int) -> "Graph":
         """Return the graph with a second edge parallel to each one, by the matrix whose index is `symbols` higher."""
-        return Graph(np.tile(self.source, 2), np.append(self.symbol, self.symbol + symbols), np.tile(self.target, 2))
+        return Graph(
+            np.tile(self.source, 2),
+            np.append(self.symbol, self.symbol + symbols),
+            np.tile(self.target, 2),
+        )
 
     def is_complete(self, follows: np.ndarray) -> bool:
         """Return whether every sequence that `follows` allows is a walk in the graph."""
@@ -75,7 +79,9 @@ class Graph:
         every = np.isin(np.flatnonzero(follows.any(0) | follows.any(1)), self.symbol).all()
         return bool(every and not (follows[self.symbol] & ~leaving[self.target]).any())
 
-    def split(self, parts: dict[int, np.ndarray], follows: np.ndarray) -> tuple["Graph", np.ndarray]:
+    def split(
+        self, parts: dict[int, np.ndarray], follows: np.ndarray
+    ) -> tuple["Graph", np.ndarray]:
         """Return the graph with some nodes split in two, and the old node of each new one.
 
         parts: node -> the edges into it (indices) that lead to its new half. Edges out of a node leave both halves, but only
@@ -86,9 +92,15 @@ class Graph:
         for node, edges in parts.items():
             target[edges] = halves[node]
         leaving = {node: np.flatnonzero(self.source == node) for node in parts}
-        source = np.concatenate([self.source, *(np.full(leaving[node].size, half) for node, half in halves.items())])
+        source = np.concatenate(
+            [self.source, *(np.full(leaving[node].size, half) for node, half in halves.items())]
+        )
         more = np.concatenate([np.arange(self.source.size), *leaving.values()])
-        symbol, target, origin = self.symbol[more], target[more], np.append(np.arange(self.nodes), list(parts)).astype(int)
+        symbol, target, origin = (
+            self.symbol[more],
+            target[more],
+            np.append(np.arange(self.nodes), list(parts)).astype(int),
+        )
         while True:
             may = np.zeros((origin.size, len(follows)), bool)
             np.logical_or.at(may, target, follows[symbol])

@@ -87,7 +87,9 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
 
     if kinds not in ([], ["passive"]):
         said = "for hands: expected passive alone beside [for_all] or channels, whose hands are all passive ones at once"
-        raise UsageError(f"{said}, found {', '.join(kinds)}; write --for-hands passive, or leave [for_all] and channels out")
+        raise UsageError(
+            f"{said}, found {', '.join(kinds)}; write --for-hands passive, or leave [for_all] and channels out"
+        )
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)
         refuse_velocity("passive", own)
@@ -95,10 +97,14 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         return [every_hand.EveryHandGuarantee(Rules.of(spec))]
     spec.refuse_require("[for_all]")
     if own.asked.require:
-        raise UsageError("require: expected a spec without [for_all], which is about stability alone, found both")
+        raise UsageError(
+            "require: expected a spec without [for_all], which is about stability alone, found both"
+        )
     refuse_unsuitable_ranges(spec, along)
     swept = {axis.path for axis in own.grid.axes}
     if wrong := [axis.name for axis in spec.for_all.axes if axis.path in swept]:
-        raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
+        raise UsageError(
+            f"{', '.join(wrong)}: expected a number that [for_all] does not have as well"
+        )
     rules = Rules.of(spec)
     return [ForAllGuarantee(each) for each in (rules, rules.on_average()) if each]

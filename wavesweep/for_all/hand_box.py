@@ -19,8 +19,17 @@ from wavesweep.program.spec import Axis
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
-END_HANDS = {end: tuple(f"{end}_hand_{quantity}" for quantity in ("mass", "damping", "stiffness")) for end in ("low", "high")}
-BOX_RECORD = np.dtype([*RECORD.descr, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
+END_HANDS = {
+    end: tuple(f"{end}_hand_{quantity}" for quantity in ("mass", "damping", "stiffness"))
+    for end in ("low", "high")
+}
+BOX_RECORD = np.dtype(
+    [
+        *RECORD.descr,
+        *((name, "<f8") for names in END_HANDS.values() for name in names),
+        ("settled", "?"),
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +45,26 @@ class HandBox:
             range_given = getattr(self, name)
             ends = real_numbers(range_given)
             if ends is None or ends.shape != (2,):
-                raise ValueError(f"hand box: {name} expected (low, high), found {range_given!r:.60}")
+                raise ValueError(
+                    f"hand box: {name} expected (low, high), found {range_given!r:.60}"
+                )
             low, high = map(float, ends)
             if not 0 <= low <= high < np.inf:
-                raise ValueError(f"hand box: {name} expected 0 <= low <= high, found {low:g} to {high:g}")
+                raise ValueError(
+                    f"hand box: {name} expected 0 <= low <= high, found {low:g} to {high:g}"
+                )
 
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Low and high of each number, by its path."""
         return dict(
-            zip(HAND, [(float(low), float(high)) for low, high in (self.mass, self.damping, self.stiffness)], strict=True)
+            zip(
+                HAND,
+                [
+                    (float(low), float(high))
+                    for low, high in (self.mass, self.damping, self.stiffness)
+                ],
+                strict=True,
+            )
         )
 
 
@@ -79,7 +99,10 @@ class BoxGuarantee(Guarantee):
     def word(self) -> str:
         """The box as a word of --for-hands."""
         ranges = ((field.name, getattr(self.box, field.name)) for field in fields(HandBox))
-        texts = (f"{name}={'..'.join(repr(float(end)).removesuffix('.0') for end in ends)}" for name, ends in ranges)
+        texts = (
+            f"{name}={'..'.join(repr(float(end)).removesuffix('.0') for end in ends)}"
+            for name, ends in ranges
+        )
         return f"box:{','.join(texts)}"
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -89,11 +112,20 @@ class BoxGuarantee(Guarantee):
     def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
         """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         loop, ends = loop.with_hand(), self.box.ranges()
-        ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
+        ranges = [
+            Axis(path, path, (), low, high, structural=False)
+            for path, (low, high) in ends.items()
+            if low < high
+        ]
         constants = {path: low for path, (low, high) in ends.items() if low == high}
-        case = Case(Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants)
+        case = Case(
+            Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
+        )
         proved_parts = list(proofs([case], span, MARGIN))
-        low, high = (np.array([getattr(interval, end) for interval, _ in proved_parts]) for end in ("low", "high"))
+        low, high = (
+            np.array([getattr(interval, end) for interval, _ in proved_parts])
+            for end in ("low", "high")
+        )
         records = blank_records(low, high, BOX_RECORD)
         records["settled"] = bool(proved_parts) or case.certified
         records["certified"] = case.certified and not proved_parts  # that there are none
@@ -118,19 +150,25 @@ def box_in_words(text: str | None) -> BoxGuarantee:
 
     Errors: UsageError for a text, ValueError for ranges that are empty.
     """
-    return BoxGuarantee(HOLDING_A_DEVICE if text is None else replace(HOLDING_A_DEVICE, **_ranges(text)))
+    return BoxGuarantee(
+        HOLDING_A_DEVICE if text is None else replace(HOLDING_A_DEVICE, **_ranges(text))
+    )
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:
     """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
     ranges: dict[str, tuple[float, float]] = {}
     for text_of_range in text.split(","):
-        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(text_of_range)) else ("", "", "")
+        name, low, high = (
+            matched.groups() if (matched := _RANGE.fullmatch(text_of_range)) else ("", "", "")
+        )
         if name in ranges:
             raise UsageError(f"hand box: expected one range of {name}, found two")
         try:
             ranges[name] = (float(low), float(high))
         except ValueError:
             expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
-            raise UsageError(f"hand box: expected {expected}, found {text_of_range.strip()!r:.60}") from None
+            raise UsageError(
+                f"hand box: expected {expected}, found {text_of_range.strip()!r:.60}"
+            ) from None
     return ranges

@@ -27,19 +27,32 @@ NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames f
 SCANNED = 48  # numbers between the start and the limit at which short words are tried
 EVERY = 12  # long words are searched at one of so many of these
 TRIED = 8  # words whose crossings are computed
-BACK = 0.3, 0.1, 0.03  # of a refuted number, how far back words are searched that may decay again next to it
+BACK = (
+    0.3,
+    0.1,
+    0.03,
+)  # of a refuted number, how far back words are searched that may decay again next to it
 ROUNDS = 8  # of the search for words that refute a number closer to the start, from each of these
 MORE = 3  # times as many words are searched where no proof is found
 SPENT = 0.9  # part of the work after which no more norms are searched
-SEARCHES = 4  # into which the work that is left is divided: one for norms that do not exist ends soon
+SEARCHES = (
+    4  # into which the work that is left is divided: one for norms that do not exist ends soon
+)
 STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
-FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
+FINER, FINEST, FINE = (
+    3.0,
+    3e-4,
+    1e9,
+)  # factor and last value of finer tolerances that follow if cheap, and the work for them
 FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
 STEPS = 300  # norms for one side of the start
 # The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
 # without a finer graph; relative to the rest of the way or to the number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
-SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # relative to the whole way: a stretch, and the least rest to which it is compared
+SHORTEST, SHORTEST_LEFT = (
+    1e-7,
+    1e-3,
+)  # relative to the whole way: a stretch, and the least rest to which it is compared
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +119,13 @@ def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
     return Decision(UNKNOWN)
 
 
-def bracket(family: Family, start: float, limits: tuple[float, float], tolerance: float = 0.01, work: float = WORK) -> Bracket:
+def bracket(
+    family: Family,
+    start: float,
+    limits: tuple[float, float],
+    tolerance: float = 0.01,
+    work: float = WORK,
+) -> Bracket:
     """Return the numbers around a start, within limits, for which a family decays in every order that is allowed.
 
     tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
@@ -117,11 +136,17 @@ def bracket(family: Family, start: float, limits: tuple[float, float], tolerance
     """
     family = Remembered.of(family, (start, *(start + NEARBY * (limit - start) for limit in limits)))
     A = family.at(start)
-    first, factor = (None, 0.0) if growing_of(A, short_words(family.follows)) else find_norms(A, family.follows, work=work)
+    first, factor = (
+        (None, 0.0)
+        if growing_of(A, short_words(family.follows))
+        else find_norms(A, family.follows, work=work)
+    )
     if factor < 1:
         return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
     above = _side(family, start, limits[1], tolerance, first, work)
-    below = _side(family, start, limits[0], tolerance, first, work, tolerance**2 * abs(above.end - start))
+    below = _side(
+        family, start, limits[0], tolerance, first, work, tolerance**2 * abs(above.end - start)
+    )
     return Bracket(
         float(below.end),
         float(above.end),
@@ -152,7 +177,9 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
     """
     fails, word = nearest_refuted(family, start, limit, tolerance)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
-    stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
+    stretches, reached, climbed = _covered(
+        family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work
+    )
     # ceiling: a number for which no norms were found.
     spent, centre, ceiling, before = climbed.work, None, None, start
     while reached != goal and (word or abs(limit - reached) > near) and spent < SPENT * work:
@@ -175,7 +202,9 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
             stretches, reached = (*stretches, *further), aim
             continue
         tried = (aim, (aim + fails) / 2) if word else (aim,)
-        nearer = next(filter(None, (_grown(family, start, x, centre, word, MORE) for x in tried)), None)
+        nearer = next(
+            filter(None, (_grown(family, start, x, centre, word, MORE) for x in tried)), None
+        )
         if nearer and abs(nearer[0] - start) > abs(reached - start):
             (fails, word), ceiling = nearer, None
             goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
@@ -189,7 +218,10 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
     if word:
         side = replace(side, fails=nearest(family, side.word, start, side.fails))
     end = side.fails if word else limit
-    return replace(side, settled=abs(end - side.end) <= max(tolerance * _scale(end, start), 0.0 if word else near))
+    return replace(
+        side,
+        settled=abs(end - side.end) <= max(tolerance * _scale(end, start), 0.0 if word else near),
+    )
 
 
 def _refined(family, side, start, tolerance):
@@ -218,10 +250,14 @@ def _back(family, centre, factor, aim, reached, work):
     again, on a finer graph if that has not helped before.
     """
     stretches, at, used, fruitless = (), aim, centre.work, 0
-    if factor == 1 and not _proved(family, (aim,), (centre,)):  # rounding leaves no room, and a finer graph gives none
+    if factor == 1 and not _proved(
+        family, (aim,), (centre,)
+    ):  # rounding leaves no room, and a finer graph gives none
         return (), used
     while factor == 1 and used < work and fruitless < FRUITLESS:
-        further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
+        further, far, last = _covered(
+            family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used
+        )
         stretches, used = (*stretches, *further), used + last.work
         if far == reached:
             return stretches, used
@@ -251,7 +287,9 @@ def _inside(end, start, share):
     return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
 
 
-def nearest_refuted(family: Family, start: float, limit: float, tolerance: float) -> tuple[float, Word]:
+def nearest_refuted(
+    family: Family, start: float, limit: float, tolerance: float
+) -> tuple[float, Word]:
     """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
     fails, word, before, short = np.nan, (), start, short_words(family.follows)
     for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
@@ -275,7 +313,9 @@ def nearest_refuted(family: Family, start: float, limit: float, tolerance: float
 
 def _grown(family, start, x, centre, word=(), more=1):
     """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
-    words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more, norms=centre.norms)
+    words = growing(
+        family.at(x), family.follows, centre.basis, [word] if word else [], more, norms=centre.norms
+    )
     found = _first(family, words, start, x, x)
     return found if found[1] else None
 
@@ -301,7 +341,9 @@ def _proved(family, ends, centres):
     points = family.hull(ends[0], ends[-1])
     if points is None:
         return None
-    norms = tuple(family.norms(centre, points[0][[at]]) for centre, at in zip(centres, (0, -1), strict=False))
+    norms = tuple(
+        family.norms(centre, points[0][[at]]) for centre, at in zip(centres, (0, -1), strict=False)
+    )
     return norms if None not in norms and shrink_along(norms, *points, family.follows) else None
 
 

@@ -18,12 +18,31 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
-LOST = Key.whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
-LOSS = Key.gain(
-    "for_all.loss", 0.0, "1", "probability that a slow result never comes; the last one that came is held", high=1.0
+LOST = Key.whole(
+    "for_all.lost",
+    0,
+    "slow results in a row that may fail to come; the last one that came is held",
+    0,
+    16,
 )
-WEIGHT = Key.gain("for_all.shares", None, "1", "how often a value occurs; of several their ratios count", high=1e12)
-CHANCES = "shares", "next"  # of values that vary: a weight of each, or a row of weights for what follows each
+LOSS = Key.gain(
+    "for_all.loss",
+    0.0,
+    "1",
+    "probability that a slow result never comes; the last one that came is held",
+    high=1.0,
+)
+WEIGHT = Key.gain(
+    "for_all.shares",
+    None,
+    "1",
+    "how often a value occurs; of several their ratios count",
+    high=1e12,
+)
+CHANCES = (
+    "shares",
+    "next",
+)  # of values that vary: a weight of each, or a row of weights for what follows each
 MOST_VARYING = 64  # values of a number that varies
 
 
@@ -67,36 +86,71 @@ def build(request: Request) -> ForAll | None:
         place, varies = axis_place(parts), parts.pop("varying", None)
         weights = {part: parts.pop(part) for part in CHANCES if part in parts}
         if varies is not None and not isinstance(varies.value, bool):
-            mistakes.refuse(varies, f"{label}.varying", "true or false", show(varies.value), of_key=False)
+            mistakes.refuse(
+                varies, f"{label}.varying", "true or false", show(varies.value), of_key=False
+            )
         elif not parts:
             mistakes.refuse(varies, label, "start and stop, or values", "neither")
         elif "values" in parts and len(parts) > 1:
             mistakes.refuse(place, label, "either start and stop or values", "both")
         elif "next" in weights and name == DELAY:
-            mistakes.refuse(place, label, "shares of delays, or a list of them for each length of frames", "next")
+            mistakes.refuse(
+                place,
+                label,
+                "shares of delays, or a list of them for each length of frames",
+                "next",
+            )
         elif weights and not ("values" in parts and varies and varies.value):
-            mistakes.refuse(place, label, f"values and varying = true beside {' and '.join(weights)}", "others")
+            mistakes.refuse(
+                place, label, f"values and varying = true beside {' and '.join(weights)}", "others"
+            )
         elif len(weights) > 1:
             mistakes.refuse(place, label, "either shares or next", "both")
         if len(mistakes) > before:
             continue
-        axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, request.names)
+        axis = build_axis(
+            "for_all",
+            name,
+            {"": parts["values"]} if "values" in parts else parts,
+            mistakes,
+            request.names,
+        )
         if axis and len(set(axis.values)) < len(axis.values):
-            mistakes.refuse(axis.place, label, "values that differ", ", ".join(f"{value:g}" for value in axis.values))
+            mistakes.refuse(
+                axis.place,
+                label,
+                "values that differ",
+                ", ".join(f"{value:g}" for value in axis.values),
+            )
         if axis and varies and varies.value:
             varying.add(axis.path)
             if (count := len(values_of_range(axis))) > MOST_VARYING:
-                mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
+                mistakes.refuse(
+                    axis.place,
+                    label,
+                    f"at most {MOST_VARYING} values of a number that varies",
+                    f"{count}",
+                )
         if axis and weights:
             chances[axis.path] = axis, label, *weights.popitem()
         axes += [axis] if axis else []
     given = request.belongs.keys
-    lost, loss = (mistakes.check(key, given[key.path]) or 0 if key.path in given else 0 for key in (LOST, LOSS))
+    lost, loss = (
+        mistakes.check(key, given[key.path]) or 0 if key.path in given else 0
+        for key in (LOST, LOSS)
+    )
     for axis in axes:
         if axis.path in {other.path for other in request.sweep}:
-            mistakes.refuse(axis.place, f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name)
+            mistakes.refuse(
+                axis.place,
+                f"for_all.{axis.name}",
+                "a number that [sweep] does not have as well",
+                axis.name,
+            )
     request.refuse_beyond_limits("for_all", axes)
-    found = _with_chances(request, ForAll(tuple(axes), frozenset(varying), lost, loss=loss), chances)
+    found = _with_chances(
+        request, ForAll(tuple(axes), frozenset(varying), lost, loss=loss), chances
+    )
     return found if axes or lost or loss or (request.drawing and request.drawing.channels) else None
 
 
@@ -105,14 +159,18 @@ def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple])
     given, mistakes = request.belongs.keys, request.mistakes
     lengths = next((len(values_of_range(axis)) for axis in found.changing if axis.path != DELAY), 1)
     rows = {
-        DELAY if axis.path == DELAY else "": _weights(mistakes, label, part, leaf, len(axis.values), lengths)
+        DELAY if axis.path == DELAY else "": _weights(
+            mistakes, label, part, leaf, len(axis.values), lengths
+        )
         for axis, label, part, leaf in chances.values()
         if axis in found.changing
     }
     found = replace(found, shares=rows.get("", ()), delays=rows.get(DELAY, ()))
     if found.at_random and found.lost:
         expected = "loss = PROBABILITY where what varies is at random"
-        mistakes.refuse(given["for_all.lost"], "for_all.lost", expected, show(found.lost), of_key=False)
+        mistakes.refuse(
+            given["for_all.lost"], "for_all.lost", expected, show(found.lost), of_key=False
+        )
     for axis in found.changing if found.at_random else ():
         if axis.path not in chances:
             expected = "shares beside values of each number that varies, where one is at random"
@@ -120,7 +178,9 @@ def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple])
     return found
 
 
-def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int, lengths: int) -> tuple[tuple[float, ...], ...]:
+def _weights(
+    mistakes: Any, label: str, part: str, leaf: Any, count: int, lengths: int
+) -> tuple[tuple[float, ...], ...]:
     """The rows of weights of values; their mistakes are added. lengths: of frames."""
     several = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
     rows = leaf.value if several else [leaf.value]
@@ -131,9 +191,13 @@ def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int, length
         return ()
     found = []
     for row in rows:
-        weights = mistakes.check_list(WEIGHT, replace(leaf, value=row), f"{label}.{part}", f"a list of {count} weights", count)
+        weights = mistakes.check_list(
+            WEIGHT, replace(leaf, value=row), f"{label}.{part}", f"a list of {count} weights", count
+        )
         if weights and None not in weights and not any(weights):
-            mistakes.refuse(leaf, f"{label}.{part}", "a weight above 0 in each list", "none", of_key=False)
+            mistakes.refuse(
+                leaf, f"{label}.{part}", "a weight above 0 in each list", "none", of_key=False
+            )
         found.append(tuple(weights))
     return tuple(found)
 
@@ -142,19 +206,30 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table: ranges of numbers, or of any names in a drawn loop."""
     others, own = False, {"lost": shapes.value(LOST), "loss": shapes.value(LOSS)}
     if shapes.drawn:
-        others = shapes.define("range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]})
+        others = shapes.define(
+            "range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]}
+        )
         own = {name: {"anyOf": [each, others]} for name, each in own.items()}
-    ranges = {name: shapes.define(f"range_of_{key.path}", _range(shapes, key)) for name, key in shapes.numbers.items()}
+    ranges = {
+        name: shapes.define(f"range_of_{key.path}", _range(shapes, key))
+        for name, key in shapes.numbers.items()
+    }
     return shapes.table(ranges | shapes.nested(ranges) | own, others)
 
 
 def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
     """A range or values of a number, which may vary from frame to frame; key: None for one of a drawn loop."""
-    value, varying = shapes.value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
+    value, varying = (
+        shapes.value(key) if key else {"type": "number"},
+        {"varying": {"type": "boolean"}},
+    )
     ends = shapes.table({"start": value, "stop": value, **varying}, required=["start", "stop"])
     weights: dict[str, Any] = {"type": "array", "items": shapes.value(WEIGHT), "minItems": 1}
     rows = {"type": "array", "items": weights, "minItems": 1}
-    chances = {"shares": {"anyOf": [weights, rows]} if key and key.path == DELAY else weights, "next": rows}
+    chances = {
+        "shares": {"anyOf": [weights, rows]} if key and key.path == DELAY else weights,
+        "next": rows,
+    }
     listed = {"values": {"type": "array", "items": value, "minItems": 1}}
     values = shapes.table(listed | varying | chances, required=["values"])
     about = {"description": shapes.described(key)} if key else {}
@@ -164,7 +239,9 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
 TABLE = SpecTable(
     path="for_all",
     build=build,
-    sections={"for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))},
+    sections={
+        "for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))
+    },
     always=True,
     members=True,
     described={

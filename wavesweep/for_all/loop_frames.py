@@ -7,13 +7,23 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.frames import ENTRIES, MarginalModes, OpenTicks, Ticks, both, pattern_of, product_with_errors
+from wavesweep.engine.frames import (
+    ENTRIES,
+    MarginalModes,
+    OpenTicks,
+    Ticks,
+    both,
+    pattern_of,
+    product_with_errors,
+)
 from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 
 SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance
-MIDDLE = 64 * ENTRIES  # relative error of a matrix due to the rounding of the number in the middle of an interval
+MIDDLE = (
+    64 * ENTRIES
+)  # relative error of a matrix due to the rounding of the number in the middle of an interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +83,9 @@ class LoopFrames:
         if not drift and all(len(kinds) <= 1 for kinds in acting):
             places = [(*kinds, -1)[0] for kinds in acting]
             at_once = _AtOnce.of(ticks, whole_rows, places, kept)
-        return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift)
+        return LoopFrames(
+            ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift
+        )
 
     def at(self, x: float) -> np.ndarray:
         """See `Family`."""
@@ -121,7 +133,10 @@ class LoopFrames:
 
     def _ticks(self, symbol):
         """The kinds of a frame's ticks, including the sample at its end, each with the length of its run."""
-        return [(kind, len(list(run))) for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])]
+        return [
+            (kind, len(list(run)))
+            for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])
+        ]
 
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """See `Family`.
@@ -251,7 +266,9 @@ def _in_a_row(row, changes, errors):
     n = changes[0].shape[-1]
     if not row:
         return np.zeros((n, n)), np.zeros((n, n))
-    return product_with_errors(np.array(row), changes, [bound / ENTRIES for bound in errors], per_loop=True)
+    return product_with_errors(
+        np.array(row), changes, [bound / ENTRIES for bound in errors], per_loop=True
+    )
 
 
 def _enclosure(tick, middle, half):

@@ -40,13 +40,26 @@ SCANNED = 24  # numbers at which the nearest one is looked for where moments gro
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its largest last coefficient, and the
 # least size at all of its points but two, relative to the largest.
 DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
-BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where moments stop to decay, how far beyond it is refuted
+BEYOND = (
+    1e-10,
+    1e-8,
+    1e-6,
+    1e-5,
+)  # of a number where moments stop to decay, how far beyond it is refuted
 NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
-TRIES, WORK = 1000, 10**9  # stretches that are tried where moments grow, and the entries of all times their rows
+TRIES, WORK = (
+    1000,
+    10**9,
+)  # stretches that are tried where moments grow, and the entries of all times their rows
 SIZING = 6  # rounds in which sizes of states are found
-PROBABILITIES = "loss", "burst_loss", "burst", "burst_end"  # keys of a channel, as `Losses` has them
+PROBABILITIES = (
+    "loss",
+    "burst_loss",
+    "burst",
+    "burst_end",
+)  # keys of a channel, as `Losses` has them
 ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
 
 
@@ -87,7 +100,9 @@ class Chances:
         Each factor is linear, so that their product is a convex combination of the products' control points.
         """
         slope = self.factors[..., 1] - self.factors[..., 0]
-        ends = np.clip(np.stack([self.factors[..., 0] + x * slope for x in (low, high)], -1), 0.0, 1.0)
+        ends = np.clip(
+            np.stack([self.factors[..., 0] + x * slope for x in (low, high)], -1), 0.0, 1.0
+        )
         if low == high or self.in_matrices:
             return ends[..., 0].prod(-1)[None]
         count = ends.shape[1]
@@ -219,7 +234,9 @@ class Chances:
         for _ in range(SIZING):
             moments = self._solved(operator, size**2)
             forms = self._solved(operator.T, size**-2.0)
-            with np.errstate(all="ignore"):  # next to where moments do not decay rounding makes them negative
+            with np.errstate(
+                all="ignore"
+            ):  # next to where moments do not decay rounding makes them negative
                 size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
         return size
 
@@ -229,7 +246,10 @@ class Chances:
         right_side = np.tile(packed(np.diag(diagonal)), nodes)
         solution = np.full((nodes, n, n), np.nan)
         with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
-            solution = unpacked(np.linalg.solve(np.eye(right_side.size) - operator, right_side).reshape(nodes, -1), n)
+            solution = unpacked(
+                np.linalg.solve(np.eye(right_side.size) - operator, right_side).reshape(nodes, -1),
+                n,
+            )
         return solution
 
 
@@ -283,7 +303,9 @@ def losses_at_random(drawing: Drawing, values: Mapping[str, object]) -> dict[str
 
 def _probabilities(drawing):
     """The expressions of the probabilities of each channel."""
-    return {block.name: [dict(block.keys)[key] for key in PROBABILITIES] for block in drawing.channels}
+    return {
+        block.name: [dict(block.keys)[key] for key in PROBABILITIES] for block in drawing.channels
+    }
 
 
 def _losses(trees, numbers) -> dict[str, Losses]:
@@ -295,7 +317,9 @@ def _losses(trees, numbers) -> dict[str, Losses]:
 
 
 def _refuse_patterns(drawing, values):
-    if patterned := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
+    if patterned := [
+        channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0
+    ]:
         raise UsageError(
             f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(patterned)} with more"
         )
@@ -311,15 +335,27 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     _refuse_patterns(drawing, values)
     name, numbers = name_of(number) if number else "", scalars(values)
     trees = _probabilities(drawing)
-    reads = [tree for channel_trees in trees.values() for tree in channel_trees if name in dict(names_in(tree))]
+    reads = [
+        tree
+        for channel_trees in trees.values()
+        for tree in channel_trees
+        if name in dict(names_in(tree))
+    ]
     paths = [path for path, tree in drawing.trees() if name in dict(names_in(tree))]
     if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
         raise UsageError(
             f"intervals along {number}: expected a number that probabilities of channels alone read, linearly, found another"
         )
     family = frames_with_messages(drawing, values, "" if reads else number)
-    graph, factors = _chain(family, *(_losses(trees, numbers | ({name: x} if reads else {})) for x in (0.0, 1.0)))
-    _refuse_large(family, graph, "messages lost at random", "choose longer ticks, or rates with a larger common divisor")
+    graph, factors = _chain(
+        family, *(_losses(trees, numbers | ({name: x} if reads else {})) for x in (0.0, 1.0))
+    )
+    _refuse_large(
+        family,
+        graph,
+        "messages lost at random",
+        "choose longer ticks, or rates with a larger common divisor",
+    )
     return Chances(family, graph, factors, not reads)
 
 
@@ -337,7 +373,10 @@ def frames_at_random(
     """
     graph, weights = chain_of(shares, results, family.symbols, lost)
     _refuse_large(
-        family, graph, "frames at random", "take fewer lengths, fewer channels with bursts, or shares in place of next"
+        family,
+        graph,
+        "frames at random",
+        "take fewer lengths, fewer channels with bursts, or shares in place of next",
     )
     return Chances(family, graph, np.tile(weights[:, None, None], 2), bool(number))
 
@@ -360,10 +399,18 @@ def chain_of(
     """
     lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
     if len(lengths) != len(shares[0]):
-        raise UsageError(f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}")
-    delays = [*dict.fromkeys(symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT), LOST_RESULT]
+        raise UsageError(
+            f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}"
+        )
+    delays = [
+        *dict.fromkeys(symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT),
+        LOST_RESULT,
+    ]
     after = [lengths.index(symbol.ticks) for symbol in symbols]
-    result = [results[at % len(results)][delays.index(symbol.delay)] for at, symbol in zip(after, symbols, strict=True)]
+    result = [
+        results[at % len(results)][delays.index(symbol.delay)]
+        for at, symbol in zip(after, symbols, strict=True)
+    ]
     recalls = len(shares) > 1 or any(symbol.step is not None for symbol in symbols)
 
     def weight(before, kind):
@@ -371,13 +418,17 @@ def chain_of(
 
     def fits(before, kind, at_once):
         symbol = symbols[kind]
-        return (symbol.delay == 0) == at_once and (not recalls or symbol.step in (None, lengths[before]))
+        return (symbol.delay == 0) == at_once and (
+            not recalls or symbol.step in (None, lengths[before])
+        )
 
     kinds, nodes = range(len(symbols)), {}
     for node in product(range(len(lengths) if recalls else 1), (False, True)):
         one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
         through = symbols[one_way[0]].through if one_way else None
-        alone = [kind for kind in one_way if symbols[kind].through == through and not symbols[kind].gone]
+        alone = [
+            kind for kind in one_way if symbols[kind].through == through and not symbols[kind].gone
+        ]
         probability = sum(weight(node[0], kind) for kind in alone)
         if probability > 0:
             nodes[node] = len(nodes), probability
@@ -425,14 +476,18 @@ def _chain(family, first, second):
             late = dict(sent.late)
             after = int(np.flatnonzero(family.follows[symbol])[0])
             choices = [
-                range(1 + ((first[name].begins > 0) or (second[name].begins > 0))) if name in late else (burst,)
+                range(1 + ((first[name].begins > 0) or (second[name].begins > 0)))
+                if name in late
+                else (burst,)
                 for name, burst in zip(channels, bursts, strict=True)
             ]
             for then in product(*choices):
                 changes = list(zip(channels, bursts, then, strict=True))
                 both = np.array([_factors(losses, changes, late) for losses in (first, second)]).T
                 if not (both == 0).all(-1).any():
-                    edges.append((node(moment, bursts), symbol, node(family.symbols[after].moment, then)))
+                    edges.append(
+                        (node(moment, bursts), symbol, node(family.symbols[after].moment, then))
+                    )
                     factors.append(both)
     source, symbol, target = (np.array(column) for column in zip(*edges, strict=True))
     return Graph(source, symbol, target), np.array(factors)
@@ -455,7 +510,9 @@ def decays(loop: Chances) -> str:
     return "proved" if loop.proves(P, 0.0, 0.0) else "unknown"
 
 
-def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: float = 0.01) -> list[Bracket]:
+def brackets_on_average(
+    loop: Chances, limits: tuple[float, float], tolerance: float = 0.01
+) -> list[Bracket]:
     """Return the numbers within limits for which second moments decay, an element for each interval; see `joint.bracket`.
 
     An interval's proof holds for every number of it, by forms on stretches without a gap. `words` are (0,) where a number is
@@ -520,10 +577,15 @@ def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
     return False
 
 
-def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SCANNED) -> tuple[float, tuple[int, ...]]:
+def nearest_growing(
+    loop: Chances, start: float, limit: float, scanned: int = SCANNED
+) -> tuple[float, tuple[int, ...]]:
     """Return the refuted number closest to the start, towards a limit, that a scan finds, and (0,); NaN and () without one."""
     inside = start
-    for outside in [start, *(start + (limit - start) * np.geomspace(1e-4, 1.0, scanned)[-scanned:])]:
+    for outside in [
+        start,
+        *(start + (limit - start) * np.geomspace(1e-4, 1.0, scanned)[-scanned:]),
+    ]:
         if not loop.decays(outside):
             break
         inside = outside
@@ -535,7 +597,10 @@ def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SC
             inside = middle
         else:
             outside = middle
-    beyond = (outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start)) for step in BEYOND)
+    beyond = (
+        outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start))
+        for step in BEYOND
+    )
     fails = next((float(x) for x in beyond if loop.refuted(x)), np.nan)
     return fails, () if np.isnan(fails) else (0,)
 
@@ -543,7 +608,11 @@ def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SC
 def _polished(loop, part, end, outside):
     """An end of a part by bisection, between its middle and the next one outside."""
     inside = sum(part) / 2
-    beyond = min((x for x in outside if (x - end) * (end - inside) > 0), key=lambda x: abs(x - end), default=end)
+    beyond = min(
+        (x for x in outside if (x - end) * (end - inside) > 0),
+        key=lambda x: abs(x - end),
+        default=end,
+    )
     for _ in range(BISECTIONS):
         middle = (inside + beyond) / 2
         if loop.decays(middle):
@@ -565,12 +634,16 @@ def _zeros(function, low, high):
             break
         left, right = panels.pop(0)
         with np.errstate(all="ignore"):
-            sign, size = np.array([function(x) for x in (left + right) / 2 + (right - left) / 2 * points]).T
+            sign, size = np.array(
+                [function(x) for x in (left + right) / 2 + (right - left) / 2 * points]
+            ).T
             size = size - (size[-4] - size[3]) / (points[-4] - points[3]) * points
             values = sign * np.exp(size - size.max())
             series = Chebyshev.fit(points, values, DEGREE, domain=(-1, 1))
         tail = np.abs(series.coef[-2:]).max()
-        if right - left > NARROWEST * (high - low) and not (tail < RESOLVED and np.sort(np.abs(values))[2] > EVEN):
+        if right - left > NARROWEST * (high - low) and not (
+            tail < RESOLVED and np.sort(np.abs(values))[2] > EVEN
+        ):
             panels += [(left, (left + right) / 2), ((left + right) / 2, right)]
         elif np.isfinite(values).all():
             zeros = series.roots()
@@ -585,7 +658,10 @@ def _bracket(loop, part, limits, tolerance):
     (low, below, down), (high, above, up) = sides
     near = [
         abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
-        for end, reached in ((limits[0] if np.isnan(below) else below, low), (limits[1] if np.isnan(above) else above, high))
+        for end, reached in (
+            (limits[0] if np.isnan(below) else below, low),
+            (limits[1] if np.isnan(above) else above, high),
+        )
     ]
     words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
     stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
@@ -596,9 +672,16 @@ def _side(loop, start, end, limit):
     """The number that the proof reaches towards an end, the refuted one beyond it, NaN without, and the stretches."""
     fails, goal, distance = np.nan, end, limit - start
     if end != limit:
-        beyond = [end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND]
-        fails = next((float(x) for x in beyond if abs(x - start) <= abs(distance) and loop.refuted(x)), np.nan)
-        goal -= np.sign(distance) * min(NEAREST * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start))
+        beyond = [
+            end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND
+        ]
+        fails = next(
+            (float(x) for x in beyond if abs(x - start) <= abs(distance) and loop.refuted(x)),
+            np.nan,
+        )
+        goal -= np.sign(distance) * min(
+            NEAREST * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
+        )
     stretches, at, step, failed = [], start, goal - start, False
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
         to = goal if abs(goal - at) <= abs(step) else at + step

@@ -32,7 +32,9 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
     for axis in (each for each in case.ranges if each.path not in (changes or {})):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
     constant = _at_constant_frames(rules, values)
-    return [Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt for numbers in constant]
+    return [
+        Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt for numbers in constant
+    ]
 
 
 def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
@@ -45,7 +47,9 @@ def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
         choices.append(sorted(spread | ({values[axis.path]} & {*tried})))
     for combination in product(*choices):
         numbers = values | dict(zip((axis.path for axis in varied), combination, strict=True))
-        frames_differ = any(numbers[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied)
+        frames_differ = any(
+            numbers[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied
+        )
         if frames_differ and not rules.elapsed:
             continue
         if rules.drawing is None and rules.with_frame:
@@ -72,11 +76,19 @@ def claims_hold(
 
 def _within(rows, loop, along, span):
     """Whether rows lie within the stable intervals of a loop, as far as these are certified."""
-    records = Search(along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True).records()
+    records = Search(
+        along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True
+    ).records()
     if not records["certified"].all():
         return True
     stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
-    return all(any(a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b) for a, b in stable) for row in rows)
+    return all(
+        any(
+            a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b)
+            for a, b in stable
+        )
+        for row in rows
+    )
 
 
 def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bool:
@@ -84,9 +96,15 @@ def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bo
     beyond rounding."""
     common = [span]
     for loop in loops:
-        records = Search(along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True).records()
+        records = Search(
+            along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True
+        ).records()
         if records["certified"].all():
             stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
             both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]
-            common = [(low, high) for low, high in both if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)]
+            common = [
+                (low, high)
+                for low, high in both
+                if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)
+            ]
     return not common

@@ -16,7 +16,9 @@ import numpy as np
 from wavesweep.engine.sets import UNIT, Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 
-SURELY = 4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that
+SURELY = (
+    4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that
+)
 WEIGHED = 1e-13  # relative error of a probability, in addition to some roundings of 1
 SURE = 1.001  # times the bounds whose own roundings alone are not in them
 LEAST = 1e-290  # entry from which on nothing underflows
@@ -40,7 +42,9 @@ def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> 
     return shrink_along((norms,), E[None], dE[None], follows)
 
 
-def shrink_along(norms: Sequence[Norms], E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> bool:
+def shrink_along(
+    norms: Sequence[Norms], E: np.ndarray, dE: np.ndarray, follows: np.ndarray
+) -> bool:
     """Return whether matrices that depend on a number are proved to shrink in norms that depend on it, in every order.
 
     The number is constant in time. With s from 0 to 1, the forms are `P_i(s)`, a Bezier curve with the forms of `norms` as its
@@ -165,7 +169,11 @@ class Slack(NamedTuple):
 
 
 def shrink_over(
-    forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray | None, weight: np.ndarray | None = None
+    forms: Polynomials,
+    graph: Graph,
+    A: Polynomials,
+    follows: np.ndarray | None,
+    weight: np.ndarray | None = None,
 ) -> tuple[bool, Slack]:
     """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed; and what
     the slack consists of.

@@ -62,7 +62,9 @@ class Centre:
         to = _transposed(np.linalg.cholesky(self.P.sum(0) / self.graph.source.size))
         back = np.linalg.inv(to)
         P = _transposed(back) @ self.P @ back
-        return replace(self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
+        return replace(
+            self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse
+        )
 
 
 def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +89,11 @@ def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
 
 
 def find_norms(
-    A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work: float = WORK, enough: float = 1.0
+    A: np.ndarray,
+    follows: np.ndarray,
+    start: Centre | None = None,
+    work: float = WORK,
+    enough: float = 1.0,
 ) -> tuple[Centre, float]:
     """Search for forms in which the matrices A `(symbols, n, n)` shrink. Return the forms and a factor: 1 if they were found,
     otherwise the largest factor below 1 for which the scaled matrices shrink.

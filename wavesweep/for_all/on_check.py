@@ -41,7 +41,9 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     own = of_axes(spec, spec.for_all.axes if spec.for_all else (), "[for_all]")
     below = [f"for the spec's own {own or 'numbers'}"]
     if lost := "; ".join(losses(spec)):
-        below.append(f"with every {'message' if spec.drawing else 'result'} in time (for all: {lost})")
+        below.append(
+            f"with every {'message' if spec.drawing else 'result'} in time (for all: {lost})"
+        )
     yield 1, f"all below is {', '.join(below)}:"
 
 
@@ -50,7 +52,11 @@ def _every_hand(found: Mapping[str, Any]) -> str:
     from wavesweep.for_all.rows import CONTRADICTED
 
     needed, device = found["needed"], found["device"]
-    enough = "no damping is proved to suffice" if needed is None else f"{needed:.4g} N*s/m of damping suffice"
+    enough = (
+        "no damping is proved to suffice"
+        if needed is None
+        else f"{needed:.4g} N*s/m of damping suffice"
+    )
     safe = needed is not None and needed <= device
     refuted = found["refuted"] is not None and found["refuted"] > device
     if found.get("doubt"):

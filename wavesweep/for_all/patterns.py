@@ -22,7 +22,14 @@ TINY = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
-BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)  # of a number where a word begins to grow, how far beyond it that is proved
+BEYOND = (
+    1e-10,
+    1e-8,
+    1e-6,
+    1e-5,
+    1e-4,
+    1e-3,
+)  # of a number where a word begins to grow, how far beyond it that is proved
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
 SHORTEST = 4  # matrices of the words that are all tried
 MOST = 400  # how many these are at most

@@ -41,15 +41,23 @@ class Schedule:
     def with_period(self, drawing: Drawing, step: int) -> Drawing:
         """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets their phases."""
         every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
-        blocks = (replace(each, every=every, phase=phase, phases=()) if each.name in slow else each for each in drawing.blocks)
-        blocks = (each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each for each in blocks)
+        blocks = (
+            replace(each, every=every, phase=phase, phases=()) if each.name in slow else each
+            for each in drawing.blocks
+        )
+        blocks = (
+            each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each
+            for each in blocks
+        )
         return replace(drawing, blocks=tuple(blocks))
 
     def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
         """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
         placed = [
             replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist()))
-            for each, runs in zip(loop.placed, self.running([each.block.name for each in loop.placed]).T, strict=True)
+            for each, runs in zip(
+                loop.placed, self.running([each.block.name for each in loop.placed]).T, strict=True
+            )
         ]
         return replace(loop, placed=tuple(placed))
 
@@ -59,7 +67,9 @@ class Schedule:
         return np.array(
             [
                 [
-                    (name in self.shown if blocks is None else name in blocks) if name in slow else blocks is not None
+                    (name in self.shown if blocks is None else name in blocks)
+                    if name in slow
+                    else blocks is not None
                     for name in names
                 ]
                 for blocks in self.kinds.values()
@@ -98,13 +108,17 @@ class Plan:
             whole = self.schedule.scheduled(Loops(at_step, self.values | varied).drawn())
             if not number:
                 return Ticks.of(whole, alone=True, terms=True)
-            cut_open = Loops(at_step, self.values | dict.fromkeys(varied, 0.0)).drawn(name_of(number))
+            cut_open = Loops(at_step, self.values | dict.fromkeys(varied, 0.0)).drawn(
+                name_of(number)
+            )
             return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
 
         maps, _, index = self._kinds(ticks_at)
         drift = self._drift(varied)
         ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
-        return LoopFrames.of(ticks, drift.remaining, *self.written(index), drift if drift.varying else None)
+        return LoopFrames.of(
+            ticks, drift.remaining, *self.written(index), drift if drift.varying else None
+        )
 
     def over(self, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
         """Return the frames over the cells of a box of sides."""
@@ -112,7 +126,9 @@ class Plan:
 
         def with_numbers(points):
             columns = (side.number(points[:, at]) for at, side in enumerate(sides))
-            return self.values | {side.path: column for side, column in zip(sides, columns, strict=True)}
+            return self.values | {
+                side.path: column for side, column in zip(sides, columns, strict=True)
+            }
 
         def drawn_at(step):
             return self.schedule.with_period(self.drawing, step)
@@ -150,7 +166,9 @@ class Plan:
             return self.values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
         def ticks_at(step, points=inside, places=None):
-            loop = Loops(self.schedule.with_period(self.drawing, step), with_numbers(points)).drawn()
+            loop = Loops(
+                self.schedule.with_period(self.drawing, step), with_numbers(points)
+            ).drawn()
             return Ticks.of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
@@ -189,10 +207,16 @@ class Plan:
     @property
     def steps(self) -> list[int]:
         """The periods of the slow blocks, in ticks."""
-        return sorted({symbol.ticks for symbol in self.symbols}) if self.schedule.elapsed else [self.schedule.nominal]
+        return (
+            sorted({symbol.ticks for symbol in self.symbols})
+            if self.schedule.elapsed
+            else [self.schedule.nominal]
+        )
 
     def _drift(self, varied) -> MarginalModes:
-        both_loops = Loops(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied).twins()
+        both_loops = Loops(
+            self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied
+        ).twins()
         return MarginalModes.of(*map(self.schedule.scheduled, both_loops))
 
     def written(self, index):
@@ -201,8 +225,14 @@ class Plan:
         others = {*self.schedule.kinds} - {self.sample(symbol) for symbol in symbols}
         if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
-        rows = [tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol)) for symbol in symbols]
-        samples = [index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]] for symbol in symbols]
+        rows = [
+            tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol))
+            for symbol in symbols
+        ]
+        samples = [
+            index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]]
+            for symbol in symbols
+        ]
         return tuple(rows), tuple(samples), tuple(symbols), _follows(symbols)
 
 
@@ -219,4 +249,6 @@ def _may_follow(before, after):
 
 
 def _alike(one, other):
-    return one.inputs == other.inputs and all(np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD")
+    return one.inputs == other.inputs and all(
+        np.array_equal(getattr(one, part), getattr(other, part)) for part in "EBCD"
+    )

@@ -26,7 +26,9 @@ MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
 SEARCH = 4e9  # operations of one search for norms in the middle of a box, or more where these are fewer than
 NEWTON = 200  # steps on the smallest graph
-STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
+STEPS = (
+    3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
+)
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
 FAR = 10.0  # times the slack: errors with which a part is divided further without a trial,
@@ -107,7 +109,9 @@ def cover(
             parts = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-                parts, spent, word = _tried(frames, part, follows, work - used, NARROW * (box[1] - box[0]), words)
+                parts, spent, word = _tried(
+                    frames, part, follows, work - used, NARROW * (box[1] - box[0]), words
+                )
             used += spent
             if parts is None:
                 break
@@ -122,7 +126,9 @@ def cover(
         if report and queue and queue[0][-1].box[1 - up, 0] != stretch[1 - up]:
             report(float(queue[0][-1].box[1 - up, 0]))
     end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
-    return Covering(tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word)
+    return Covering(
+        tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word
+    )
 
 
 def _tried(frames, part, follows, work, narrow, words):
@@ -135,7 +141,11 @@ def _tried(frames, part, follows, work, narrow, words):
         used = ENCLOSED
         if isinstance(A, int):
             narrow = box[1, A] - box[0, A] <= narrow[A]
-            return None if narrow else [replace(part, box=half) for half in _halves(box, A)], used, ()
+            return (
+                None if narrow else [replace(part, box=half) for half in _halves(box, A)],
+                used,
+                (),
+            )
     else:
         around, A = part.known
         half = (around[1] - around[0])[wide] / 2
@@ -160,7 +170,9 @@ def _tried(frames, part, follows, work, narrow, words):
             return None, used, ()
         moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
         keep = part.known is not None
-        if part.barren % 2 == 0 and wide.size and wide[0] == 0:  # norms exist further from the end of the proof
+        if (
+            part.barren % 2 == 0 and wide.size and wide[0] == 0
+        ):  # norms exist further from the end of the proof
             moves[0] = np.inf
         part = replace(part, barren=part.barren + 1)
         left = 0.0, np.ones(wide.size)
@@ -188,9 +200,17 @@ def _tried(frames, part, follows, work, narrow, words):
         for piece in pieces:
             lower, upper = _halves(piece.box, int(wide[side]))
             starts = piece.start, piece.start
-            if found is not None and not isinstance(follows, OnAverage):  # where the slopes lead in the middles of the halves
-                starts = [replace(piece.start, P=piece.start.P + move * found[1][side]) for move in (-0.5, 0.5)]
-            halves += [replace(piece, box=lower, start=starts[0]), replace(piece, box=upper, start=starts[1])]
+            if found is not None and not isinstance(
+                follows, OnAverage
+            ):  # where the slopes lead in the middles of the halves
+                starts = [
+                    replace(piece.start, P=piece.start.P + move * found[1][side])
+                    for move in (-0.5, 0.5)
+                ]
+            halves += [
+                replace(piece, box=lower, start=starts[0]),
+                replace(piece, box=upper, start=starts[1]),
+            ]
         pieces = halves
     return pieces[::-1], used, ()
 
@@ -245,7 +265,9 @@ def _forms(A, follows, start, work, words=()):
     if isinstance(follows, tuple):
         return forms_of_one(A) if A.terms.shape[1] == 1 else forms_on_average(A, *follows)
     at_middle = A.terms[0]
-    repeated = at_middle[np.diagonal(follows)]  # a message that may not be lost twice in a row keeps what it was meanwhile
+    repeated = at_middle[
+        np.diagonal(follows)
+    ]  # a message that may not be lost twice in a row keeps what it was meanwhile
     rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
     radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
     if not radius < 1:
@@ -276,7 +298,9 @@ def _judged(A, found, follows):
     P = np.zeros((len(A.terms), *centre.P.shape))
     P[0] = centre.P
     P[1 : 1 + len(slopes)] = slopes
-    forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
+    forms = Polynomials(
+        (P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order
+    )
     edges = centre.graph.source.size
     n = A.terms.shape[-1]
     pairs = monomials(A.numbers, A.order)[1].size
@@ -287,7 +311,9 @@ def _judged(A, found, follows):
         return True, np.zeros(0), 0.0, spent
     size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
     worst = np.argmax(np.nan_to_num(size[1:].sum(0) + errors + higher, nan=np.inf))
-    moves = size[:, worst] @ (1 - 0.5**A.exponents)  # what is gone of the terms when a side is halved
+    moves = size[:, worst] @ (
+        1 - 0.5**A.exponents
+    )  # what is gone of the terms when a side is halved
     return False, moves, float(errors.max()), spent
 
 

@@ -11,7 +11,9 @@ from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.norms import Centre, rough_basis
 
-FORGOTTEN = 1e-9  # of the largest singular value, below which a direction counts as one that is set to zero
+FORGOTTEN = (
+    1e-9  # of the largest singular value, below which a direction counts as one that is set to zero
+)
 SHARE = 0.1  # of the slack of norms that the directions which are forgotten may take
 
 
@@ -34,12 +36,16 @@ class Remembered:
         """Return the family without what its matrices set to zero at some numbers."""
         A = np.concatenate([family.at(x) for x in numbers])
         basis, inverse = rough_basis(A)
-        _, size, turned = np.linalg.svd((inverse @ A @ basis).reshape(-1, A.shape[-1]), full_matrices=False)
+        _, size, turned = np.linalg.svd(
+            (inverse @ A @ basis).reshape(-1, A.shape[-1]), full_matrices=False
+        )
         kept = size > FORGOTTEN * size[0]
         if kept.all():
             one = np.eye(A.shape[-1])
             return Remembered(family, one, one, one[:0])
-        return Remembered(family, turned[kept] @ inverse, basis @ turned[kept].T, turned[~kept] @ inverse)
+        return Remembered(
+            family, turned[kept] @ inverse, basis @ turned[kept].T, turned[~kept] @ inverse
+        )
 
     @property
     def follows(self) -> np.ndarray:
@@ -72,11 +78,16 @@ class Remembered:
         A = (self.back + E @ self.back)[:, graph.symbol]
         moved, lost = self.to @ A, self.forgotten @ A
         try:
-            half = np.linalg.inv(np.linalg.cholesky(P[graph.source] - _transposed(moved) @ P[graph.target] @ moved))
+            half = np.linalg.inv(
+                np.linalg.cholesky(P[graph.source] - _transposed(moved) @ P[graph.target] @ moved)
+            )
         except np.linalg.LinAlgError:
             return None
         largest = np.linalg.norm(lost @ _transposed(half), axis=(-2, -1)).max() ** 2
-        whole = self.to.T @ P @ self.to + SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
+        whole = (
+            self.to.T @ P @ self.to
+            + SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
+        )
         return Norms((whole + _transposed(whole)) / 2, graph)
 
 

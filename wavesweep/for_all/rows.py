@@ -21,7 +21,16 @@ from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere,
 from wavesweep.for_all.members import claims_hold, members, nowhere
 from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
+from wavesweep.for_all.varying import (
+    Rules,
+    bracketed,
+    bracketed_over,
+    decided,
+    decided_along,
+    decided_over,
+    placed,
+    text_of,
+)
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
@@ -33,21 +42,36 @@ from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
 NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
-GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
+GUARANTEES = (
+    "for_all",
+    "mean_square",
+)  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
-QUICK = 3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
+QUICK = (
+    3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
+)
 NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
-CONTRADICTED = (
-    "not known, the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
-)
+CONTRADICTED = "not known, the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
 OF_KINDS = {  # what a verdict is about, and its words
     "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
-    "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
+    "mean_square": (
+        "with messages lost at random",
+        "stable in mean square",
+        "not stable in mean square ({})",
+    ),
     "frames": ("with frames at random", "stable in mean square", "not stable in mean square ({})"),
-    "both": ("with frames and messages at random", "stable in mean square", "not stable in mean square ({})"),
-    "results": ("with results late or lost at random", "stable in mean square", "not stable in mean square ({})"),
+    "both": (
+        "with frames and messages at random",
+        "stable in mean square",
+        "not stable in mean square ({})",
+    ),
+    "results": (
+        "with results late or lost at random",
+        "stable in mean square",
+        "not stable in mean square ({})",
+    ),
 }
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
@@ -110,20 +134,39 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
     probabilities = _read_by_probabilities(drawing)
-    chance = ", ".join(axis.name for axis in for_all.unknown if axis.name in ranges and {axis.path, along} & probabilities)
+    chance = ", ".join(
+        axis.name
+        for axis in for_all.unknown
+        if axis.name in ranges and {axis.path, along} & probabilities
+    )
     timed = _timed(for_all.unknown, along, timing(drawing))
-    cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
+    cases = np.prod(
+        [len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural],
+        initial=1.0,
+    )
     for wrong, expected, problem in (
-        (chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
+        (
+            chance,
+            "values of numbers, where probabilities of messages are read from one",
+            f"the range of {chance}",
+        ),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
-        (timed[1:], "one number that dead times follow from, and values of others", f"ranges of {', '.join(timed)}"),
+        (
+            timed[1:],
+            "one number that dead times follow from, and values of others",
+            f"ranges of {', '.join(timed)}",
+        ),
         (
             axes_in_parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
             "a list of values, values = [...], of a number that decides how the loop is built and need not be whole",
             f"the range of {', '.join(axes_in_parts)}",
         ),
-        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values; list fewer, values = [...]", f"{cases:g}"),
+        (
+            cases > MOST_CASES,
+            f"at most {MOST_CASES} combinations of values; list fewer, values = [...]",
+            f"{cases:g}",
+        ),
     ):
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {problem}")
@@ -147,10 +190,17 @@ def _timed(axes, along, timing_names) -> list[str]:
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
     """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
-    return bool(axis.structural and not axis.values and not spec.drawing and spec.names.find(axis.name).type != "integer")
+    return bool(
+        axis.structural
+        and not axis.values
+        and not spec.drawing
+        and spec.names.find(axis.name).type != "integer"
+    )
 
 
-def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+def intervals_for_all(
+    rules: Rules, loop: Loops, along: str, span: tuple[float, float]
+) -> np.ndarray:
     """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
@@ -182,7 +232,9 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     A range of a number that dead times follow from is in pieces, in each of which these have the same whole ticks.
     """
     drawing, values = loop
-    unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
+    unknown = [
+        axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values
+    ]
     listed = [axis for axis in unknown if axis.values or axis.structural]
     ranges = [axis for axis in unknown if axis not in listed]
     cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
@@ -203,8 +255,13 @@ def _pieces(drawing, values, ranges):
     if not timed:
         yield ranges, {}
         return
-    for (low, high), whole_ticks in Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop)):
-        yield [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges], whole_ticks
+    for (low, high), whole_ticks in Loops(drawing, values).pieces(
+        timed.path, (timed.start, timed.stop)
+    ):
+        yield (
+            [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges],
+            whole_ticks,
+        )
 
 
 class _Loop:
@@ -227,12 +284,19 @@ class _Loop:
     def _near(self, part, proved) -> Row:
         """The proof reaches over this much of a part, which is settled if that is near to its ends, and these are known."""
         low, high = proved.low, proved.high
-        near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
+        near = [
+            is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high),
+            is_near(high, part.high),
+        ]
         known = [
             by is not None or end == edge
-            for by, end, edge in zip((part.low_by, part.high_by), (part.low, part.high), self.span, strict=True)
+            for by, end, edge in zip(
+                (part.low_by, part.high_by), (part.low, part.high), self.span, strict=True
+            )
         ]
-        return Row(low, high, part, all(near + known), text_of_part(part), open_in_words(proved.open))
+        return Row(
+            low, high, part, all(near + known), text_of_part(part), open_in_words(proved.open)
+        )
 
     def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
@@ -240,7 +304,9 @@ class _Loop:
             return self._on_average()
         rows = []
         for interval in searched(self.cases, self.span, narrow=False):
-            bracketed_cases = [self._bracketed(case, (interval.low, interval.high)) for case in self.cases]
+            bracketed_cases = [
+                self._bracketed(case, (interval.low, interval.high)) for case in self.cases
+            ]
             if None not in bracketed_cases:
                 rows.append(all_of(bracketed_cases))
         return [row for row in rows if row.low < row.high]
@@ -260,19 +326,28 @@ class _Loop:
             family = self.rules.family(case.values | middles, self.along)
             if case.ranges or family.family.drift is not None:
                 over_ranges = (
-                    self._over_ranges(case, interval) for interval in parts_that_decay(family, *family.probable(*self.span))
+                    self._over_ranges(case, interval)
+                    for interval in parts_that_decay(family, *family.probable(*self.span))
                 )
                 own = list(filter(None, over_ranges))
             else:
-                own = [self._row(case, family, bracket) for bracket in brackets_on_average(family, self.span)]
+                own = [
+                    self._row(case, family, bracket)
+                    for bracket in brackets_on_average(family, self.span)
+                ]
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
         return rows
 
     def grows_everywhere(self) -> bool:
         """Whether the mean square of some case is proved to grow at every value."""
-        families = (self.rules.family(case.values, self.along) for case in self.cases if not case.ranges)
-        return any(family.family.drift is None and grows_everywhere(family, *self.span) for family in families)
+        families = (
+            self.rules.family(case.values, self.along) for case in self.cases if not case.ranges
+        )
+        return any(
+            family.family.drift is None and grows_everywhere(family, *self.span)
+            for family in families
+        )
 
     def _row(self, case, family, found) -> Row:
         texts = [text_of(family, word) for word in found.words]
@@ -291,9 +366,20 @@ class _Loop:
         ends = [bracket.below, bracket.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
         interval = Part(
-            *(end.x if end.word else end_value for end, end_value in zip(ends, (bracket.low, bracket.high), strict=True)), *by
+            *(
+                end.x if end.word else end_value
+                for end, end_value in zip(ends, (bracket.low, bracket.high), strict=True)
+            ),
+            *by,
         )
-        return Row(bracket.low, bracket.high, interval, bracket.settled, text_of_part(interval), open_in_words(bracket.open))
+        return Row(
+            bracket.low,
+            bracket.high,
+            interval,
+            bracket.settled,
+            text_of_part(interval),
+            open_in_words(bracket.open),
+        )
 
 
 def open_in_words(open_: LeftOpen | None) -> str:
@@ -314,25 +400,45 @@ def is_near(one: float, other: float) -> bool:
 
 def text_of_part(part: Part) -> str:
     """What refutes the ends of a part."""
-    return Refuters(*(numbers_in_words(by or {}) for by in (part.low_by, part.high_by))).written(TEXT)
+    return Refuters(*(numbers_in_words(by or {}) for by in (part.low_by, part.high_by))).written(
+        TEXT
+    )
 
 
 def numbers_in_words(by: Mapping[str, object]) -> str:
     """Numbers, by their paths, as a text; None for a text among the paths."""
-    return ", ".join(name_of(path) if value is None else f"{name_of(path)} = {value:.6g}" for path, value in by.items())
+    return ", ".join(
+        name_of(path) if value is None else f"{name_of(path)} = {value:.6g}"
+        for path, value in by.items()
+    )
 
 
 def all_of(rows: Sequence[Row]) -> Row:
     """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
     low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
-    below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
-    interval = Part(below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega)
+    below, above = (
+        max(rows, key=lambda row: row.part.low).part,
+        min(rows, key=lambda row: row.part.high).part,
+    )
+    interval = Part(
+        below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega
+    )
     near = [
         by is None or is_near(*ends)
-        for by, *ends in ((interval.low_by, low.low, interval.low), (interval.high_by, high.high, interval.high))
+        for by, *ends in (
+            (interval.low_by, low.low, interval.low),
+            (interval.high_by, high.high, interval.high),
+        )
     ]
     settled = all(near) and all(row.settled for row in (low, high))
-    return Row(low.low, high.high, interval, settled, text_of_part(interval), high.left_open or low.left_open)
+    return Row(
+        low.low,
+        high.high,
+        interval,
+        settled,
+        text_of_part(interval),
+        high.left_open or low.left_open,
+    )
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
@@ -367,8 +473,20 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
     random = rules.for_all.shares
-    at_random = ("both" if random else "mean_square") if rules.messages else "frames" if random else "results"
-    kind = at_random if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
+    at_random = (
+        ("both" if random else "mean_square")
+        if rules.messages
+        else "frames"
+        if random
+        else "results"
+    )
+    kind = (
+        at_random
+        if rules.at_random
+        else "messages"
+        if rules.messages and not rules.for_all.axes
+        else "for_all"
+    )
     return _verdict(spec, rules) | {"kind": kind}
 
 
@@ -433,7 +551,10 @@ def _decided(spec, rules, number, case):
     path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
     if said != UNKNOWN or not path or rules.at_random:
         return (said, pattern) if said != UNKNOWN else decided(family)
-    value, axis = float(values[path]), next((axis for axis in spec.sweep if axis.path == path), None)
+    value, axis = (
+        float(values[path]),
+        next((axis for axis in spec.sweep if axis.path == path), None),
+    )
     low, high = (axis.start, axis.stop) if axis else K_VE_SPAN
     span = min(value, low), max(value, high)
     along = _Loop(rules, path, span, loops_of(spec, values, path)).cases[number]
@@ -444,27 +565,40 @@ def _decided(spec, rules, number, case):
     if family_along.drift is not None:  # nothing is proved along such a number without ranges
         return decided(family)
     for interval in searched([along], span):
-        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (interval.low, interval.high)))
+        said, pattern = decided_along(
+            family_along, value, bracketed(family_along, span, (interval.low, interval.high))
+        )
         if said != UNKNOWN:
             break
     return said, pattern
 
 
-def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False) -> np.ndarray:
+def recorded(
+    rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False
+) -> np.ndarray:
     """Return the rows as records of FOR_ALL_RECORD.
 
     agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none.
     """
-    records = blank_records(*(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD)
+    records = blank_records(
+        *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD
+    )
     records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
     records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
     records["settled"] = none and certified
     for number, row in enumerate(rows):
         records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
         records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan
-        records["low_omega"][number], records["high_omega"][number] = row.part.low_omega, row.part.high_omega
+        records["low_omega"][number], records["high_omega"][number] = (
+            row.part.low_omega,
+            row.part.high_omega,
+        )
         records["settled"][number], records["counterexample"][number] = row.settled, row.text
         records["left_open"][number] = row.left_open
     if not agreed:
-        records["certified"], records["settled"], records["doubt"] = False, False, Doubt.CONTRADICTION
+        records["certified"], records["settled"], records["doubt"] = (
+            False,
+            False,
+            Doubt.CONTRADICTION,
+        )
     return records

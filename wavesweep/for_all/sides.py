@@ -27,7 +27,9 @@ class LeftOpen:
     share: float
 
 
-def left_open(found: Covering, sides: Sequence[Side], whole: np.ndarray, *, up: bool) -> LeftOpen | None:
+def left_open(
+    found: Covering, sides: Sequence[Side], whole: np.ndarray, *, up: bool
+) -> LeftOpen | None:
     """Return what holds a proof up on its way along the first of its sides; None if nothing does.
 
     whole: the box of the proof, `(2, sides)`.
@@ -44,7 +46,9 @@ def left_open(found: Covering, sides: Sequence[Side], whole: np.ndarray, *, up: 
     return LeftOpen(tuple(side.path for side in sides), ends, float(shares.sum()))
 
 
-def side_of(drawing: Drawing, values: Mapping[str, object], path: str, ends: tuple[float, float]) -> Side:
+def side_of(
+    drawing: Drawing, values: Mapping[str, object], path: str, ends: tuple[float, float]
+) -> Side:
     """Return the side of a range: a logarithm if it is wide beside how near it comes to where the loop is not analytic."""
     low, high = ends
     least, most = Loops(drawing, values).domain(path, (low, high))
@@ -52,14 +56,24 @@ def side_of(drawing: Drawing, values: Mapping[str, object], path: str, ends: tup
         least = max(least, 0.0)
     if not (np.isfinite(least) and high - least > WIDE * (low - least) > 0):
         return Side(path)
-    return Side(path, least, most if np.isfinite(most) and most - low > WIDE * (most - high) > 0 else np.inf)
+    return Side(
+        path, least, most if np.isfinite(most) and most - low > WIDE * (most - high) > 0 else np.inf
+    )
 
 
 def as_sides(numbers: np.ndarray, sides: Sequence[Side]) -> np.ndarray:
     """Return places of sides at numbers `(..., sides)`."""
-    return np.stack([side.place(numbers[..., at]) for at, side in enumerate(sides)], -1) if sides else np.array(numbers)
+    return (
+        np.stack([side.place(numbers[..., at]) for at, side in enumerate(sides)], -1)
+        if sides
+        else np.array(numbers)
+    )
 
 
 def as_numbers(places: np.ndarray, sides: Sequence[Side]) -> np.ndarray:
     """Return the numbers at places of sides `(..., sides)`."""
-    return np.stack([side.number(places[..., at]) for at, side in enumerate(sides)], -1) if sides else np.array(places)
+    return (
+        np.stack([side.number(places[..., at]) for at, side in enumerate(sides)], -1)
+        if sides
+        else np.array(places)
+    )

@@ -33,7 +33,9 @@ START = 0.4  # of an interval, where a proof begins
 ROUNDED = 1e-12  # of an end, by which it stays within what is proved
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 ROUNDS = 4  # of a search after a proof has met an unstable loop
-FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
+FROM_ZERO = (
+    1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,11 @@ def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
             low = max(interval, second, key=lambda each: each.low)
             high = min(interval, second, key=lambda each: each.high)
             if low.low < high.high:
-                overlaps.append(Part(low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega))
+                overlaps.append(
+                    Part(
+                        low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega
+                    )
+                )
     return overlaps
 
 
@@ -93,7 +99,9 @@ class Proved:
     whole: bool = True
 
 
-def proofs(cases: Sequence["Case"], span: tuple[float, float], near: float) -> Iterator[tuple[Part, Proved | None]]:
+def proofs(
+    cases: Sequence["Case"], span: tuple[float, float], near: float
+) -> Iterator[tuple[Part, Proved | None]]:
     """Yield the intervals that no loop met so far refutes, in order, and what is proved of each, None without.
 
     near: share of an end that is refuted, by which what is tried to be proved stays away from it.
@@ -142,7 +150,9 @@ class Case:
         self.along, self.span, self.fixed = along, span, dict(fixed)
         self.loop, self.values = loop.read, dict(loop.values)
         self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
-        self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
+        self.box = np.array(
+            [[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float
+        )
         self.certified, self.left = True, WORK
 
     def parts(self, narrow: bool = True) -> list[Part]:
@@ -194,7 +204,9 @@ class Case:
         """Members that are tried in any case: those that are tried first, and the extremes of expressions."""
         if not self.ranges:
             return self._first
-        extremes = Resolution(*self.loop, [Expressed(axis.path) for axis in self.ranges]).extremes(self.box)
+        extremes = Resolution(*self.loop, [Expressed(axis.path) for axis in self.ranges]).extremes(
+            self.box
+        )
         return np.concatenate([self._first, extremes])
 
     @property
@@ -224,10 +236,18 @@ class Case:
         """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
         intervals = [[] for _ in points]
         for members, loops in self._built(points):
-            records = Search(self.along, self.span, ((np.arange(members.size), loops),), lines=False, checked=True).records()
+            records = Search(
+                self.along,
+                self.span,
+                ((np.arange(members.size), loops),),
+                lines=False,
+                checked=True,
+            ).records()
             self.certified &= bool(records["certified"].all())
             for record in records[records["intervals"] > 0]:
-                low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
+                low, high, *omegas = (
+                    float(record[name]) for name in ("low", "high", "low_omega", "high_omega")
+                )
                 certain = not record["open_low"] < low, not record["open_high"] > high
                 intervals[members[record["slice"]]].append((low, high, certain, *omegas))
         return intervals
@@ -236,7 +256,10 @@ class Case:
         """Yield members of the box that are built alike, as indices and loops, with the whole ticks of their dead times."""
         unbuilt = self.loop.unbuilt
         for alike in distinct(list((points == 0).T), len(points)):
-            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
+            arrays = {
+                axis.path: np.ascontiguousarray(points[alike, i])
+                for i, axis in enumerate(self.ranges)
+            }
             if unbuilt == self.loop:
                 yield alike, self.loop.changed(arrays)
             else:
@@ -245,7 +268,10 @@ class Case:
     def cover(self, low: float = 0.0, high: float = 0.0) -> Proved:
         """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between."""
         if self.along:
-            paths, box = [self.along, *(axis.path for axis in self.ranges)], np.column_stack([[low, high], self.box])
+            paths, box = (
+                [self.along, *(axis.path for axis in self.ranges)],
+                np.column_stack([[low, high], self.box]),
+            )
         else:
             paths, box = [axis.path for axis in self.ranges], self.box
         sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
@@ -292,7 +318,9 @@ class Case:
         starts: places of the box at which it begins too.
         """
         growth = constant_growth(self.loop, [axis.path for axis in self.ranges])
-        for tried in (self._first, self._starts) if self.ranges else (self._first,):  # extremes take longer to find
+        for tried in (
+            (self._first, self._starts) if self.ranges else (self._first,)
+        ):  # extremes take longer to find
             begun = np.concatenate([tried, np.reshape(starts, (-1, len(self.ranges)))])
             unstable = climb(growth, self.box, begun).unstable
             if len(unstable):
@@ -301,7 +329,9 @@ class Case:
 
     def named(self, point) -> dict[str, float]:
         """The numbers of a point of the box."""
-        return self.fixed | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
+        return self.fixed | dict(
+            zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True)
+        )
 
 
 def _alike(parts, others):
@@ -322,17 +352,23 @@ def _met(found, sides):
 
 def frames_over(loop, paths, drift, x):
     x = np.where(x == 0, TINY, x)
-    return frames_where_solvable(loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),))
+    return frames_where_solvable(
+        loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),)
+    )
 
 
 def drift_over(loop, paths, box):
     """The drift of all loops of a box, counted from the state from which their entries are smallest."""
     ends = zip(paths, box.T, strict=True)
-    drift = loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}).drift()
+    drift = loop.changed(
+        {path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}
+    ).drift()
     if len(drift.varying) != 1:
         return drift
     corners = np.array(list(product(*box.T)))
-    leads = [replace(drift, varying=(state,)) for state in sorted({*drift.remaining, *drift.varying})]
+    leads = [
+        replace(drift, varying=(state,)) for state in sorted({*drift.remaining, *drift.varying})
+    ]
     with np.errstate(all="ignore"):
         entries = (np.abs(frames_over(loop, paths, lead, corners).E) for lead in leads)
         sizes = [np.nan_to_num(array, nan=np.inf).max(initial=0.0) for array in entries]

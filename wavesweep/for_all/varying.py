@@ -40,7 +40,14 @@ from wavesweep.for_all.frame_families import (
 )
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random, losses_at_random
+from wavesweep.for_all.mean_square import (
+    Chances,
+    chain_of,
+    chances,
+    decays,
+    frames_at_random,
+    losses_at_random,
+)
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
@@ -89,7 +96,9 @@ class Rules:
 
     def on_average(self) -> "Rules | None":
         """The rules of frames at random, beside those in any order; None if a spec does not say how often what occurs."""
-        return replace(self, at_random=True) if self.for_all.at_random and not self.at_random else None
+        return (
+            replace(self, at_random=True) if self.for_all.at_random and not self.at_random else None
+        )
 
     @property
     def ranges(self) -> bool:
@@ -99,7 +108,9 @@ class Rules:
     @property
     def vary(self) -> bool:
         """Whether anything varies."""
-        return bool(self.for_all.changing or self.for_all.lost or self.for_all.loss or self.messages)
+        return bool(
+            self.for_all.changing or self.for_all.lost or self.for_all.loss or self.messages
+        )
 
     def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
@@ -109,7 +120,11 @@ class Rules:
         if not self.messages or (self.at_random and self.for_all.shares):
             frames, asked = self.plan(values, (along,)).along(along), self.for_all
             lost = losses_at_random(self.drawing, values) if self.messages else {}
-            return frames_at_random(frames, asked.lengths, asked.results, along, lost) if self.at_random else frames
+            return (
+                frames_at_random(frames, asked.lengths, asked.results, along, lost)
+                if self.at_random
+                else frames
+            )
         if self.for_all.changing:
             found = ", ".join(without_rule(self.drawing.channels))
             expected = f"blocks {RULED} beside channels, or both frames (shares) and messages (loss, burst) at random"
@@ -124,16 +139,27 @@ class Rules:
         axes = {axis.path: axis for axis in self.for_all.changing}
         if self.drawing:
             return self._plan_of_drawing(values, axes)
-        drawing, delays = drawing_of_controller(values, gains), (FRAME if self.with_frame else values[DELAY],)
+        drawing, delays = (
+            drawing_of_controller(values, gains),
+            (FRAME if self.with_frame else values[DELAY],),
+        )
         if wrong := [axis for path, axis in axes.items() if path not in (RATIO, DELAY)]:
-            refuse(self._key(wrong[0]), "rates.ratio or environment.delay as numbers that vary", wrong[0].name)
+            refuse(
+                self._key(wrong[0]),
+                "rates.ratio or environment.delay as numbers that vary",
+                wrong[0].name,
+            )
         lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
         slow = SlowFrames.of(drawing, values, RATIO, lengths)
         if self.vary and not slow.names:
-            refuse(KIND, "a controller with a slow environment, whose frames may vary", values[KIND])
+            refuse(
+                KIND, "a controller with a slow environment, whose frames may vary", values[KIND]
+            )
         delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
         lost = self.for_all.lost or int(self.for_all.loss > 0)
-        return plan_of(drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow)
+        return plan_of(
+            drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow
+        )
 
     def _refuse_numbers_of_drawing(self, axes):
         if self.for_all.lost or self.for_all.loss:
@@ -143,20 +169,38 @@ class Rules:
                 "a drawn loop",
             )
         running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
-        wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [*axes.values()][1:]
+        wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [
+            *axes.values()
+        ][1:]
         if wrong:
             found = ", ".join(axis.name for axis in axes.values())
-            refuse(self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found)
+            refuse(
+                self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found
+            )
 
     def _plan_of_drawing(self, values, axes):
         self._refuse_numbers_of_drawing(axes)
-        slow = SlowFrames.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
+        slow = SlowFrames.of(
+            self.drawing,
+            values,
+            *(of for path, axis in axes.items() for of in (path, values_of_range(axis))),
+        )
         channels = self.drawing.channels
-        if wrong := [block for block in channels if block.name not in slow.names or dict(block.keys)["missing"] == "zero"]:
+        if wrong := [
+            block
+            for block in channels
+            if block.name not in slow.names or dict(block.keys)["missing"] == "zero"
+        ]:
             expected = 'channels that run once a frame and hold the last message (missing = "held") beside frames at random'
             refuse(f"block.{wrong[0].name}", expected, "another")
         names = frozenset(block.name for block in channels)
-        return plan_of(self.drawing, values, FramesInAnyOrder(slow.lengths, IN_PHASE, 0, self.elapsed), slow, names)
+        return plan_of(
+            self.drawing,
+            values,
+            FramesInAnyOrder(slow.lengths, IN_PHASE, 0, self.elapsed),
+            slow,
+            names,
+        )
 
     @staticmethod
     def _key(axis: Axis) -> str:
@@ -175,7 +219,9 @@ def placed(spec: Spec) -> Iterator[None]:
         raise SpecError(places.get(at[0], spec).mistake(*at) for at in facts) from None
 
 
-def bracketed(family: LoopFrames, span: tuple[float, float], about: tuple[float, float]) -> Bracket | None:
+def bracketed(
+    family: LoopFrames, span: tuple[float, float], about: tuple[float, float]
+) -> Bracket | None:
     """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
     low, high = about
     for share in STARTS:
@@ -220,9 +266,14 @@ def bracketed_over(
     least = loops.sides[0].zero + FROM_ZERO * (about[1] - loops.sides[0].zero)
     report = partial(LOGGER.info, "%s proved from %.4g to %.4g so far", name_of(along))
     for share in STARTS:
-        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report)
+        found = bracket_over(
+            loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report
+        )
         if np.isfinite(found.low):
-            ends = (End(each.x, each.point, each.word, _text_at(loops, each)) for each in (found.below, found.above))
+            ends = (
+                End(each.x, each.point, each.word, _text_at(loops, each))
+                for each in (found.below, found.above)
+            )
             return Over(found.low, found.high, *ends, found.settled, found.open)
     return None
 
@@ -235,7 +286,9 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    alike = rules.messages and not rules.for_all.changing  # frames, so that steps of messages are what differs
+    alike = (
+        rules.messages and not rules.for_all.changing
+    )  # frames, so that steps of messages are what differs
     plan = None if alike else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
     sides, whole = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)], box
@@ -252,7 +305,9 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 
     numbers = [side.path for side in sides]
     bounds = as_numbers(whole, sides)
-    members = plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
+    members = (
+        plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
+    )
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
 
@@ -268,17 +323,25 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
         lost = losses_at_random(rules.drawing, values) if rules.messages else {}
-        on_average = OnAverage(*chain_of(rules.for_all.lengths, rules.for_all.results, frames.symbols, lost=lost))
+        on_average = OnAverage(
+            *chain_of(rules.for_all.lengths, rules.for_all.results, frames.symbols, lost=lost)
+        )
     growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
     return loops(growth=growth, on_average=on_average)
 
 
-def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:
+def decided_over(
+    rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]
+) -> tuple[str, dict[str, float | None]]:
     """Whether a loop is stable for all numbers of some ranges and every order of frames, and what it is not stable with."""
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops)
     by = dict(zip((axis.path for axis in ranges), point, strict=False))
-    return (REFUTED, by | {text_of(loops.family(point), word): None}) if word else (PROVED if proved else UNKNOWN, {})
+    return (
+        (REFUTED, by | {text_of(loops.family(point), word): None})
+        if word
+        else (PROVED if proved else UNKNOWN, {})
+    )
 
 
 def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]:
@@ -297,7 +360,14 @@ def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tu
     """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
-    word = next((each for each in (found.words if found else ()) if each and is_refuted(family, each, value)), ())
+    word = next(
+        (
+            each
+            for each in (found.words if found else ())
+            if each and is_refuted(family, each, value)
+        ),
+        (),
+    )
     return REFUTED if word else UNKNOWN, text_of(family, word)
 
 
@@ -307,8 +377,12 @@ def text_of(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
         return GROW if word else ""
     symbols = [family.symbols[each] for each in word]
     if symbols and isinstance(symbols[0], Sent):
-        return "messages " + "; ".join(f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items())
-    return f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
+        return "messages " + "; ".join(
+            f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items()
+        )
+    return (
+        f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
+    )
 
 
 def _frame(symbol, family):
@@ -321,5 +395,8 @@ def _frame(symbol, family):
 def _messages(late):
     """What happens to the messages of a channel, as [simulate] takes it: those that are lost in a row are counted."""
     runs = [(each, len(list(run))) for each, run in groupby(late)]
-    texts = ([f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count for each, count in runs)
+    texts = (
+        [f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count
+        for each, count in runs
+    )
     return ", ".join(text for some in texts for text in some)

@@ -14,11 +14,21 @@ from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
-from wavesweep.for_all.patterns import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
+from wavesweep.for_all.patterns import (
+    Word,
+    crossing,
+    growing,
+    growth,
+    is_refuted,
+    nearest,
+    refuted_beyond,
+)
 from wavesweep.for_all.ranges import Box, cover, units_of
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, left_open
 
-TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
+TOLERANCE = (
+    0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
+)
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 CLIMBS = 6  # to points at which numbers closer to the start are refuted
 LOOKED_AT = 3  # points of a climb at which all words are searched
@@ -118,9 +128,16 @@ def bracket_over(
         units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
-        frames, told = replace(loops.frames, units=units, about=layer.mean(0)), reached if report else None
+        frames, told = (
+            replace(loops.frames, units=units, about=layer.mean(0)),
+            reached if report else None,
+        )
         found = cover(frames, layer, follows, most - spent, up, words, told, (1 - NEAR) * TOLERANCE)
-        return found, float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)), spent + found.used
+        return (
+            found,
+            float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)),
+            spent + found.used,
+        )
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
         found, end, spent = proved(high, goal, UPWARD * work, True)
@@ -132,10 +149,16 @@ def bracket_over(
     goal = _goal(below, limits[0], start)
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
-        low, open_ = min(low, end), open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
+        low, open_ = (
+            min(low, end),
+            open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False),
+        )
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
-    near = [_near(low, below.x if below.word else limits[0]), _near(high, above.x if above.word else limits[1])]
+    near = [
+        _near(low, below.x if below.word else limits[0]),
+        _near(high, above.x if above.word else limits[1]),
+    ]
     return WorstBracket(low, high, below, above, all(near), open_)
 
 
@@ -147,7 +170,9 @@ def _goal(refuted, limit, start):
     """How far a proof is tried."""
     if not refuted.word:
         return limit
-    return refuted.x + np.sign(start - refuted.x) * min(NEAR * TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2)
+    return refuted.x + np.sign(start - refuted.x) * min(
+        NEAR * TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2
+    )
 
 
 def _layer(loops, low, high):
@@ -172,7 +197,9 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
             else:
                 best = _refuted_at(loops, point, start, limit, best)
                 searched.append(point)
-        if best is before or (before.word and abs(best.x - before.x) <= MOVED * abs(before.x - start)):
+        if best is before or (
+            before.word and abs(best.x - before.x) <= MOVED * abs(before.x - start)
+        ):
             break
     if best.word and not loops.on_average:
         return replace(best, x=nearest(loops.family(best.point), best.word, start, best.x))
@@ -185,7 +212,9 @@ def _alike(loops, point, other, x):
         return point == other
     family = loops.family(other)
     frames, others = loops.family(point).at(x), family.at(x)
-    if frames.shape != others.shape or not np.isfinite(others).all():  # a number that is 0 takes a state away
+    if (
+        frames.shape != others.shape or not np.isfinite(others).all()
+    ):  # a number that is 0 takes a state away
         return False
     centre, _ = first_centre(others, family.follows)  # in whose basis the frames are small
     return bool(np.abs(centre.in_basis(frames - others)).max() <= ALIKE)
@@ -201,7 +230,11 @@ def _refuted_at(loops, point, start, limit, best):
     """What is refuted at a point if it is closer to the start than the best."""
     limit = best.x if best.word else limit
     family = loops.family(point)
-    x, word = nearest_growing(family, start, limit) if loops.on_average else nearest_refuted(family, start, limit, TOLERANCE)
+    x, word = (
+        nearest_growing(family, start, limit)
+        if loops.on_average
+        else nearest_refuted(family, start, limit, TOLERANCE)
+    )
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
     return best

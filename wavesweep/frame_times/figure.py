@@ -7,7 +7,14 @@ import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import as_it_stands
-from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.program.plots.style import (
+    GRID,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    note_below,
+    warn_above,
+)
 
 
 def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -18,7 +25,13 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
         left, right = canvas.subplots(1, 2)
         left.bar(ticks, 100 * shares, width=0.8 * facts["every"], color=distinct_colour(0))
         left.set(xlabel="length of a frame (ticks)", ylabel="share (%)")
-        right.scatter(columns["ticks"], columns["next_ticks"], 60 * columns["share"], color=distinct_colour(1), linewidths=0)
+        right.scatter(
+            columns["ticks"],
+            columns["next_ticks"],
+            60 * columns["share"],
+            color=distinct_colour(1),
+            linewidths=0,
+        )
         right.set(xlabel="length of a frame (ticks)", ylabel="length of the next (ticks)")
         for axes in (left, right):
             axes.grid(**GRID)
@@ -26,8 +39,16 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
             axes.xaxis.get_major_locator().set_params(integer=True)
         right.yaxis.get_major_locator().set_params(integer=True)
         independent = "do not depend" if facts["independent"] else "depend"
-        note_below(canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before"))
+        note_below(
+            canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before")
+        )
         unfit = facts["unfit"]["frames"]
-        counted = "whole ticks" if facts["every"] == 1 else f"multiples of {facts['every']} ticks, and count as such"
-        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last {counted}" if unfit else "")
+        counted = (
+            "whole ticks"
+            if facts["every"] == 1
+            else f"multiples of {facts['every']} ticks, and count as such"
+        )
+        warn_above(
+            canvas, f"{unfit} of {facts['frames']} frames do not last {counted}" if unfit else ""
+        )
     return canvas

@@ -44,7 +44,9 @@ def identified(
     shortest = int(run.values[0])
     measured = len(run.values)
     if every and every > shortest:
-        raise UsageError(f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}")
+        raise UsageError(
+            f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}"
+        )
     for divisor in (every,) if every else range(1, shortest + 1):
         run = replace(run, every=divisor)
         if len(run.values) <= MOST:
@@ -57,12 +59,20 @@ def identified(
     lengths = run.lengths
     values = run.values
     pairs = pairs_of(lengths, values)
-    arguments = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales), "every": every}
+    arguments = {
+        "fast_hz": fast_hz,
+        "number": number,
+        "columns": dict(columns),
+        "scales": dict(scales),
+        "every": every,
+    }
     facts = {
         "schema_version": 1,
         **versions(),
         "spec_name": Path(path).stem,
-        "spec_sha256": sha256(f"{run.sha256} {sorted(arguments.items(), key=str)}".encode()).hexdigest(),
+        "spec_sha256": sha256(
+            f"{run.sha256} {sorted(arguments.items(), key=str)}".encode()
+        ).hexdigest(),
         "log_sha256": run.sha256,
         "asked": arguments,
         "frames": len(lengths),
@@ -98,7 +108,15 @@ def _unfit(run: MeasuredFrames) -> dict[str, Any]:
 
 
 def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
-    of_run = ("frames", "duration_s", "every", "measured_lengths", "lengths", "independent", "unfit")
+    of_run = (
+        "frames",
+        "duration_s",
+        "every",
+        "measured_lengths",
+        "lengths",
+        "independent",
+        "unfit",
+    )
     return {"fast_hz": facts["asked"]["fast_hz"]} | {name: facts[name] for name in of_run}
 
 
@@ -120,7 +138,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
         if row["ticks"] not in shown:
             continue
         share = shares[row["ticks"]]
-        yield f"  {count(row['ticks'], 'tick')}: {share:.3g} % of frames{_next_lengths(row, ticks)}", False
+        yield (
+            f"  {count(row['ticks'], 'tick')}: {share:.3g} % of frames{_next_lengths(row, ticks)}",
+            False,
+        )
     if rare:
         most = max(shares[length] for length in rare)
         at_most = "at most " if len(rare) > 1 else ""
@@ -145,14 +166,28 @@ def _caveats(found: Numbers) -> Iterator[Line]:
     rows = found["lengths"]
     every = found["every"]
     if len(rows) > 1 and found["independent"]:
-        yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
+        yield (
+            "the length of a frame does not depend on that of the frame before, as far as this run shows",
+            False,
+        )
     elif len(rows) > 1:
-        yield "the length of a frame depends on that of the frame before: shares alone do not describe this run", False
+        yield (
+            "the length of a frame depends on that of the frame before: shares alone do not describe this run",
+            False,
+        )
     if len(rows) > SHOWN:
-        yield f"few of {len(rows)} lengths decide: the summary of zwidth says which, and which may be left out", False
+        yield (
+            f"few of {len(rows)} lengths decide: the summary of zwidth says which, and which may be left out",
+            False,
+        )
     if every > 1:
-        fewer = f"{found['measured_lengths']} lengths become {len(rows)}, multiples of {every} ticks"
-        yield f"{fewer}: this assumes a loop that looks for a result in every {every} ticks and not in each", True
+        fewer = (
+            f"{found['measured_lengths']} lengths become {len(rows)}, multiples of {every} ticks"
+        )
+        yield (
+            f"{fewer}: this assumes a loop that looks for a result in every {every} ticks and not in each",
+            True,
+        )
     unfit = found["unfit"]
     if unfit["frames"]:
         of = f"{unfit['frames']} of {count(found['frames'], 'frame')}"
@@ -160,7 +195,10 @@ def _caveats(found: Numbers) -> Iterator[Line]:
         first = f"the first of {unfit['ticks']:.6g} ticks at {unfit['begins_s']:.6g} s"
         counted = f"the loop may count {low} or {low + every}, and both are in [for_all]"
         multiples = "whole ticks" if every == 1 else f"multiples of {every} ticks"
-        yield f"{of} do not last {multiples}, but up to {unfit['worst']:.2g} more or less; {first}: {counted}", every == 1
+        yield (
+            f"{of} do not last {multiples}, but up to {unfit['worst']:.2g} more or less; {first}: {counted}",
+            every == 1,
+        )
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:
@@ -176,13 +214,19 @@ def spec_text(facts: Mapping[str, Any]) -> str:
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
     ]
     if unfit:
-        lines.append(f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here.")
+        lines.append(
+            f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here."
+        )
     if every > 1:
-        lines.append(f"# ASSUMED: the loop looks for a result in every {every} ticks and not in each; as measured there are")
+        lines.append(
+            f"# ASSUMED: the loop looks for a result in every {every} ticks and not in each; as measured there are"
+        )
         lines.append(f"# {facts['measured_lengths']} lengths.")
     table: dict[str, Any] = {"values": [row["ticks"] for row in rows], "varying": True}
     if len(rows) > 1 and facts["independent"]:
-        lines.append("# shares: how often each length occurred; without it, only answers for any order are given.")
+        lines.append(
+            "# shares: how often each length occurred; without it, only answers for any order are given."
+        )
         table["shares"] = shares
     elif len(rows) > MOST_NEXT:
         lines.append(
@@ -190,9 +234,13 @@ def spec_text(facts: Mapping[str, Any]) -> str:
         )
         lines.append("# in mean square, so there is none here, and answers are for any order.")
     elif len(rows) > 1:
-        lines.append("# next: how often each length followed each; without it, only answers for any order are given.")
+        lines.append(
+            "# next: how often each length followed each; without it, only answers for any order are given."
+        )
         table["next"] = [row["next"] if any(row["next"]) else shares for row in rows]
     return "\n".join(lines) + "\n" + as_toml({"for_all": {arguments["number"]: table}})
 
 
-KINDS = (whole_kind("identify-frames", _numbers, _lines, "wavesweep.frame_times.figure.identify_frames"),)
+KINDS = (
+    whole_kind("identify-frames", _numbers, _lines, "wavesweep.frame_times.figure.identify_frames"),
+)

@@ -22,8 +22,14 @@ KNOWN = {  # columns of PresentMon 2 and 1, of PlotJuggler and of rostopic: what
     "__time": ("time", 1.0),
     "%time": ("time", 1e-9),
 }
-SECONDS, NANOSECONDS = "stamp.sec", "stamp.nanosec"  # ends of names in messages of ROS 2, as those of ros2_control
-SWAP_CHAINS = ("SwapChainAddress", "ProcessID")  # of PresentMon, in a file with the frames of several programs
+SECONDS, NANOSECONDS = (
+    "stamp.sec",
+    "stamp.nanosec",
+)  # ends of names in messages of ROS 2, as those of ros2_control
+SWAP_CHAINS = (
+    "SwapChainAddress",
+    "ProcessID",
+)  # of PresentMon, in a file with the frames of several programs
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +97,9 @@ def read_run(
     file = read_csv(path, MOST_BYTES)
     for option, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
-            raise UsageError(f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}")
+            raise UsageError(
+                f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}"
+            )
     column = _column(path, file, columns, options)
     name = column.name
     rows = file.numbers(column.columns, 3 if name == "time" else 2)
@@ -109,7 +117,11 @@ def read_run(
     median = float(np.median(durations))
     if median > LONGEST:
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
-        hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
+        hint = (
+            f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms"
+            if options
+            else "are they in ms?"
+        )
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     _refuse_lengths(path, file.above, name, durations, fast_hz, most)
     return MeasuredFrames(begins, durations * fast_hz, file.sha256)
@@ -136,9 +148,15 @@ def _column(path, file, columns, options) -> FrameColumn:
         known = _known(file)
         if known is not None:
             return known
-    likely = [column for column in file.names if "time" in column.lower() or "stamp" in column.lower()]
+    likely = [
+        column for column in file.names if "time" in column.lower() or "stamp" in column.lower()
+    ]
     meant = nearest("time", file.names) or (likely[0] if likely else "NAME")
-    hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
+    hint = (
+        f"--column time={meant} names that of stamps"
+        if options
+        else "give the one of stamps (s) the name time"
+    )
     expected = " or ".join(columns.values() or ("time", "duration"))
     raise UsageError(f"{path}: expected a column {expected}, found {file.listed}; {hint}")
 
@@ -167,7 +185,9 @@ def _refuse_several(path, file) -> None:
         values = {row[place] for row in csv.reader(file.body.splitlines()) if len(row) > place}
         if len(values) > 1:
             shown = ", ".join(sorted(values)[:3])
-            raise UsageError(f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); keep the rows of one")
+            raise UsageError(
+                f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); keep the rows of one"
+            )
 
 
 def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
@@ -176,9 +196,15 @@ def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
     tick = f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
         (ticks < 1 - FITS, f"at least a tick {tick}", ""),
-        (ticks > most + FITS, f"at most {most:g} ticks {tick}", "; is it a pause of the recording? Cut it out"),
+        (
+            ticks > most + FITS,
+            f"at most {most:g} ticks {tick}",
+            "; is it a pause of the recording? Cut it out",
+        ),
     ):
         if wrong.any():
             row = int(wrong.argmax())
             place = f"{path}:{above + row + (3 if name == 'time' else 2)}: {name}"
-            raise UsageError(f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}")
+            raise UsageError(
+                f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}"
+            )

@@ -26,7 +26,11 @@ def number_of(spec: Spec) -> str:
     if not spec.drawing:
         _refuse_built_in(spec)
         return RATIO
-    slow = {text_of(block.every): block.every for block in spec.drawing.blocks if block.every[:2] != ("number", 1.0)}
+    slow = {
+        text_of(block.every): block.every
+        for block in spec.drawing.blocks
+        if block.every[:2] != ("number", 1.0)
+    }
     if len(slow) == 1 and next(iter(slow.values()))[0] == "name":
         return next(iter(slow))
     raise UsageError(
@@ -89,11 +93,16 @@ def _refuse_built_in(spec: Spec) -> None:
         )
     drawing = own_loop(spec).drawing
     if RATIO not in drawing.reads and RATIO not in drawing.building:
-        raise UsageError(f"{spec.name}: expected a controller with a slow environment, which has frames, found {spec.kind}")
+        raise UsageError(
+            f"{spec.name}: expected a controller with a slow environment, which has frames, found {spec.kind}"
+        )
 
 
 def within(
-    spec: Spec, path: str, columns: Mapping[str, str] | None = None, scales: Mapping[str, float] | None = None
+    spec: Spec,
+    path: str,
+    columns: Mapping[str, str] | None = None,
+    scales: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Whether the frames of a file are among those that the answers of a spec are for, as facts that JSON can hold.
 
@@ -113,7 +122,11 @@ def within(
     first = None
     if len(left):
         at = left[0]
-        first = {"frame": int(at) + 1, "begins_s": float(run.begins[at]), "ticks": float(run.ticks[at])}
+        first = {
+            "frame": int(at) + 1,
+            "begins_s": float(run.begins[at]),
+            "ticks": float(run.ticks[at]),
+        }
     return {
         "file": Path(path).name,
         "frames": len(run.ticks),
@@ -137,14 +150,22 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     frames = found["frames"]
     several = expected[-1] - expected[0] + 1 == len(expected) > 2
     words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
-    order = f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
+    order = (
+        f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
+    )
     start = f"  measured frames ({found['file']}):"
     if not found["left"]:
         yield 1, f"{start} all {frames} are within {order}"
         return
     first = found["first"]
     where = f"begins at {first['begins_s']:.6g} s and lasts {first['ticks']:.6g} ticks"
-    yield 1, f"{start} {found['left']} of {frames} are NOT within {order}, so no answer here is for this run"
+    yield (
+        1,
+        f"{start} {found['left']} of {frames} are NOT within {order}, so no answer here is for this run",
+    )
     yield 1, f"    the first is frame {first['frame']}, which {where}"
     if found["every"] > 1:
-        yield 1, f"    they are within them for a loop that looks for a result in every {found['every']} ticks and not in each"
+        yield (
+            1,
+            f"    they are within them for a loop that looks for a result in every {found['every']} ticks and not in each",
+        )

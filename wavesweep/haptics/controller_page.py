@@ -54,7 +54,11 @@ class BlockDiagram:
         """
         if not ticks and not dead_time:
             return self
-        late = {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"} if dead_time else {"steps": ticks}
+        late = (
+            {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"}
+            if dead_time
+            else {"steps": ticks}
+        )
         blocks = {**self.blocks, "amplifier": {"type": "delay", **late}}
         wires = {**self.wires, "amplifier.u": self.reaction, "device.f": "f_h - amplifier.y"}
         if dead_time:  # which would read a position or velocity of the device between two ticks
@@ -88,21 +92,32 @@ class Slow:
         reads, waits = [floor(time) for time in times], [ceil(time) + delay for time in times]
         ends = [*reads[1:], reads[0] + q]  # of a result: the tick in which the next one is computed
         late = any(wait >= end for wait, end in zip(waits, ends, strict=True))
-        stored = [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
+        stored = (
+            [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
+        )
         shown = [wait % q for wait in waits] if late or waits != reads else []
-        return Slow(RATIO if p == 1 else q, tuple(sorted(reads)), tuple(sorted(stored)), tuple(sorted(shown)))
+        return Slow(
+            RATIO if p == 1 else q,
+            tuple(sorted(reads)),
+            tuple(sorted(stored)),
+            tuple(sorted(shown)),
+        )
 
     def block(self, **keys: object) -> dict[str, object]:
         """Return a block that runs with the slow environment."""
         return {"every": self.every, "phases": self.reads, **keys}
 
-    def in_place(self, name: str, signal: str) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
+    def in_place(
+        self, name: str, signal: str
+    ) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
         if self.next_tick:
             return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
         blocks, wires = {}, {}
         stages = [("kept", "hold", self.stored), ("shown", "hold", self.shown)]
-        if self.stored and self.stored == self.shown:  # one tick late in each tick: it is shown as the next one is computed
+        if (
+            self.stored and self.stored == self.shown
+        ):  # one tick late in each tick: it is shown as the next one is computed
             stages = [("shown", "delay", self.shown)]
         for stage, kind, phases in stages:
             if phases:
@@ -115,7 +130,9 @@ class Slow:
 def device(values: Mapping[str, Any]) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
     """Return the device with the operator's hand on it, and the signal of its measured velocity."""
     with_hand = {key: f"device.{key} + operator.{key}" for key in ("mass", "damping")}
-    blocks: dict[str, dict[str, object]] = {"device": {"type": "mass", **with_hand, "stiffness": "operator.stiffness"}}
+    blocks: dict[str, dict[str, object]] = {
+        "device": {"type": "mass", **with_hand, "stiffness": "operator.stiffness"}
+    }
     if values["device.velocity"] == "exact":
         return blocks, {}, "device.v"
     return blocks | {"velocity": {"type": "difference"}}, {"velocity.u": "device.x"}, "velocity.y"
@@ -197,7 +214,9 @@ def _page_of(values: Mapping[str, Any], varied: Iterable[str] = ()) -> tuple[str
     kind = values["controller.kind"]
     if kind not in CONTROLLERS:
         known = ", ".join(CONTROLLERS)
-        raise UsageError(f"controller.kind: expected one of {known}, found {kind}, which has no page")
+        raise UsageError(
+            f"controller.kind: expected one of {known}, found {kind}, which has no page"
+        )
     items = [(path, values[path]) for path in _DECIDING]
     items.append((_AMPLIFIER, int(values.get(_AMPLIFIER, 0))))
     for path in (_GAIN, _DEAD_TIME):

@@ -12,7 +12,9 @@ WALL = ("environment.K_VE", "environment.B_VE")
 HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 """The keys of the hand's numbers."""
 
-MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
+MOST_SLOW_STEPS = (
+    10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +40,18 @@ def _page(module: str, name: str) -> Callable[[Mapping[str, Any]], Any]:
 
 
 CONTROLLERS = {
-    "dc": Controller("direct coupling to a wall at the fast rate, the ideal", _page("direct", "dc"), filters=()),
+    "dc": Controller(
+        "direct coupling to a wall at the fast rate, the ideal", _page("direct", "dc"), filters=()
+    ),
     "dc-slow": Controller(
-        "direct coupling to the slow wall, whose force is held over a frame", _page("direct", "dc_slow"), filters=()
+        "direct coupling to the slow wall, whose force is held over a frame",
+        _page("direct", "dc_slow"),
+        filters=(),
     ),
     "dc-lm": Controller(
-        "dc-slow with a local model of the wall at the fast rate, in the power domain", _page("direct", "dc_lm"), filters=()
+        "dc-slow with a local model of the wall at the fast rate, in the power domain",
+        _page("direct", "dc_lm"),
+        filters=(),
     ),
     "dc-vc": Controller(
         "a spring and a damper at the fast rate, a virtual coupling, to an avatar at the slow wall",

@@ -12,7 +12,9 @@ def dc(values: Mapping[str, Any]) -> BlockDiagram:
     """The paper's ideal: the wall's force in every tick, so the frame is one tick."""
     blocks, wires, velocity = device(values)
     force = F_S.format(x="device.x", v=velocity)
-    return BlockDiagram(blocks, wires | {"device.f": f"f_h - ({force})"}, force, "ideal wall at the fast rate")
+    return BlockDiagram(
+        blocks, wires | {"device.f": f"f_h - ({force})"}, force, "ideal wall at the fast rate"
+    )
 
 
 def dc_slow(values: Mapping[str, Any]) -> BlockDiagram:
@@ -25,7 +27,10 @@ def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
     """The slow wall's held force, and a fast spring and damper about the samples that this force was computed from."""
     slow = Slow.of(values)
     blocks, wires, velocity, force = _slow_wall(values)
-    for name, signal, gain in (("x_ref", "device.x", "local_model.K_LM"), ("v_ref", velocity, "local_model.B_LM")):
+    for name, signal, gain in (
+        ("x_ref", "device.x", "local_model.K_LM"),
+        ("v_ref", velocity, "local_model.B_LM"),
+    ):
         sampled = {name: slow.block(type="hold")}
         held, through, shown = slow.in_place(name, f"{name}.y")
         blocks, wires = blocks | sampled | held, wires | {f"{name}.u": signal} | through
@@ -46,4 +51,6 @@ def _slow_wall(values: Mapping[str, Any]) -> SlowWall:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     held, through, force = slow.in_place("wall", "wall.y")
     blocks = blocks | {"wall": slow.block(type="hold")} | held
-    return SlowWall(blocks, wires | {"wall.u": F_S.format(x="device.x", v=velocity)} | through, velocity, force)
+    return SlowWall(
+        blocks, wires | {"wall.u": F_S.format(x="device.x", v=velocity)} | through, velocity, force
+    )

@@ -5,7 +5,16 @@ from contextlib import suppress
 
 import numpy as np
 
-from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop, Ports, hand_of, scalar_place, seen_by_hand, timing
+from wavesweep.engine.blocks import (
+    FACTOR,
+    PRODUCT,
+    MultirateLoop,
+    Ports,
+    hand_of,
+    scalar_place,
+    seen_by_hand,
+    timing,
+)
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import Opened, by_zeros
@@ -37,7 +46,9 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
     except IllPosedLoopError:
         if size == 1:
             return felt
-        arrays = {path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)}
+        arrays = {
+            path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)
+        }
         loops = loops.changed(arrays)
         return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
     return felt
@@ -50,7 +61,9 @@ def _fill_felt(felt, loops):
     drawn = loops.drawn()
     drift = loops.drift_at_hand()
     if not (drift.constant or drift.varying):
-        with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
+        with suppress(
+            IllPosedLoopError
+        ):  # of direct terms through blocks that need not run together
             felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
     unknown = np.flatnonzero(np.isnan(felt))
     if not unknown.size:
@@ -58,7 +71,9 @@ def _fill_felt(felt, loops):
     from wavesweep.engine.response import varied_rates
 
     rates = varied_rates(loops)
-    if drift.varying and rates:  # what drifts may depend on the rate: the loops of each one by themselves
+    if (
+        drift.varying and rates
+    ):  # what drifts may depend on the rate: the loops of each one by themselves
         of_unknown = {path: rate[unknown] for path, rate in rates.items()}
         first, of = distinct_rows(of_unknown, unknown.size)
         for number, at in enumerate(unknown[first].tolist()):
@@ -75,7 +90,9 @@ def _fill_felt(felt, loops):
     felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
 
 
-def hand_in_frame(drawn: MultirateLoop, drawing: Drawing, numbers: tuple[str, ...], read: tuple[str, ...]) -> Ports | None:
+def hand_in_frame(
+    drawn: MultirateLoop, drawing: Drawing, numbers: tuple[str, ...], read: tuple[str, ...]
+) -> Ports | None:
     """The hand, if its loops may feel a wall, and a frame without the numbers shows the force against it; see `FindPort`."""
     if not feels(drawing) or any(seen_by_hand(drawing, number) for number in numbers):
         return None
@@ -83,7 +100,9 @@ def hand_in_frame(drawn: MultirateLoop, drawing: Drawing, numbers: tuple[str, ..
     return hand if shows_at_rest(drawn, hand, read) else None
 
 
-def stiffness_at_ends(question: Question, loops: Loops, opened: Opened | None, place, p, omega) -> np.ndarray:
+def stiffness_at_ends(
+    question: Question, loops: Loops, opened: Opened | None, place, p, omega
+) -> np.ndarray:
     """The stiffness (N/m) felt at both ends of intervals, `(2, n)`; see `lines_at_ends`."""
     if not feels(loops.drawing):
         return np.full(p.shape, np.nan)
@@ -101,7 +120,9 @@ def stiffness_at_ends(question: Question, loops: Loops, opened: Opened | None, p
         batches = np.arange(values.size)[:, None] if in_pieces else by_zeros(loops, columns)
         result = np.empty(values.size)
         for alike in batches:
-            result[alike] = felt_along(at_any_value.some(columns[alike]), question.along, values[alike])
+            result[alike] = felt_along(
+                at_any_value.some(columns[alike]), question.along, values[alike]
+            )
         return result
 
     felt[:, unknown] = felt_at_ends(p[:, unknown], omega[:, unknown], stiffness)
@@ -131,10 +152,14 @@ def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.nd
                 felt[ends] = stiffness(row[ends], p[ends])
         ends = np.flatnonzero((omega == 0) & (p != 0))
         if ends.size:
-            sides = np.multiply.outer([1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[ends])
+            sides = np.multiply.outer(
+                [1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[ends]
+            )
             moved = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
             near, far = moved[0] + moved[1], moved[2] + moved[3]
-            felt[ends] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
+            felt[ends] = np.where(
+                np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan
+            )
     return felt.reshape(shape)
 
 
@@ -145,18 +170,24 @@ def _known_at_ends(question, loops, opened, place, p):
     at_rest = opened and _frame_at_rest(opened)
     if not at_rest:
         of_tick = _tick_at_rest(question, loops)
-        return of_tick.stiffness(twice, ends).reshape(p.shape) if of_tick else np.full(p.shape, np.nan)
+        return (
+            of_tick.stiffness(twice, ends).reshape(p.shape) if of_tick else np.full(p.shape, np.nan)
+        )
     felt = _of_slices(opened, at_rest, twice, ends)
     hidden = np.flatnonzero(np.isnan(felt) & ~np.isnan(ends))
     if hidden.size and opened.loops.second:
         columns = different(twice[hidden])
         for alike in by_zeros(loops, columns):
             few = columns[alike]
-            alone = Opened.of_each(loops.some(few), question.number, few.size, find_port=hand_in_frame)
+            alone = Opened.of_each(
+                loops.some(few), question.number, few.size, find_port=hand_in_frame
+            )
             alone_at_rest = alone and _frame_at_rest(alone)
             if alone_at_rest:
                 rows = hidden[np.isin(twice[hidden], few)]
-                felt[rows] = _of_slices(alone, alone_at_rest, np.searchsorted(few, twice[rows]), ends[rows])
+                felt[rows] = _of_slices(
+                    alone, alone_at_rest, np.searchsorted(few, twice[rows]), ends[rows]
+                )
     return felt.reshape(p.shape)
 
 
@@ -165,12 +196,16 @@ def _frame_at_rest(opened: Opened) -> DcGain | None:
     loops = opened.loops
     if not loops.port:
         return None
-    return loops.remembered("at rest", lambda: frame_dcgain(loops.drawn, loops.port, loops.frame, loops.drift))
+    return loops.remembered(
+        "at rest", lambda: frame_dcgain(loops.drawn, loops.port, loops.frame, loops.drift)
+    )
 
 
 def _tick_at_rest(question, loops) -> DcGain | None:
     """The loops at rest from a tick, if the number is one scalar gain of them."""
-    if not scalar_place(loops.drawing, question.number) or seen_by_hand(loops.drawing, question.number):
+    if not scalar_place(loops.drawing, question.number) or seen_by_hand(
+        loops.drawing, question.number
+    ):
         return None
     with suppress(IllPosedLoopError):
         drift = loops.changed({question.along: np.array(question.span)}).drift_at_hand()

@@ -27,13 +27,20 @@ class HeldLoop(Loops):
     def at(self, index: int) -> "HeldLoop":
         """Return one loop of the batch, by its flat index."""
         batch = self.batch
-        values = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
+        values = {
+            k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v
+            for k, v in self.values.items()
+        }
         return HeldLoop(self.drawing, values)
 
     def with_hand(self) -> "HeldLoop":
         """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
         added = dict.fromkeys(HAND, 0.0)
-        drawing = self.drawing if self.drawing.reads.issuperset(HAND) else with_hand(self.drawing, self.device, HAND)
+        drawing = (
+            self.drawing
+            if self.drawing.reads.issuperset(HAND)
+            else with_hand(self.drawing, self.device, HAND)
+        )
         return HeldLoop(drawing, {**added, **self.values})
 
     @property
@@ -46,7 +53,9 @@ class HeldLoop(Loops):
     @property
     def parts(self) -> dict[str, Any]:
         """The parts of a tick in each of which the force on the device is held: its port in each, and its share of the tick."""
-        plant = next((plant for plant in self.drawing.plants if plant.members[0].name == self.device), None)
+        plant = next(
+            (plant for plant in self.drawing.plants if plant.members[0].name == self.device), None
+        )
         if plant is None or not plant.arriving:
             return {f"{self.device}.f": 1.0}
         ((port, name),) = plant.arriving
@@ -106,7 +115,10 @@ def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
     def held(block):
         if block.name != device:
             return block
-        keys = ((name, ("+", tree, ("name", added[name], 0), 0) if name in added else tree) for name, tree in block.keys)
+        keys = (
+            (name, ("+", tree, ("name", added[name], 0), 0) if name in added else tree)
+            for name, tree in block.keys
+        )
         return replace(block, keys=tuple(keys))
 
     return replace(drawing, blocks=tuple(map(held, drawing.blocks)))

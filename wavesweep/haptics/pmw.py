@@ -50,12 +50,18 @@ def _waves(
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     blocks["encoder"] = {"type": "wave", "b": "controller.b"}
     blocks["lp1"] = lp1
-    blocks["avatar"] = slow.block(type="avatar", b="controller.b", integration=values["environment.integration"])
+    blocks["avatar"] = slow.block(
+        type="avatar", b="controller.b", integration=values["environment.integration"]
+    )
     held, through, v_1 = slow.in_place("v_1", "avatar.out")
     v_m = f"{v_1} + {v_2}" if v_2 else v_1
     if values["controller.Kp"]:  # equation (3) of the paper
         shown_blocks, further, x_s = slow.in_place("x_s", "avatar.x")
-        held, through, v_m = held | shown_blocks, through | further, f"{v_m} + controller.Kp*({x_s} - device.x)"
+        held, through, v_m = (
+            held | shown_blocks,
+            through | further,
+            f"{v_m} + controller.Kp*({x_s} - device.x)",
+        )
     wires |= {
         "encoder.v": velocity,
         "encoder.in": v_m,
@@ -65,8 +71,15 @@ def _waves(
         "device.f": "f_h - encoder.force",
     }
     assumes = f"{values['environment.integration']} integration of the wall"
-    return BlockDiagram({**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes)
+    return BlockDiagram(
+        {**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes
+    )
 
 
 def _filter(name: str, passes: str = "low") -> dict[str, object]:
-    return {"type": "butterworth", "order": f"filters.{name}.order", "cutoff_hz": f"filters.{name}.cutoff_hz", "pass": passes}
+    return {
+        "type": "butterworth",
+        "order": f"filters.{name}.order",
+        "cutoff_hz": f"filters.{name}.cutoff_hz",
+        "pass": passes,
+    }

@@ -178,7 +178,9 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
     return True
 
 
-def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: MarginalModes) -> DcGain | None:
+def frame_dcgain(
+    drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: MarginalModes
+) -> DcGain | None:
     """Return the loops at rest, free in the number that the frame is without; None if the frame does not determine them.
 
     frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
@@ -282,7 +284,10 @@ class _Equations:
         reaction, place = n + 1, n + 2  # rows; the row n is that of the signal
         constant = n + 1  # column of the hand's force
         determined, adding = self._unknowns(n)
-        at = [*determined, n]  # rows and columns of the unknowns: states, the signal and the product
+        at = [
+            *determined,
+            n,
+        ]  # rows and columns of the unknowns: states, the signal and the product
         A, dA = (np.ascontiguousarray(matrix) for matrix in self._rows(at, at))
         right = np.zeros((*A.shape[:-1], 2))
         of_right = np.zeros((*A.shape[:-1], 2))
@@ -312,8 +317,15 @@ class _Equations:
         position = self._rows([place], at)
         for matrix, of_law in zip(position, law, strict=True):
             matrix[..., :-1] += of_law[..., :-1]
-        rows = [position, self._rows([reaction], at), _Bounded(product, 0 * product), self._rows(others, at)]
-        stacked = _Bounded(*(np.concatenate(matrices, axis=-2) for matrices in zip(*rows, strict=True)))
+        rows = [
+            position,
+            self._rows([reaction], at),
+            _Bounded(product, 0 * product),
+            self._rows(others, at),
+        ]
+        stacked = _Bounded(
+            *(np.concatenate(matrices, axis=-2) for matrices in zip(*rows, strict=True))
+        )
         shown = stacked.times(X)
         for matrix, of_moment, P in zip(shown, moment, (self.P, self.dP), strict=True):
             matrix[..., 0, 0] += of_moment[..., 0, 1] / ticks

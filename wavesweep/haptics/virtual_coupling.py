@@ -17,13 +17,20 @@ def dc_vc(values: Mapping[str, Any]) -> BlockDiagram:
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s")
     force = f"{_K}*(device.x - {shown['x_s']}) + {_B}*({velocity} - {shown['v_s']})"
     blocks |= {"coupling": {"type": "gain"}}
-    return BlockDiagram(blocks, wires | {"coupling.u": force, "device.f": "f_h - coupling.y"}, "coupling.y", _assumes(values))
+    return BlockDiagram(
+        blocks,
+        wires | {"coupling.u": force, "device.f": "f_h - coupling.y"},
+        "coupling.y",
+        _assumes(values),
+    )
 
 
 def dc_vc_lm(values: Mapping[str, Any]) -> BlockDiagram:
     """The same slow avatar, and a fast one, which a spring and a damper about the slow one's pose and force act on."""
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s", "F_s")
-    fast, of_fast, x_l = _massless("local", values["local_model.integration"], velocity, "model.y", {})
+    fast, of_fast, x_l = _massless(
+        "local", values["local_model.integration"], velocity, "model.y", {}
+    )
     F_l = f"{shown['F_s']} + local_model.K_LM*({x_l} - {shown['x_s']}) + local_model.B_LM*(local_speed.y - {shown['v_s']})"
     blocks |= {**fast, "model": {"type": "gain"}}
     wires |= {**of_fast, "model.u": F_l, "device.f": "f_h - model.y"}
@@ -45,7 +52,9 @@ class SlowAvatar(NamedTuple):
 
 def _slow_avatar(values: Mapping[str, Any], *signals: str) -> SlowAvatar:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
-    massless, of_own, x = _massless("avatar", values["environment.integration"], velocity, "wall.y", slow.block())
+    massless, of_own, x = _massless(
+        "avatar", values["environment.integration"], velocity, "wall.y", slow.block()
+    )
     blocks |= {**massless, "wall": slow.block(type="hold")}
     wires |= {**of_own, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
     sources, shown = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}, {}
@@ -63,7 +72,10 @@ def _massless(
     Gives blocks, wires, and the position x~ that springs read: that before the step if the integration is explicit.
     """
     method = "trapezoidal" if integration == "trapezoidal" else "implicit"
-    blocks = {f"{name}_speed": {**runs, "type": "hold"}, name: {**runs, "type": "integrator", "method": method}}
+    blocks = {
+        f"{name}_speed": {**runs, "type": "hold"},
+        name: {**runs, "type": "integrator", "method": method},
+    }
     wires, x = {f"{name}.u": f"{name}_speed.y"}, f"{name}.y"
     if integration == "explicit":
         blocks[f"{name}_before"], x = {**runs, "type": "delay"}, f"{name}_before.y"

@@ -15,7 +15,15 @@ from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, overwriting
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
-OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"  # options that frames take
+OF_FRAMES = (
+    "fast_hz",
+    "spec",
+    "every",
+    "columns",
+    "scales",
+    "overwrite",
+    "plot",
+)  # options that frames take
 
 
 @click.command("identify")
@@ -28,9 +36,16 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
     "with them.",
 )
 @click.option(
-    "--fast-hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Of frames: the rate of the fast loop's ticks."
+    "--fast-hz",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="HZ",
+    help="Of frames: the rate of the fast loop's ticks.",
 )
-@click.option("--spec", metavar="SPEC", help="Of frames: the spec that has this rate, and the number that is their length.")
+@click.option(
+    "--spec",
+    metavar="SPEC",
+    help="Of frames: the spec that has this rate, and the number that is their length.",
+)
 @click.option(
     "--every",
     type=click.IntRange(min=1),
@@ -51,7 +66,12 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
     is_flag=True,
     help="Fit two masses on a spring, as of a drive with a flexible coupling: the log is of the first, which the force moves.",
 )
-@click.option("--delay", type=float, metavar="TICKS", help="Hold the delay of the force at this number, and do not fit it.")
+@click.option(
+    "--delay",
+    type=float,
+    metavar="TICKS",
+    help="Hold the delay of the force at this number, and do not fit it.",
+)
 @click.option(
     "--rate",
     "rate_hz",
@@ -87,7 +107,9 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
     help="The spec to write [default: results/<log's name>/device.toml]. An earlier one is replaced.",
 )
 @overwriting("Replace a spec, or results, that are not of the same log.")
-@click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")
+@click.option(
+    "--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."
+)
 def identify(
     log: str | None,
     out: str | None,
@@ -126,7 +148,12 @@ def identify(
     from wavesweep.identification.device_spec import spec_text
     from wavesweep.identification.table import identify
     from wavesweep.program import results
-    from wavesweep.program.cli.file_places import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
+    from wavesweep.program.cli.file_places import (
+        refuse_inputs,
+        refuse_no_folder,
+        refuse_other_things,
+        write_whole,
+    )
     from wavesweep.program.cli.messages import progress, say, show_json, where
     from wavesweep.program.csv_files import factors, pairs
     from wavesweep.program.tables import kind_named
@@ -137,10 +164,17 @@ def identify(
         source, find, text = frames, *_of_frames(frames, log, given, named)
     else:
         if log is None or any(given[name] is not None for name in ("fast_hz", "spec", "every")):
-            expected = "LOG, or --frames TIMES" if log is None else "--frames with --fast-hz, --spec or --every"
+            expected = (
+                "LOG, or --frames TIMES"
+                if log is None
+                else "--frames with --fast-hz, --spec or --every"
+            )
             raise click.UsageError(f"identify: expected {expected}, found none")
         requested = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
-        requested |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
+        requested |= {
+            name: given[name]
+            for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
+        }
         source, find, text = log, partial(identify, log, **requested), spec_text
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / ("device.toml" if frames is None else "frames.toml")
@@ -149,13 +183,17 @@ def identify(
         refuse_no_folder(target)
     refuse_other_things(target)
     tables = (
-        directory / name for kind in ("identify", "identify-response", "identify-frames") for name in results.names_of(kind)
+        directory / name
+        for kind in ("identify", "identify-response", "identify-frames")
+        for name in results.names_of(kind)
     )
     refuse_inputs([source], target, *tables)
     _refuse_foreign(target, given["overwrite"])
     with progress(verbosity().quiet, "fitting"):
         table = find()
-    table = replace(table, facts={**table.facts, "spec_place": results.place_of([source], directory)})
+    table = replace(
+        table, facts={**table.facts, "spec_place": results.place_of([source], directory)}
+    )
     if given["plot"]:
         from wavesweep.program import plots
 
@@ -169,15 +207,30 @@ def identify(
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
     if verbosity().as_json:
-        origin = {"command": "identify", "log": Path(source).name, "notices": table.facts["notices"]}
-        show_json({**origin, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
+        origin = {
+            "command": "identify",
+            "log": Path(source).name,
+            "notices": table.facts["notices"],
+        }
+        show_json(
+            {
+                **origin,
+                **numbers,
+                "files": [str(path) for path in paths],
+                "seconds": round(seconds, 3),
+            }
+        )
     elif not verbosity().quiet:
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
-        say(f"{where(paths[:-1], seconds)}; the {'device' if frames is None else 'frames'}: {target}")
+        say(
+            f"{where(paths[:-1], seconds)}; the {'device' if frames is None else 'frames'}: {target}"
+        )
 
 
-def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[str, Any]) -> tuple[Callable[[], Any], Any]:
+def _of_frames(
+    path: str, log: str | None, given: dict[str, Any], named: dict[str, Any]
+) -> tuple[Callable[[], Any], Any]:
     """What finds the frames of a file, and what makes the text of their spec. Errors: UsageError."""
     if log is not None:
         raise click.UsageError(f"--frames: expected no LOG beside it, found {log}")
@@ -193,14 +246,18 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
         )
     module = offered("frames")
     if module is None:
-        raise click.UsageError("--frames: expected the capability frame_times, found that it is not there")
+        raise click.UsageError(
+            "--frames: expected the capability frame_times, found that it is not there"
+        )
     fast_hz, number = given["fast_hz"], "rates.ratio"
     if given["spec"] is not None:
         from wavesweep.program.spec import load
 
         spec = load(given["spec"])
         fast_hz, number = spec.tick_hz, module.number_of(spec)
-    return partial(module.identified, path, fast_hz, number, every=given["every"], **named), module.spec_text
+    return partial(
+        module.identified, path, fast_hz, number, every=given["every"], **named
+    ), module.spec_text
 
 
 def _bounds(text: str) -> tuple[float, float]:
@@ -211,7 +268,9 @@ def _bounds(text: str) -> tuple[float, float]:
     except ValueError:
         bounds = (0.0, 0.0)
     if not 0 < bounds[0] <= bounds[1] < float("inf"):
-        raise UsageError(f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}")
+        raise UsageError(
+            f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}"
+        )
     return bounds
 
 
@@ -220,4 +279,6 @@ def _refuse_foreign(target: Path, overwrite: bool) -> None:
         return
     with target.open(encoding="utf-8", errors="replace") as file:
         if not file.readline().startswith(OWN):
-            raise UsageError(f"{target}: found a spec that identify did not write; give --overwrite to replace it")
+            raise UsageError(
+                f"{target}: found a spec that identify did not write; give --overwrite to replace it"
+            )

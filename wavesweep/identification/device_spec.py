@@ -51,20 +51,32 @@ def spoken(each: Mapping[str, Any]) -> str:
     value, low, high, unit = (each[name] for name in ("value", "low", "high", "unit"))
     if low == high:
         return f"{value:g} {unit}, given"
-    digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
+    digits = min(
+        max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12
+    )
     return f"{value:.{digits}g} {unit} ({low:.{digits}g} to {high:.{digits}g})"
 
 
 def whole(delay: Mapping[str, Any]) -> int | None:
     """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
     ticks = max(round(delay["value"]), 0)
-    return ticks if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD else None
+    return (
+        ticks
+        if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD
+        else None
+    )
 
 
 def late(facts: Mapping[str, Any]) -> str:
     """The key of [device] that has the delay of a table: "delay" in whole ticks, "dead_time" in s, "" if there is none."""
     ticks = whole(facts["parameters"]["delay"])
-    return "" if ticks == 0 else "dead_time" if ticks is None or "analogue" in facts["asked"] else "delay"
+    return (
+        ""
+        if ticks == 0
+        else "dead_time"
+        if ticks is None or "analogue" in facts["asked"]
+        else "delay"
+    )
 
 
 def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -74,7 +86,10 @@ def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, An
         device["delay"] = whole(facts["parameters"]["delay"])
     if name in ("delay", ""):
         return {}
-    ticks = (min(max(facts["parameters"]["delay"][end], 0.0), LONGEST_DELAY) for end in ("low", "value", "high"))
+    ticks = (
+        min(max(facts["parameters"]["delay"][end], 0.0), LONGEST_DELAY)
+        for end in ("low", "value", "high")
+    )
     low, device["dead_time"], high = (float(f"{tick * facts['period_s']:.9g}") for tick in ticks)
     return {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
 
@@ -96,20 +111,25 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     if _of_positions(facts):
         tables["device"]["velocity"] = "difference"
     effects = (
-        {"resolution": float(f"{facts['resolution']:.9g}")} if facts["resolution"] and facts["measured"] == "position" else {}
+        {"resolution": float(f"{facts['resolution']:.9g}")}
+        if facts["resolution"] and facts["measured"] == "position"
+        else {}
     )
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
     tables["for_all"] = {
-        path: {"start": max(estimate["low"], 0.0), "stop": max(estimate["high"], 0.0)} for path, estimate in fitted.items()
+        path: {"start": max(estimate["low"], 0.0), "stop": max(estimate["high"], 0.0)}
+        for path, estimate in fitted.items()
     }
     tables["for_all"] |= ranges
     return "\n".join([*_comments(facts), as_toml(tables)])
 
 
 def _of_positions(facts):
-    return facts["measured"] == "position" and "period_s" not in facts["asked"]  # and no frequency response
+    return (
+        facts["measured"] == "position" and "period_s" not in facts["asked"]
+    )  # and no frequency response
 
 
 def _two_masses(facts: Mapping[str, Any]) -> str:
@@ -127,20 +147,35 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     resonance = float(np.sqrt(numbers["k"] * (1 / numbers["Jm"] + 1 / numbers["Jl"])))
     bandwidth = min(resonance / 10, 0.1 / (numbers["tau"] + period))
     gain = float(f"{bandwidth * (numbers['Jm'] + numbers['Jl']):.3g}")
-    numbers |= {"f": float(f"{resonance / 2 / np.pi:.4g}"), "kp": gain, "ki": float(f"{gain * bandwidth / 10:.3g}")}
+    numbers |= {
+        "f": float(f"{resonance / 2 / np.pi:.4g}"),
+        "kp": gain,
+        "ki": float(f"{gain * bandwidth / 10:.3g}"),
+    }
     for name, value in numbers.items():
         text = re.sub(rf"(?m)^({name} *= {{ value = )[^,]*", rf"\g<1>{value!r}", text)
     text = re.sub(r"(?m)^tick_hz = \S+", f"tick_hz = {float(f'{1 / period:.9g}')!r}", text)
     for turning, straight in STRAIGHT if not facts["turns"] else ():
         text = text.replace(turning, straight)
     sweep = {"along": "kp", "kp": {"start": 0.0, "stop": 20 * gain}}
-    ends = {name: [max(parameters[parameter][end], 0.0) for end in ("low", "high")] for parameter, name in DRAWN.items()}
-    ranges: dict[str, Any] = {name: {"start": low, "stop": high} for name, (low, high) in ends.items()}
-    return text + as_toml({"sweep": sweep, "for_all": ranges | {"Dl": {"values": sorted({*ends["Dl"]})}}})
+    ends = {
+        name: [max(parameters[parameter][end], 0.0) for end in ("low", "high")]
+        for parameter, name in DRAWN.items()
+    }
+    ranges: dict[str, Any] = {
+        name: {"start": low, "stop": high} for name, (low, high) in ends.items()
+    }
+    return text + as_toml(
+        {"sweep": sweep, "for_all": ranges | {"Dl": {"values": sorted({*ends["Dl"]})}}}
+    )
 
 
 def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
-    delay, millis, two = facts["parameters"]["delay"], 1e3 * facts["period_s"], "load_mass" in facts["parameters"]
+    delay, millis, two = (
+        facts["parameters"]["delay"],
+        1e3 * facts["period_s"],
+        "load_mass" in facts["parameters"],
+    )
     place = "tau" if two else f"device.{late(facts)}" if late(facts) else "left out"
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
@@ -161,5 +196,7 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        lines.append("# The model does NOT explain the log; the intervals are wider by what is left.")
+        lines.append(
+            "# The model does NOT explain the log; the intervals are wider by what is left."
+        )
     return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in negative(facts["parameters"]))]

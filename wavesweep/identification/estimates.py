@@ -24,8 +24,15 @@ NOISE = np.log([0.02, SMOOTH])  # range, in steps, in which the white noise is s
 NEWTON = 30  # steps of Newton's method at most
 SLACK = 1e-3  # steps by which a reading may miss its rounding, because of the digits of the file
 SEARCHED = 20_000  # rows at most from which the noise is estimated
-ORDER, ROWS_PER_ORDER = 30, 15  # largest order of the autoregression, and fewest rows for each order
-DRAWS, SHORT, WARM = 159, 5000, 1000  # logs drawn, rows up to which logs are drawn, rows before each
+ORDER, ROWS_PER_ORDER = (
+    30,
+    15,
+)  # largest order of the autoregression, and fewest rows for each order
+DRAWS, SHORT, WARM = (
+    159,
+    5000,
+    1000,
+)  # logs drawn, rows up to which logs are drawn, rows before each
 ADDED = 40  # constraints of a linear program that are added at a time
 
 
@@ -55,7 +62,15 @@ def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Es
     inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
     if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
         weight, step = np.full(rows, 12 / resolution**2), np.mean(ends, axis=0)
-        return Estimate(step, np.ptp(ends, axis=0) / 2, 0.0, weight * (residual - slopes @ step), weight, slopes, rounded=True)
+        return Estimate(
+            step,
+            np.ptp(ends, axis=0) / 2,
+            0.0,
+            weight * (residual - slopes @ step),
+            weight,
+            slopes,
+            rounded=True,
+        )
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
     curved = basis.T @ (weight[:, None] * basis)
@@ -97,7 +112,9 @@ def _lowest(cost, A, b, active, bound):
     while True:
         rows, wide = A[active], np.ones(len(active))
         upper = np.concatenate([np.c_[rows, -wide], np.c_[-rows, -wide]])
-        done = linprog(cost, upper, np.concatenate([bound + b[active], bound - b[active]]), bounds=bounds).x
+        done = linprog(
+            cost, upper, np.concatenate([bound + b[active], bound - b[active]]), bounds=bounds
+        ).x
         if done is None:  # HiGHS failed
             return np.full(len(cost), np.inf), active
         off = np.abs(b - A @ done[:-1]) - bound - done[-1]
@@ -123,7 +140,14 @@ def _likeliest(basis, residual, resolution):
         best, value = _climbed(few, residual_part, resolution, np.exp(logarithm) * resolution, best)
         return -value
 
-    noise = float(np.exp(minimize_scalar(unlikely, bounds=NOISE, method="bounded", options={"xatol": 0.05}).x)) * resolution
+    noise = (
+        float(
+            np.exp(
+                minimize_scalar(unlikely, bounds=NOISE, method="bounded", options={"xatol": 0.05}).x
+            )
+        )
+        * resolution
+    )
     return _climbed(basis, residual, resolution, noise, best)[0], noise
 
 
@@ -173,7 +197,10 @@ def _autoregression(series):
         mirror = -2 * np.sum(ahead * behind, axis=1) / np.sum(ahead**2 + behind**2, axis=1)
         past[:, : order + 1] += mirror[:, None] * past[:, order::-1]
         power = power * (1 - mirror**2)
-        ahead, behind = (ahead + mirror[:, None] * behind)[:, 1:], (behind + mirror[:, None] * ahead)[:, :-1]
+        ahead, behind = (
+            (ahead + mirror[:, None] * behind)[:, 1:],
+            (behind + mirror[:, None] * ahead)[:, :-1],
+        )
         bic = rows * np.log(power) + order * np.log(rows)
         better = bic < best
         best, powers = np.where(better, bic, best), np.where(better, power, powers)
@@ -187,7 +214,10 @@ def _coloured(inverse, curved, basis, weight, score):
     if past.shape[1] == 1:
         return None
     lean, size = inverse @ curved, 1 << (2 * rows - 1).bit_length()
-    spectra = np.stack([np.abs(np.fft.rfft(basis @ direction, size)) ** 2 for direction in lean], axis=1) / size
+    spectra = (
+        np.stack([np.abs(np.fft.rfft(basis @ direction, size)) ** 2 for direction in lean], axis=1)
+        / size
+    )
     spectra[1:-1] *= 2
 
     def deviations(past, power):
@@ -198,8 +228,12 @@ def _coloured(inverse, curved, basis, weight, score):
     if rows > SHORT:
         many = max(rows * min(1.0, float(np.mean(score**2) / slow[0])) - numbers, 1.0)
         return deviation[0] * np.sqrt(1 + numbers / many) * stdtrit(many, 0.975)
-    drawn = lfilter(np.sqrt(power), past[0], np.random.default_rng(0).standard_normal((DRAWS, WARM + rows)))[:, WARM:]
+    drawn = lfilter(
+        np.sqrt(power), past[0], np.random.default_rng(0).standard_normal((DRAWS, WARM + rows))
+    )[:, WARM:]
     along = drawn @ basis
     other_deviations = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
     odds = np.sort(np.abs(along @ lean.T) / np.maximum(other_deviations, 1e-300), axis=0)
-    return deviation[0] * np.maximum(odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975))
+    return deviation[0] * np.maximum(
+        odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975)
+    )

@@ -21,7 +21,9 @@ TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
 SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
-ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
+ONE_WAY = (
+    0.98  # share of the motion in one direction above which friction acts like a constant force
+)
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 TRIED = 3000  # samples at most to which a model with one more effect is fitted
@@ -51,7 +53,9 @@ class Verdict:
     resonance_hz: tuple[float, float] | None
 
 
-def identified(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> tuple[Fit, Verdict]:
+def identified(
+    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+) -> tuple[Fit, Verdict]:
     """Fit a model to a log and judge the fit.
 
     If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded readings, see `fit.fitted`;
@@ -125,17 +129,23 @@ def judged(fit: Fit) -> Verdict:
         directions = (root * rows.used)[:, None] * changes
         residual_beside = _orthogonal(basis, directions)
         along = left @ residual_beside
-        is_resonance |= bool((np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any())
+        is_resonance |= bool(
+            (np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any()
+        )
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
-            shown.append((frequency, bool((np.abs(directions[:, 0] @ residual_beside) > SURE).any())))
+            shown.append(
+                (frequency, bool((np.abs(directions[:, 0] @ residual_beside) > SURE).any()))
+            )
             if share > tone_share:
                 tone, tone_share = frequency, share
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
     alike, remains = _like_friction(fit), not exact and (is_resonance or float(odds.min()) < RARE)
-    stretch = [*takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))]  # in which a resonance would be seen
+    stretch = [
+        *takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))
+    ]  # in which a resonance would be seen
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     missing = next((word for word, holds in (("one-way", alike), ("unseen", unseen)) if holds), "")
@@ -144,9 +154,15 @@ def judged(fit: Fit) -> Verdict:
         named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
-            named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
+            named = (
+                "unknown",
+                float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period),
+                named[2],
+            )
     expected, usual = _of_encoder(fit)
-    return Verdict(not any((remains, missing)), *named, rms, expected, _neighbours(residual), usual, band)
+    return Verdict(
+        not any((remains, missing)), *named, rms, expected, _neighbours(residual), usual, band
+    )
 
 
 def _of_encoder(fit):
@@ -163,7 +179,12 @@ def _of_encoder(fit):
 
 def _like_friction(fit: Fit) -> bool:
     """Whether a constant force opposes a device that moves in one direction only, as Coulomb friction would."""
-    if fit.model.friction or fit.model.spring or fit.model.load or fit.model.measured == "acceleration":
+    if (
+        fit.model.friction
+        or fit.model.spring
+        or fit.model.load
+        or fit.model.measured == "acceleration"
+    ):
         return False
     moved = moves(fit.model, fit.readings[fit.rows.skip :])
     direction = float(np.mean(np.sign(moved[moved != 0])))
@@ -218,7 +239,10 @@ def _neighbours(errors):
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     """Yield the changes of the readings by each effect that the model lacks; for a resonance with its frequency, else 0."""
-    numbers, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
+    numbers, (force, period, skip) = (
+        fit.numbers | {"friction": 0.0},
+        (fit.rows.force, fit.rows.period, fit.rows.skip),
+    )
     places = measured(numbers, "position", force, period, skip)
     at_rest = numbers | dict.fromkeys((*OWN, "delay"), 0.0)
     for by in (
@@ -232,7 +256,12 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     pushing = pushing - pushing[0]
     for tone in np.geomspace(lowest, highest, TONES):
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
-        mode = SWINGING / (1 - SWINGING) / numbers["mass"] * resonance(pushing, tone, RINGING, period, 0.0, "position")
+        mode = (
+            SWINGING
+            / (1 - SWINGING)
+            / numbers["mass"]
+            * resonance(pushing, tone, RINGING, period, 0.0, "position")
+        )
         yield float(tone), _as_read(fit.model, np.stack([mode, np.gradient(mode)], axis=1), period)
 
 

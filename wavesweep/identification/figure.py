@@ -8,7 +8,16 @@ import numpy as np
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.sampling import extremes
-from wavesweep.program.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
+from wavesweep.program.plots.style import (
+    GRID,
+    IDEAL,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+    warn_above,
+)
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
@@ -26,17 +35,39 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels = canvas.subplots(4, 1, height_ratios=[1, 2, 1.4, 1.8])
         panels[0].plot(*extremes(times, columns["force"]), color=distinct_colour(2), linewidth=0.9)
         panels[0].set_ylabel(force)
-        panels[1].plot(*extremes(times, columns[measured]), color=distinct_colour(0), linewidth=1.6, label="measured")
-        panels[1].plot(*extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
+        panels[1].plot(
+            *extremes(times, columns[measured]),
+            color=distinct_colour(0),
+            linewidth=1.6,
+            label="measured",
+        )
+        panels[1].plot(
+            *extremes(times, columns["fitted"]),
+            color=IDEAL,
+            linewidth=0.8,
+            linestyle="--",
+            label="fitted",
+        )
         panels[1].set_ylabel(place)
-        panels[2].plot(*extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
+        panels[2].plot(
+            *extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7
+        )
         for side in (-0.5, 0.5) if facts["resolution"] else ():
             said = "half a step" if side > 0 else None
-            panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said)
+            panels[2].axhline(
+                side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said
+            )
         panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
-        panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
+        panels[3].loglog(
+            hertz,
+            white,
+            color="0.5",
+            linewidth=0.8,
+            linestyle="--",
+            label="encoder and\nwhite noise",
+        )
         panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
         _legends(panels, [1, 2, 3] if facts["resolution"] else [1, 3])
         for axes in panels:
@@ -55,7 +86,9 @@ def _legends(panels: Any, labelled: list[int]) -> None:
     if is_narrow():
         handles = [line for axes in panels[1:] for line in axes.get_legend_handles_labels()[0]]
         names = [line.get_label().replace("\n", " ") for line in handles]
-        panels[0].legend(handles, names, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=7)
+        panels[0].legend(
+            handles, names, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=7
+        )
         return
     for axes in panels[labelled]:
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
@@ -70,9 +103,13 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
         apart = (columns["measured_deg"] - columns["fitted_deg"] + 180) % 360 - 180
         curves = ((columns["measured_abs"], columns["fitted_abs"]), (phase + apart, phase))
         for axes, (measured, fitted) in zip(panels, curves, strict=False):
-            axes.plot(hertz, measured, ".", color=distinct_colour(0), markersize=4, label="measured")
+            axes.plot(
+                hertz, measured, ".", color=distinct_colour(0), markersize=4, label="measured"
+            )
             axes.plot(hertz, fitted, color=IDEAL, linewidth=0.9, label="fitted")
-        panels[2].plot(hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4)
+        panels[2].plot(
+            hertz, 100 * columns["residual_abs"], ".", color=distinct_colour(1), markersize=4
+        )
         panels[0].set(xscale="log", yscale="log", ylabel="admittance (m/N)")
         panels[0].legend(loc="upper right", fontsize=7)
         panels[1].set_ylabel("phase (deg)")
@@ -88,8 +125,16 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
     """The numbers that were found below the panels, and above them a warning if the model does not explain what was read."""
     from wavesweep.identification.device_spec import spoken
 
-    names = ("mass", "load_mass", "coupling_stiffness") if "load_mass" in facts["parameters"] else ("mass", "damping")
-    numbers = (f"{name} {spoken(estimate)}" for name, estimate in facts["parameters"].items() if name in names)
+    names = (
+        ("mass", "load_mass", "coupling_stiffness")
+        if "load_mass" in facts["parameters"]
+        else ("mass", "damping")
+    )
+    numbers = (
+        f"{name} {spoken(estimate)}"
+        for name, estimate in facts["parameters"].items()
+        if name in names
+    )
     note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
     warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
 

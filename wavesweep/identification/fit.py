@@ -23,7 +23,9 @@ from wavesweep.identification.model import (
 )
 from wavesweep.identification.prediction import Prediction, StaticFriction, predicted
 
-ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
+ONE_WAY = (
+    0.98  # share of the motion in one direction above which friction acts like a constant force
+)
 RESTING = 10  # equal readings at the start of a log show a device held by friction
 START = 5  # rows from which the initial velocity is guessed
 PART = 5000  # rows that show whether errors grow
@@ -93,11 +95,24 @@ class Fit:
         return self.model.numbers(self.theta)
 
 
-def by_prediction(found: Prediction, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Fit:
+def by_prediction(
+    found: Prediction, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+) -> Fit:
     """The fit by the errors of predictions."""
     left = np.append(np.full(found.skip, np.nan), found.left)
     rows = LogRows(force, reading, period, resolution, found.skip, found.used)
-    return Fit(found.model, found.theta, found.half, rows, reading - left, left, found.noise, None, found.walked, found.static)
+    return Fit(
+        found.model,
+        found.theta,
+        found.half,
+        rows,
+        reading - left,
+        left,
+        found.noise,
+        None,
+        found.walked,
+        found.static,
+    )
 
 
 def fitted(
@@ -132,7 +147,10 @@ def fitted(
     for _ in range(ROUNDS):
         with np.errstate(all="ignore"):
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
-        if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
+        if (
+            not (np.linalg.norm(J, axis=0) > 0).all()
+            or not np.isfinite([J.sum(), left.sum()]).all()
+        ):
             return None
         estimates = estimated(J, left, resolution)
         theta = theta + estimates.step
@@ -141,9 +159,13 @@ def fitted(
         steps = np.minimum(estimates.half, widest) if model.friction else steps
         if (np.abs(estimates.step) < SETTLED * estimates.half).all():
             break
-    theta = np.where(np.array(model.names) == "friction", np.abs(theta), theta)  # the model takes its size
+    theta = np.where(
+        np.array(model.names) == "friction", np.abs(theta), theta
+    )  # the model takes its size
     places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
-    return Fit(model, theta, estimates.half, rows, places, reading - places, estimates.noise, estimates)
+    return Fit(
+        model, theta, estimates.half, rows, places, reading - places, estimates.noise, estimates
+    )
 
 
 def _from_prediction(model, found, rows):
@@ -184,7 +206,11 @@ def _encoder_alone(model, theta, rows, noise):
 
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:
     """Readings as velocities, up to a factor; without those of an acceleration, which shows none."""
-    return np.diff(readings) if model.measured == "position" else readings * (model.measured == "velocity")
+    return (
+        np.diff(readings)
+        if model.measured == "position"
+        else readings * (model.measured == "velocity")
+    )
 
 
 def at_an_instant(fit: Fit) -> Fit:
@@ -213,14 +239,21 @@ def _later(model, theta, rows):
     most = len(rows.force) // 2
     while True:
         numbers = model.numbers(theta)
-        later = 1 + (model.measured == "acceleration")  # rows that a force of before the log moves in any case
+        later = 1 + (
+            model.measured == "acceleration"
+        )  # rows that a force of before the log moves in any case
         skip = int(np.clip(np.ceil(numbers["delay"] + 0.5) + later, 0, most))
         place = rows.reading[skip:]
         direction = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
-        model, rows = replace(model, without=_hidden(model, place, direction)), replace(rows, skip=skip)
+        model, rows = (
+            replace(model, without=_hidden(model, place, direction)),
+            replace(rows, skip=skip),
+        )
         numbers |= _at_first(model, rows) if model.friction else _own(model, numbers, rows)
         if "offset" in model.without:  # friction has taken it
-            numbers["friction"] = abs(numbers["friction"] - np.sign(direction.sum()) * numbers["offset"])
+            numbers["friction"] = abs(
+                numbers["friction"] - np.sign(direction.sum()) * numbers["offset"]
+            )
         theta = refined(model, np.array([numbers[name] for name in model.names]), rows)
         if model.numbers(theta)["delay"] + later <= skip or skip == most:
             return model, theta, replace(rows, used=np.ones(len(place), bool))
@@ -231,26 +264,40 @@ def _own(model, known, rows):
     linear_names = [name for name in model.own if name not in model.without]
     A, still = _columns(model, known, linear_names, rows.force, rows.period, rows.skip)
     size = np.linalg.norm(A, axis=0)
-    return dict(zip(linear_names, np.linalg.lstsq(A / size, rows.reading[rows.skip :] - still)[0] / size, strict=True))
+    return dict(
+        zip(
+            linear_names,
+            np.linalg.lstsq(A / size, rows.reading[rows.skip :] - still)[0] / size,
+            strict=True,
+        )
+    )
 
 
 def _columns(model, known, own, force, period, skip):
     """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the readings without these."""
     none, still = np.zeros(len(force)), known | dict.fromkeys(OWN, 0.0)
     forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
-    fitted_columns = [measured(still | unit_force, model.measured, push, period, skip) for push, unit_force in forces]
+    fitted_columns = [
+        measured(still | unit_force, model.measured, push, period, skip)
+        for push, unit_force in forces
+    ]
     return np.stack(fitted_columns[:-1], axis=1), fitted_columns[-1]
 
 
 def _inliers(model, theta, rows):
     """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones count less (Huber)."""
     rows = replace(rows, used=np.ones(len(rows.used)))
-    left, J = rows.residual(model, theta), rows.slopes(model, theta, STEP * scales(model, theta, rows))
+    left, J = (
+        rows.residual(model, theta),
+        rows.slopes(model, theta, STEP * scales(model, theta, rows)),
+    )
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
     off = left - np.median(left)
     for _ in range(4 * ROUNDS):
         deviation = np.median(np.abs(off)) / 0.6745 + 1e-300
-        root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[:, None]
+        root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[
+            :, None
+        ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
     used = np.abs(off) <= max(OUTLIER * deviation, 2 * rows.resolution)
     return used if np.mean(~used) < FEW else np.ones(len(used), bool)
@@ -258,9 +305,15 @@ def _inliers(model, theta, rows):
 
 def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     """Changes of the numbers that move the device by about as much as it moves in the log."""
-    numbers, reach, rms = model.numbers(theta), float(np.ptp(rows.reading)), float(np.std(rows.force))
+    numbers, reach, rms = (
+        model.numbers(theta),
+        float(np.ptp(rows.reading)),
+        float(np.std(rows.force)),
+    )
     mass, seconds = numbers["mass"], rows.period * len(rows.force)
-    fast = min(seconds, 0.3) ** (ORDER[model.measured] - 1)  # s, from what is measured to a velocity
+    fast = min(seconds, 0.3) ** (
+        ORDER[model.measured] - 1
+    )  # s, from what is measured to a velocity
     sizes = {
         "log_mass": 1.0,
         "damping": max(abs(numbers["damping"]), mass / min(seconds, 0.3)),
@@ -270,7 +323,9 @@ def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
         "log_load": 1.0,
         "load_damping": max(abs(numbers.get("load_damping", 0.0)), mass / min(seconds, 0.3)),
         "log_coupling": 1.0,
-        "coupling_damping": max(abs(numbers.get("coupling_damping", 0.0)), mass / min(seconds, 0.3)),
+        "coupling_damping": max(
+            abs(numbers.get("coupling_damping", 0.0)), mass / min(seconds, 0.3)
+        ),
         "twist": reach * fast * min(seconds, 0.3),
         "slip": reach * fast,
         "start": reach,
@@ -298,5 +353,7 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
 
     # With friction the positions have kinks, so smaller steps mean nothing.
     finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
-    done = least_squares(off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest)
+    done = least_squares(
+        off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest
+    )
     return theta + (done.x - 1) * size

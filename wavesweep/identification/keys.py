@@ -46,9 +46,14 @@ def build(request: Request) -> Measured:
     """Return the files and add the mistakes of the table."""
     leaves = {f"measured.{name}": leaf for name, leaf in request.belongs.below("measured").items()}
     files = request.mistakes.read(KEYS, leaves)
-    for path, port, needed in (("measured.z_width", "wall", "a wall"), ("measured.response", "hand", "a hand")):
+    for path, port, needed in (
+        ("measured.z_width", "wall", "a wall"),
+        ("measured.response", "hand", "a hand"),
+    ):
         if request.drawing and getattr(request.drawing, port) is None and path in leaves:
-            request.mistakes.refuse(leaves[path], path, f"{needed} in [ports], where it was measured", "none")
+            request.mistakes.refuse(
+                leaves[path], path, f"{needed} in [ports], where it was measured", "none"
+            )
     return Measured({path.removeprefix("measured."): name for path, name in files.items()})
 
 

@@ -18,7 +18,18 @@ UNEVEN = 0.5  # of a period: deviation of a time above which the steps are not e
 GAP = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
-UNITS = ("s", "N", "m", "Nm", "rad", "A", "m_s", "rad_s", "m_s2", "rad_s2")  # that a name of a column may end in
+UNITS = (
+    "s",
+    "N",
+    "m",
+    "Nm",
+    "rad",
+    "A",
+    "m_s",
+    "rad_s",
+    "m_s2",
+    "rad_s2",
+)  # that a name of a column may end in
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +57,27 @@ class Log:
         return self.start + self.period * np.arange(len(self.force))
 
 
-def _refuse_unknown(columns: Mapping[str, str], scales: Mapping[str, float], names: Collection[str]) -> None:
+def _refuse_unknown(
+    columns: Mapping[str, str], scales: Mapping[str, float], names: Collection[str]
+) -> None:
     """Refuse options for columns that no log has."""
     for option, options in (("--column", columns), ("--scale", scales)):
         for name in options:
             if name not in names:
-                raise UsageError(f"{option} {name}: expected one of {', '.join(names)}, found {name}")
+                raise UsageError(
+                    f"{option} {name}: expected one of {', '.join(names)}, found {name}"
+                )
 
 
-def _places_in(file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]) -> dict[str, str | None]:
+def _places_in(
+    file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]
+) -> dict[str, str | None]:
     """Return the column of the file that has each name, or this name and a unit; None without."""
     endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in names}
-    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in ending_set] for name, ending_set in endings.items()}
+    wanted = {
+        name: [f"{columns.get(name, name)}{ending}" for ending in ending_set]
+        for name, ending_set in endings.items()
+    }
     return {
         name: next((candidate for candidate in candidates if candidate in file_names), None)
         for name, candidates in wanted.items()
@@ -76,11 +96,17 @@ def _turns(columns: Mapping[str, str], places: Mapping[str, str | None]) -> bool
 def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None:
     """Refuse a file without a wanted column, and name the nearest one."""
     meant = nearest(wanted, file.names)
-    hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME gives its name"
+    hint = (
+        f"; did you mean --column {name}={meant}?"
+        if meant
+        else f"; --column {name}=NAME gives its name"
+    )
     raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
 
 
-def _refuse_motor_constant(path: str | Path, push: str, constant: float | None, turns: bool) -> None:
+def _refuse_motor_constant(
+    path: str | Path, push: str, constant: float | None, turns: bool
+) -> None:
     """Refuse a current without the motor's constant, and the constant without a current."""
     if (push == "current") != (constant is not None):
         unit = "N*m/A" if turns else "N/A"
@@ -91,7 +117,12 @@ def _refuse_motor_constant(path: str | Path, push: str, constant: float | None, 
         )
 
 
-def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float], constant: float | None = None) -> Log:
+def read_log(
+    path: str | Path,
+    columns: Mapping[str, str],
+    scales: Mapping[str, float],
+    constant: float | None = None,
+) -> Log:
     """Read a log. columns: the name in the file of time, a push and a motion, where it differs.
 
     A push is a force, a torque or a current; a motion is a position, a velocity or an acceleration, or an angle, a speed or an
@@ -101,7 +132,9 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     """
     file = read_csv(path, MOST_BYTES)
     if not any(file.names):
-        raise UsageError(f"{path}: expected a header and rows of numbers below it, found an empty file")
+        raise UsageError(
+            f"{path}: expected a header and rows of numbers below it, found an empty file"
+        )
     turning = {**PUSHES, **MOTIONS}
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
     _refuse_unknown(columns, scales, column_names)
@@ -110,7 +143,9 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     used = {"time": "time"}
     for kind in (PUSHES, MOTIONS):
         names = list(dict.fromkeys(kind.values() if turns else kind))
-        used[names[0]] = next((n for n in (*filter(columns.get, names), *names) if places[n]), names[0])
+        used[names[0]] = next(
+            (n for n in (*filter(columns.get, names), *names) if places[n]), names[0]
+        )
     for name in used.values():
         if not places[name]:
             _refuse_missing(path, name, columns.get(name, name), file)
@@ -121,17 +156,34 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     _refuse_constant(path, readings, motion)
     period, jitter = _period(path, file.above, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
-    force, first = readings[push] * (1.0 if constant is None else constant), float(readings["time"][0])
-    return Log(force, readings[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
+    force, first = (
+        readings[push] * (1.0 if constant is None else constant),
+        float(readings["time"][0]),
+    )
+    return Log(
+        force,
+        readings[motion],
+        measured,
+        period,
+        first,
+        bool(turns),
+        jitter,
+        file.sha256,
+        tuple(scales),
+    )
 
 
 def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
     for name, column in found.items():
         if (largest := float(np.abs(column).max())) and not LEAST <= largest <= MOST:
-            raise UsageError(f"{path}: {name}: expected a largest size of {LEAST:g} to {MOST:g}, found {largest:g}")
+            raise UsageError(
+                f"{path}: {name}: expected a largest size of {LEAST:g} to {MOST:g}, found {largest:g}"
+            )
         if name != "time" and np.ptp(column) == 0:
             why = "nothing moves it" if name == motion else "it has to change to move the device"
-            raise UsageError(f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}")
+            raise UsageError(
+                f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}"
+            )
 
 
 def _period(path: str | Path, above: int, times: np.ndarray) -> tuple[float, float]:
@@ -146,11 +198,15 @@ def _period(path: str | Path, above: int, times: np.ndarray) -> tuple[float, flo
     if (steps > GAP * period).any():
         row = int((steps > GAP * period).argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
-        raise UsageError(f"{path}:{above + row + 3}: time: expected equal steps, found {problem}; take a part without gaps")
+        raise UsageError(
+            f"{path}:{above + row + 3}: time: expected equal steps, found {problem}; take a part without gaps"
+        )
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
-        raise UsageError(f"{path}: time: {expected}; --scale time=FACTOR turns another unit into s, e.g. 1e-9 from ns")
+        raise UsageError(
+            f"{path}: time: {expected}; --scale time=FACTOR turns another unit into s, e.g. 1e-9 from ns"
+        )
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
     if off.max() > UNEVEN:

@@ -21,7 +21,12 @@ OF_RESPONSES = ("bode",)
 
 _POINT = {"linestyle": "none", "marker": "o", "markersize": 4, "zorder": 6}
 _EDGE = {"markeredgecolor": "white", "markeredgewidth": 0.5}
-_OF_RESPONSE = _POINT | {"markersize": 3, "markerfacecolor": "none", "markeredgewidth": 0.8, "zorder": 3}
+_OF_RESPONSE = _POINT | {
+    "markersize": 3,
+    "markerfacecolor": "none",
+    "markeredgewidth": 0.8,
+    "zorder": 3,
+}
 _HOLLOW = {"markerfacecolor": "white", "markeredgewidth": 1.0}
 KINDS = {None: "measured limit", True: "measured stable", False: "measured unstable"}
 
@@ -38,10 +43,19 @@ def facts_of(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
         response = response_of(spec) if kind in OF_RESPONSES else None
         measured_marks: dict[str, Any] = {}
         if walls:
-            measured_marks["z_width"] = {"B_VE": walls.B_VE.tolist(), "K_VE": walls.K_VE.tolist(), "sha256": walls.sha256}
-            measured_marks["z_width"] |= {} if walls.stable is None else {"stable": walls.stable.tolist()}
+            measured_marks["z_width"] = {
+                "B_VE": walls.B_VE.tolist(),
+                "K_VE": walls.K_VE.tolist(),
+                "sha256": walls.sha256,
+            }
+            measured_marks["z_width"] |= (
+                {} if walls.stable is None else {"stable": walls.stable.tolist()}
+            )
         if response:
-            real_and_imaginary = {"re": response.admittance.real.tolist(), "im": response.admittance.imag.tolist()}
+            real_and_imaginary = {
+                "re": response.admittance.real.tolist(),
+                "im": response.admittance.imag.tolist(),
+            }
             measured_marks["response"] = {
                 "frequency_hz": response.frequency_hz.tolist(),
                 **real_and_imaginary,
@@ -70,14 +84,21 @@ class WallMarks:
 
     def highest(self, most: float) -> float:
         """The largest stiffness up to `most`, or 0."""
-        tried = np.concatenate([np.zeros(1), *(points[1] for walls, _ in self.of for points in walls.values())])
+        tried = np.concatenate(
+            [np.zeros(1), *(points[1] for walls, _ in self.of for points in walls.values())]
+        )
         return float(tried[tried <= most].max())
 
     def draw(self, axes: Any) -> None:
         """Draw the walls within the limits of the axes, which have to be set; those on the frame are not cut off."""
-        for kind, points, colour in ((*walls_by_kind, colour) for walls, colour in self.of for walls_by_kind in walls.items()):
+        for kind, points, colour in (
+            (*walls_by_kind, colour) for walls, colour in self.of for walls_by_kind in walls.items()
+        ):
             spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
-            inside = np.all([(coordinate >= low) & (coordinate <= high) for coordinate, (low, high) in spans], axis=0)
+            inside = np.all(
+                [(coordinate >= low) & (coordinate <= high) for coordinate, (low, high) in spans],
+                axis=0,
+            )
             if inside.any():
                 axes.plot(*points[:, inside], **_look(kind, colour), clip_on=False)
 
@@ -88,7 +109,9 @@ class WallMarks:
         colour, handles = self.of[0][1] if len(self.of) == 1 else "0.4", []
         for kind in dict.fromkeys(kind for walls, _ in self.of for kind in walls):
             points = np.hstack([walls[kind] for walls, _ in self.of if kind in walls])
-            outside = sum(not (x[0] <= B <= x[-1] and y[0] <= K <= y[1]) for B, K in points.T.tolist())
+            outside = sum(
+                not (x[0] <= B <= x[-1] and y[0] <= K <= y[1]) for B, K in points.T.tolist()
+            )
             said = f" ({outside} of {points.shape[1]} outside)" if outside else ""
             handles.append(Line2D([], [], **_look(kind, colour), label=KINDS[kind] + said))
         return handles
@@ -128,7 +151,9 @@ def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
 
 def undrawn(facts: Facts, x: str | None, along: str) -> str:
     """A sentence about measured walls that a figure with another plane does not show; empty if there are none."""
-    if not _walls_by_kind(facts, str(facts.get("spec_name", ""))) or _walls_in_plane(facts, x, along):
+    if not _walls_by_kind(facts, str(facts.get("spec_name", ""))) or _walls_in_plane(
+        facts, x, along
+    ):
         return ""
     return "The measured walls are not shown: they are of stiffness over damping of the wall."
 
@@ -143,7 +168,10 @@ def _coloured(facts: Facts, part: str, specs: Iterable[str]) -> dict[str, Any]:
         if points := facts.get("measured", {}).get(spec, {}).get(part):
             same.setdefault(points["sha256"], []).append(spec)
     alone = len(colours) == 1
-    return {group[0]: "black" if alone or len(group) > 1 else colours[group[0]] for group in same.values()}
+    return {
+        group[0]: "black" if alone or len(group) > 1 else colours[group[0]]
+        for group in same.values()
+    }
 
 
 @dataclass(frozen=True)
@@ -158,10 +186,15 @@ class Responses:
         places = [np.zeros(0)]
         for spec, colour in self.colours.items():
             points = self.facts["measured"][spec]["response"]
-            H, hertz = np.array(points["re"]) + 1j * np.array(points["im"]), np.array(points["frequency_hz"])
+            H, hertz = (
+                np.array(points["re"]) + 1j * np.array(points["im"]),
+                np.array(points["frequency_hz"]),
+            )
             if name.startswith("admittance"):
                 label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
-                values = 1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))  # mm/N
+                values = (
+                    1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))
+                )  # mm/N
                 axes.plot(hertz, values, color=colour, label=label, **_OF_RESPONSE)
             places += [hertz] if name.startswith(("admittance", "impedance")) else []
         return np.concatenate(places)

@@ -18,7 +18,9 @@ from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
 
 FAR = 10.0  # times the largest stiffness that was measured, up to which limits are looked for
-CLOSE = 0.1  # of their median: limits without repetition are explained if the model is off by less, rms
+CLOSE = (
+    0.1  # of their median: limits without repetition are explained if the model is off by less, rms
+)
 REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
 LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
 COHERENT = 0.5  # coherence, below which a point of a response is left out
@@ -42,31 +44,52 @@ def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
     distances_found: dict[str, Any] = {}
     if walls is not None:
         columns = _stable_intervals(spec, walls)
-        distances_found = {"limits": _limits(walls, columns)} if walls.stable is None else {"tried": _tried(walls, columns)}
+        distances_found = (
+            {"limits": _limits(walls, columns)}
+            if walls.stable is None
+            else {"tried": _tried(walls, columns)}
+        )
         distances_found = {
-            name: {"file": spec.measured["z_width"]} | comparison for name, comparison in distances_found.items()
+            name: {"file": spec.measured["z_width"]} | comparison
+            for name, comparison in distances_found.items()
         }
     if response is not None:
-        distances_found["response"] = {"file": spec.measured["response"]} | _response(spec, response, stable)
+        distances_found["response"] = {"file": spec.measured["response"]} | _response(
+            spec, response, stable
+        )
     return distances_found
 
 
-def _stable_intervals(spec: Spec, walls: MeasuredWalls) -> list[tuple[list[tuple[float, float, bool]], bool]]:
+def _stable_intervals(
+    spec: Spec, walls: MeasuredWalls
+) -> list[tuple[list[tuple[float, float, bool]], bool]]:
     """For each wall, the stable intervals of stiffness at its damping, as (low, high, whether high is an end of stability).
 
     Beside them is whether all of the column is known.
     """
     stiffness, damping = spec.wall
-    along = axis_along(spec, name_of(stiffness) if spec.drawing else "K_VE", (0.0, FAR * max(walls.K_VE.max(), 1.0)))
+    along = axis_along(
+        spec,
+        name_of(stiffness) if spec.drawing else "K_VE",
+        (0.0, FAR * max(walls.K_VE.max(), 1.0)),
+    )
     values, place = np.unique(walls.B_VE, return_inverse=True)
     axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, along)
     rows = in_memory(job_over(make_grid(spec, axes, along.path), along))
     intervals_of: dict[float, tuple[list[tuple[float, float, bool]], bool]] = {}
     for row, value in enumerate(rows[axes[0].name].tolist()):
-        intervals, _ = intervals_of.setdefault(value, ([], str(rows["doubt"][row]) not in INCOMPLETE))
+        intervals, _ = intervals_of.setdefault(
+            value, ([], str(rows["doubt"][row]) not in INCOMPLETE)
+        )
         if rows["intervals"][row]:
             ends = bool(np.isfinite(rows["high_omega"][row]))
-            intervals.append((float(rows["low"][row]), float(rows["high"][row]), ends or rows["high"][row] < along.stop))
+            intervals.append(
+                (
+                    float(rows["low"][row]),
+                    float(rows["high"][row]),
+                    ends or rows["high"][row] < along.stop,
+                )
+            )
     return [intervals_of[values[row]] for row in place.ravel().tolist()]
 
 
@@ -79,11 +102,20 @@ def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
     FAR times the largest one measured, and its ratio is at least that.
     """
     points = []
-    for B, K, (intervals, complete) in zip(walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True):
+    for B, K, (intervals, complete) in zip(
+        walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True
+    ):
         below = [interval for interval in intervals if interval[0] <= K]
         low, high, ends = below[-1] if below else (0.0, 0.0, True)
         hole = len(below) > 1 or low > 0
-        point = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends, "above_hole": hole}
+        point = {
+            "B_VE": B,
+            "K_VE": K,
+            "computed": high,
+            "ratio": high / K,
+            "beyond": not ends,
+            "above_hole": hole,
+        }
         points.append(point if complete else point | {"computed": None, "ratio": None})
     complete = [point for point in points if point["ratio"] is not None]
     ratios = np.array([point["ratio"] for point in complete])
@@ -96,7 +128,11 @@ def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
         "beyond": sum(point["beyond"] for point in complete),
         "median_ratio": float(np.median(ratios)) if complete else None,
         "worst": max(complete, key=lambda each: _far(each["ratio"]), default=None),
-        "most_promised": max((point for point in complete if point["ratio"] > 1), key=lambda each: each["ratio"], default=None),
+        "most_promised": max(
+            (point for point in complete if point["ratio"] > 1),
+            key=lambda each: each["ratio"],
+            default=None,
+        ),
     }
     return summary | _explained(complete) | {"points": points}
 
@@ -127,7 +163,12 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
 
     scatter = float(np.sum((off - means[place]) ** 2) / spare)
     explained = float(np.mean(repeats * means**2)) <= fdtri(len(means), spare, LEVEL) * scatter
-    return {"rms": rms, "share": share, "scatter": float(np.sqrt(scatter)), "explained": bool(explained)}
+    return {
+        "rms": rms,
+        "share": share,
+        "scatter": float(np.sqrt(scatter)),
+        "explained": bool(explained),
+    }
 
 
 def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
@@ -138,19 +179,34 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
     """
     wrong: dict[str, list[dict[str, Any]]] = {"promised": [], "denied": []}
     unknown = 0
-    tried = zip(walls.B_VE.tolist(), walls.K_VE.tolist(), walls.stable.tolist(), columns, strict=True)
+    tried = zip(
+        walls.B_VE.tolist(), walls.K_VE.tolist(), walls.stable.tolist(), columns, strict=True
+    )
     for B, K, stable, (intervals, complete) in tried:
         inside = [interval for interval in intervals if interval[0] <= K <= interval[1]]
         if not (inside or complete):
             unknown += 1
         elif bool(inside) != stable:
-            ends = [end for low, high, real in inside or intervals for end in [low] * (low > 0) + [high] * bool(real) if K > 0]
+            ends = [
+                end
+                for low, high, real in inside or intervals
+                for end in [low] * (low > 0) + [high] * bool(real)
+                if K > 0
+            ]
             end = min(ends, key=lambda end: _far(end / K), default=None)
-            point = {"B_VE": B, "K_VE": K, "stable": stable, "computed": end, "ratio": None if end is None else end / K}
+            point = {
+                "B_VE": B,
+                "K_VE": K,
+                "stable": stable,
+                "computed": end,
+                "ratio": None if end is None else end / K,
+            }
             wrong["denied" if stable else "promised"].append(point)
     numbers = {"count": len(columns), "stable": int(walls.stable.sum()), "not_known": unknown}
     numbers |= {"promised": len(wrong["promised"]), "denied": len(wrong["denied"])}
-    order = sorted(wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0))
+    order = sorted(
+        wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0)
+    )
     return numbers | {"wrong": len(order), "worst": order[:WORST]}
 
 
@@ -161,7 +217,14 @@ def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str
     """
     counts = {"count": len(measured.frequency_hz), "stable": stable}
     chosen = (measured.frequency_hz <= spec.tick_hz / 2) & (measured.coherence >= COHERENT)
-    nothing = {"compared": 0, "softer": 0, "median_ratio": None, "worst": None, "median_deg": None, "worst_phase": None}
+    nothing = {
+        "compared": 0,
+        "softer": 0,
+        "median_ratio": None,
+        "worst": None,
+        "median_deg": None,
+        "worst_phase": None,
+    }
     if not (stable and chosen.any()):
         return counts | nothing
     hertz = measured.frequency_hz[chosen]

@@ -27,8 +27,17 @@ from wavesweep.engine.blocks import impulse_and_step, motion
 
 TWIST = ("twist", "slip")  # of two masses at the first row: x_1 - x_2 and v_1 - v_2
 OWN = ("start", "velocity", "offset", "bias", *TWIST)  # numbers of the log alone
-COUPLED = ("log_load", "load_damping", "log_coupling", "coupling_damping")  # of the second mass, its spring and damper
-UNSEEN = {"position": ("bias",), "velocity": ("start", "bias"), "acceleration": ("start", "velocity")}  # without a spring
+COUPLED = (
+    "log_load",
+    "load_damping",
+    "log_coupling",
+    "coupling_damping",
+)  # of the second mass, its spring and damper
+UNSEEN = {
+    "position": ("bias",),
+    "velocity": ("start", "bias"),
+    "acceleration": ("start", "velocity"),
+}  # without a spring
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST = 100.0  # logarithm of the largest mass that is tried
 BLOCK = 1024  # ticks that are marched at a time
@@ -73,14 +82,20 @@ class Model:
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
         """All numbers of the device and the log by their names; theta: the vector."""
         fitted = dict(zip(self.names, map(float, theta), strict=True))
-        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0} | dict.fromkeys(OWN, 0.0)
+        fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0} | dict.fromkeys(
+            OWN, 0.0
+        )
         numbers = fixed | fitted
-        logs = {"mass": "log_mass"} | ({"load_mass": "log_load", "coupling_stiffness": "log_coupling"} if self.load else {})
+        logs = {"mass": "log_mass"} | (
+            {"load_mass": "log_load", "coupling_stiffness": "log_coupling"} if self.load else {}
+        )
         sizes = {name: exp(min(max(fitted[log], -LARGEST), LARGEST)) for name, log in logs.items()}
         return numbers | sizes | {"friction": abs(numbers["friction"])}
 
 
-def readings(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
+def readings(
+    model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0
+) -> np.ndarray:
     """What is measured at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the initial numbers hold.
 
     force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the delay, by a tick more for an
@@ -95,12 +110,18 @@ def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) 
         return np.full(len(force) - skip, np.nan)
     if "load_mass" in found:
         return two_masses(found, force, period, skip)[int(what == "position")] + found["bias"]
-    ahead = what == "acceleration"  # the mean over a tick is that over the next one, with a force that is a tick later
+    ahead = (
+        what == "acceleration"
+    )  # the mean over a tick is that over the next one, with a force that is a tick later
     push, pulls, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
     push = np.pad(push, ((0, 0), (0, int(ahead))))
     pulls = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in pulls)
     row = int(what == "position")
-    places = _sliding(found, push, pulls, full, period, row) if found["friction"] else _linear(found, push, period, row)
+    places = (
+        _sliding(found, push, pulls, full, period, row)
+        if found["friction"]
+        else _linear(found, push, period, row)
+    )
     return (np.diff(places) / period if ahead else places) + found["bias"]
 
 
@@ -112,7 +133,9 @@ def _pushes(found, force, period, skip):
     """
     whole_ticks = int(np.floor(found["delay"]))
     fraction = found["delay"] - whole_ticks
-    now, before = (late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks, whole_ticks + 1))
+    now, before = (
+        late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks, whole_ticks + 1)
+    )
     full, rest = reach(found, period), reach(found, (1 - fraction) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
     return push, ((fraction * period, before), ((1 - fraction) * period, now)), full
@@ -125,22 +148,32 @@ def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.nda
     """
     whole_ticks = int(np.floor(found["delay"]))
     fraction = found["delay"] - whole_ticks
-    pushes = np.stack([late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks + 1, whole_ticks)])
+    pushes = np.stack(
+        [late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks + 1, whole_ticks)]
+    )
     A, B = tick_of_two(found, period, fraction)
     modes, V = np.linalg.eig(A[:3, :3]) if np.isfinite(A).all() else (None, np.full((3, 3), np.nan))
     if not 0 < np.abs(np.linalg.det(V)) < np.inf:
         return np.full((3, len(force) - skip), np.nan)
-    first = np.array([found["velocity"], found["velocity"] - found["slip"], found["twist"]], dtype=complex)
+    first = np.array(
+        [found["velocity"], found["velocity"] - found["slip"], found["twist"]], dtype=complex
+    )
     driven = np.linalg.solve(V, np.column_stack([first, B[:3] @ pushes[:, :-1]]))
-    moved = np.stack([lfilter([1.0], [1.0, -mode], row) for mode, row in zip(modes, driven, strict=True)])
+    moved = np.stack(
+        [lfilter([1.0], [1.0, -mode], row) for mode, row in zip(modes, driven, strict=True)]
+    )
     states = (V @ moved).real
-    place = found["start"] + np.append(0.0, np.cumsum(A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1]))
+    place = found["start"] + np.append(
+        0.0, np.cumsum(A[3, :3] @ states[:, :-1] + B[3] @ pushes[:, :-1])
+    )
     return np.stack([states[0], place, states[2]])
 
 
 def tick_of_two(found, period, part):
     """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force before and after its part."""
-    first, two, k, d = (found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping"))
+    first, two, k, d = (
+        found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping")
+    )
     rates = np.zeros((5, 5))
     rates[0] = [-(found["damping"] + d) / first, d / first, -k / first, 0, 1 / first]
     rates[1, :3] = d / two, -(found["load_damping"] + d) / two, k / two
@@ -170,7 +203,11 @@ def reach(found, length):
 
 def step(found, period):
     """The matrix of velocity and position over a tick."""
-    mass, damping, stiffness = found["mass"], found["damping"] / found["mass"], found["stiffness"] / found["mass"]
+    mass, damping, stiffness = (
+        found["mass"],
+        found["damping"] / found["mass"],
+        found["stiffness"] / found["mass"],
+    )
     s, g, *_ = impulse_and_step(damping, stiffness, period)
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
 
@@ -183,8 +220,16 @@ def of_modes(total, rate, tone, ratio, share):
     """
     turn, first, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
     both = first * two / total
-    numbers = {"log_mass": np.log(first), "damping": rate * first, "log_load": np.log(two), "load_damping": rate * two}
-    return numbers | {"log_coupling": np.log(turn**2 * both), "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both}
+    numbers = {
+        "log_mass": np.log(first),
+        "damping": rate * first,
+        "log_load": np.log(two),
+        "load_damping": rate * two,
+    }
+    return numbers | {
+        "log_coupling": np.log(turn**2 * both),
+        "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both,
+    }
 
 
 def resonance(force, tone, ratio, period, late, what):
@@ -214,7 +259,11 @@ def _linear(found, push, period, row):
         fast_decay, two = fast_decay.real, two.real
     state, other_row = np.array([found["velocity"], found["start"]]), 1 - row
     first = A[row] @ state + push[row, 0]
-    drive = push[row, 1:-1] + A[row, other_row] * push[other_row, :-2] - A[other_row, other_row] * push[row, :-2]
+    drive = (
+        push[row, 1:-1]
+        + A[row, other_row] * push[other_row, :-2]
+        - A[other_row, other_row] * push[row, :-2]
+    )
     outer = np.concatenate([[first - fast_decay * state[row]], drive])
     inner = lfilter([1.0], [1.0, -two], outer)
     return lfilter([1.0], [1.0, -fast_decay], np.concatenate([[state[row]], inner])).real
@@ -229,16 +278,28 @@ def _sliding(found, push, parts, full, period, row):
     friction, stiffness = found["friction"], found["stiffness"]
     (first, before), (then, now) = parts
     strongest = np.maximum(np.abs(before), np.abs(now)) if first else np.abs(now)
-    after_tick, (by_v, by_x), (vv, xv) = _tick(found, period, full, first, then), friction * full, step(found, period)[:, 0]
+    after_tick, (by_v, by_x), (vv, xv) = (
+        _tick(found, period, full, first, then),
+        friction * full,
+        step(found, period)[:, 0],
+    )
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
     safe = inf if stiffness else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), 1e-300)
     v, x, moved, speeds = found["velocity"], found["start"], np.empty(len(now)), np.empty(len(now))
     for begin in range(0, len(now), BLOCK):
         block = slice(begin, begin + BLOCK)
-        to_v, to_x, early, late = (values[block].tolist() for values in (*push, before if first else now, now))
+        to_v, to_x, early, late = (
+            values[block].tolist() for values in (*push, before if first else now, now)
+        )
         drives = {side: (push[0, block] - side * by_v).tolist() for side in (1.0, -1.0)}
-        starts = [*np.flatnonzero((strongest[block] > friction) | bool(stiffness)).tolist(), len(late)]
-        series, changes = [], {}  # of the position, in ticks that are not those of a device that slides
+        starts = [
+            *np.flatnonzero((strongest[block] > friction) | bool(stiffness)).tolist(),
+            len(late),
+        ]
+        series, changes = (
+            [],
+            {},
+        )  # of the position, in ticks that are not those of a device that slides
         while True:
             if v == 0.0:
                 series += [0.0] * (starts[bisect_left(starts, len(series))] - len(series))
@@ -251,7 +312,9 @@ def _sliding(found, push, parts, full, period, row):
             x, changes[tick] = place, place - x
         speeds[block] = series
         slides = np.sign(speeds[block])
-        moved[block] = xv * speeds[block] + np.where(slides == 0, 0.0, push[1, block] - slides * by_x)
+        moved[block] = xv * speeds[block] + np.where(
+            slides == 0, 0.0, push[1, block] - slides * by_x
+        )
         moved[block][list(changes)] = list(changes.values())
     return found["start"] + np.append(0.0, np.cumsum(moved[:-1])) if row else speeds
 
@@ -283,7 +346,9 @@ def _tick(found, period, full, first, then):
         side = copysign(1.0, v or net) if v or abs(net) > friction else 0.0
         after = vv * v + vx * x + to_v - side * by_v
         # Where the force changes within the tick it may have stopped before, and started again.
-        if after * side > 0.0 and (not first or (half_v * v + half_x * x + (one - side * friction) * by_half) * side > 0.0):
+        if after * side > 0.0 and (
+            not first or (half_v * v + half_x * x + (one - side * friction) * by_half) * side > 0.0
+        ):
             return after, xv * v + xx * x + to_x - side * by_x
         for seconds, pull in ((first, one), (then, two)):
             v, x = _through_rest(law, v, x, pull, seconds) if seconds else (v, x)
@@ -307,7 +372,9 @@ def _through_rest(law, v, x, pull, left):
         snap = -(damping * jerk + stiffness * a) / mass
         if v == 0.0:
             t = left
-            return t * (a + t * (jerk / 2 + t * snap / 6)), x + t * (t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
+            return t * (a + t * (jerk / 2 + t * snap / 6)), x + t * (
+                t * (a / 2 + t * (jerk / 6 + t * snap / 24))
+            )
         stop, square = inf, a * a - 2 * jerk * v
         below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
         if v * below > 0:  # the first time at which v + a t + jerk t^2/2 is 0
@@ -329,7 +396,9 @@ def euler(found, period):
     return np.array([share, share * abs(found["damping"])])
 
 
-def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0) -> np.ndarray:
+def sensitivities(
+    model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0
+) -> np.ndarray:
     """Derivatives of what is measured with respect to the numbers, `(ticks - skip, numbers)`, by central differences.
 
     steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes them kink.
@@ -337,10 +406,14 @@ def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: fl
     columns = []
     for at, size in enumerate(steps):
         if model.names[at] == "bias" or (model.names[at] == "start" and not model.spring):
-            columns.append(np.ones(len(force) - skip))  # without a spring all positions move with the first one
+            columns.append(
+                np.ones(len(force) - skip)
+            )  # without a spring all positions move with the first one
             continue
         step = np.zeros(len(theta))
         step[at] = size
-        ahead, behind = (readings(model, theta + sign * step, force, period, skip) for sign in (1, -1))
+        ahead, behind = (
+            readings(model, theta + sign * step, force, period, skip) for sign in (1, -1)
+        )
         columns.append((ahead - behind) / (2 * size))
     return np.stack(columns, axis=1)

@@ -57,7 +57,9 @@ def _limits(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
     yield f"{start}: computed over measured is {median}, {least}{worst['ratio']:.3g} at worst, {place}"
     most = found["most_promised"]
     much = f", by {100 * (most['ratio'] - 1):.3g} % at most" if most and not most["beyond"] else ""
-    side = f"the model promises more than was measured, the dangerous side, at {found['more']}{much}"
+    side = (
+        f"the model promises more than was measured, the dangerous side, at {found['more']}{much}"
+    )
     yield f"  of {compared} limits {side if most else 'the model promises more than was measured at none'}"
     yield f"  {_explained(found, stiffness)}"
     if found["above_hole"]:
@@ -93,7 +95,11 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
 def _response(found: Facts, *_: str) -> Iterator[str]:
     start = f"measured response ({found['file']})"
     if not found["compared"]:
-        why = "no frequency can be compared" if found["stable"] else "not compared, since the model is not stable"
+        why = (
+            "no frequency can be compared"
+            if found["stable"]
+            else "not compared, since the model is not stable"
+        )
         yield f"{start}: {why}"
         return
     worst, phase = found["worst"], found["worst_phase"]

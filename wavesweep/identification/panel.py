@@ -14,6 +14,8 @@ def data(spec: Spec) -> dict[str, dict[str, object]]:
         points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
         marked["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
     if response is not None:
-        columns = {"frequency_hz": response.frequency_hz} | complex_columns("admittance", response.admittance)
+        columns = {"frequency_hz": response.frequency_hz} | complex_columns(
+            "admittance", response.admittance
+        )
         marked["response"] = {name: column.tolist() for name, column in columns.items()}
     return {"measured": marked}

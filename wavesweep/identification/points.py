@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
-DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}  # responses of position, velocity and acceleration
+DERIVED = {
+    NAME: 0,
+    "mobility": 1,
+    "accelerance": 2,
+}  # responses of position, velocity and acceleration
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
 BOM = b"\xef\xbb\xbf"  # of UTF-8, as some programs write it
 LEAST_ROWS = 8  # of a response that is fitted
@@ -51,12 +55,21 @@ class MeasuredWalls:
 
 def is_response(path: str | Path) -> bool:
     """Whether a file contains a frequency response and not a log."""
-    header = read_bytes(path, MOST_BYTES * 10).removeprefix(BOM).lstrip(b"\r\n").partition(b"\n")[0].decode("utf-8", "replace")
+    header = (
+        read_bytes(path, MOST_BYTES * 10)
+        .removeprefix(BOM)
+        .lstrip(b"\r\n")
+        .partition(b"\n")[0]
+        .decode("utf-8", "replace")
+    )
     return FREQUENCY in [name.strip() for name in header.split(",")]
 
 
 def read_response(
-    path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BYTES, scales: Mapping[str, float] | None = None
+    path: str | Path,
+    least: int = LEAST_ROWS,
+    most: int = MOST_BYTES,
+    scales: Mapping[str, float] | None = None,
 ) -> FrequencyResponse:
     """Read a frequency response with at least `least` rows and at most `most` bytes.
 
@@ -65,19 +78,31 @@ def read_response(
     """
     file = read_csv(path, most)
     forms = product(DERIVED, (("abs", "deg"), ("re", "im")))
-    readable = [(name, suffixes) for name, suffixes in forms if {f"{name}_{suffix}" for suffix in suffixes} <= set(file.names)]
+    readable = [
+        (name, suffixes)
+        for name, suffixes in forms
+        if {f"{name}_{suffix}" for suffix in suffixes} <= set(file.names)
+    ]
     if not readable or FREQUENCY not in file.names:
         expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
     name, suffix_pair = readable[0]
-    names = [FREQUENCY, *(f"{name}_{suffix}" for suffix in suffix_pair), *[COHERENCE] * (COHERENCE in file.names)]
+    names = [
+        FREQUENCY,
+        *(f"{name}_{suffix}" for suffix in suffix_pair),
+        *[COHERENCE] * (COHERENCE in file.names),
+    ]
     hertz, first, two, *rest = file.numbers(names, least).T
     scales = scales or {}
     if unknown := [scaled for scaled in scales if scaled not in ("frequency", name)]:
-        raise UsageError(f"--scale {unknown[0]}: expected one of frequency, {name}, found {unknown[0]}")
+        raise UsageError(
+            f"--scale {unknown[0]}: expected one of frequency, {name}, found {unknown[0]}"
+        )
     hertz = hertz * scales.get("frequency", 1.0)
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
-        raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
+        raise UsageError(
+            f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several"
+        )
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
@@ -88,7 +113,9 @@ def read_response(
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
     H = scales.get(name, 1.0) * H
-    return FrequencyResponse(hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256)
+    return FrequencyResponse(
+        hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256
+    )
 
 
 def read_walls(path: str | Path) -> MeasuredWalls:
@@ -101,11 +128,15 @@ def read_walls(path: str | Path) -> MeasuredWalls:
         if name not in file.names:
             meant = nearest(name, [header for header in file.names if header not in WALL])
             hint = f"; is {meant} meant?" if meant else ""
-            raise UsageError(f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}")
+            raise UsageError(
+                f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}"
+            )
     damping, stiffness = file.numbers(WALL).T
     for name, column in zip(WALL, (damping, stiffness), strict=True):
         if (column < 0).any():
-            raise UsageError(f"{path}: {name}: expected numbers of at least 0, found {column.min():g}")
+            raise UsageError(
+                f"{path}: {name}: expected numbers of at least 0, found {column.min():g}"
+            )
     if STABLE in file.names:
         return MeasuredWalls(damping, stiffness, _stable_flags(file), file.sha256)
     if (stiffness == 0).any():
@@ -121,13 +152,17 @@ def _stable_flags(file):
     flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
     if None in flags:
         line, text = cells[flags.index(None)]
-        raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
+        raise UsageError(
+            f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}"
+        )
     return np.array(flags)
 
 
 def walls_of(spec: Spec) -> MeasuredWalls | None:
     """The walls that [measured] names; None if it names none. Errors: UsageError."""
-    return _points(spec, "z_width", lambda path: (walls_read := read_walls(path), len(walls_read.K_VE)))
+    return _points(
+        spec, "z_width", lambda path: (walls_read := read_walls(path), len(walls_read.K_VE))
+    )
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:
@@ -135,7 +170,10 @@ def response_of(spec: Spec) -> FrequencyResponse | None:
     return _points(
         spec,
         "response",
-        lambda path: (response_read := read_response(path, 1, MOST_BYTES_OF_POINTS), len(response_read.coherence)),
+        lambda path: (
+            response_read := read_response(path, 1, MOST_BYTES_OF_POINTS),
+            len(response_read.coherence),
+        ),
     )
 
 

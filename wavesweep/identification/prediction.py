@@ -31,7 +31,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
 from wavesweep.identification.predictor import Predictor, tick_of
 
-PART, PART_OF_TWO = 6000, 3000  # rows with the largest forces, from which a long log's numbers are found first; of two masses
+PART, PART_OF_TWO = (
+    6000,
+    3000,
+)  # rows with the largest forces, from which a long log's numbers are found first; of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 CLEAR = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
 SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
@@ -39,27 +42,55 @@ FEWEST, MOST = -2.0, 20.0  # ticks of delay
 ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tried first, and then
 RATES = (1.0, 20.0)  # damping over mass (1/s), tried first
 TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
-WHITE, DRIFT = (-8.0, -4.0, 0.0, 4.0), (-14.0, -10.0, -7.0, -4.0, -1.0)  # decades of the variances, tried first
+WHITE, DRIFT = (
+    (-8.0, -4.0, 0.0, 4.0),
+    (-14.0, -10.0, -7.0, -4.0, -1.0),
+)  # decades of the variances, tried first
 HIGHEST = 8.0  # decade of a variance
 SPARE = 4  # rows that are left out beyond the delay
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
 PASSES = 2  # of the smoother
 FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
 FALLS = 0.1  # share of the friction by which it has to fall with speed
-NARROWEST = 10.0  # times the slowest speed at which friction turns round: the least speed at which it fades
+NARROWEST = (
+    10.0  # times the slowest speed at which friction turns round: the least speed at which it fades
+)
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
-OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
+OTHER = (
+    (2, 0),
+    (-2, 0),
+    (0, 3),
+    (0, -3),
+    (2, 3),
+    (-2, -3),
+)  # decades by which the variances are changed
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
 KEPT = 8  # values that a log remembers
-FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "drift")  # numbers on which the filter depends
+FILTERING = (
+    "rate",
+    "square",
+    "share",
+    "load_rate",
+    "coupling_rate",
+    "white",
+    "drift",
+)  # numbers on which the filter depends
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
-FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))  # variances, white and of the walk, of the filters through which they are looked for
-STARTS, APART = 2, 0.3  # resonances from which two masses are searched, and the logarithm of their ratio at least
+FILTERS = (
+    (1e-2, 1e-6),
+    (1e-5, 1e-9),
+)  # variances, white and of the walk, of the filters through which they are looked for
+STARTS, APART = (
+    2,
+    0.3,
+)  # resonances from which two masses are searched, and the logarithm of their ratio at least
 LIKELIER = 15.0  # logarithm of the odds by which two masses have to explain the innovations better than one
-SPIKE = 20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
+SPIKE = (
+    20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
+)
 FEW = 0.02  # share of the rows that may be outliers; more are not
 
 NO_MASS = (
@@ -70,7 +101,9 @@ NO_RESONANCE = (
     "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
     "or leave --two-masses out"
 )
-OTHER_SIGN = "the position moves against the force, as a mass below 0 would; --scale force=-1 turns its sign"
+OTHER_SIGN = (
+    "the position moves against the force, as a mass below 0 would; --scale force=-1 turns its sign"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +135,9 @@ class ScaledLog:
 
     def part(self, first: int, end: int) -> "ScaledLog":
         """Some of its rows."""
-        few = replace(self, force=self.force[first:end], reading=self.reading[first:end] - self.reading[first])
+        few = replace(
+            self, force=self.force[first:end], reading=self.reading[first:end] - self.reading[first]
+        )
         if self.speeds is not None:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
         return few
@@ -168,7 +203,9 @@ def _log_cosh(x):
     return np.abs(x) + np.log1p(np.exp(-2 * np.abs(x)))
 
 
-def scaled(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> ScaledLog:
+def scaled(
+    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+) -> ScaledLog:
     """A log in the units of the fit. resolution: step of the readings, 0 for none."""
     unit = max(resolution / np.sqrt(12), 1e-8 * float(np.ptp(reading)))
     pushed = float(np.std(force))
@@ -179,7 +216,11 @@ def scaled(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
     for width in WIDTHS:
         if 2 * width + 1 > len(force) // 20 and width > WIDTHS[0]:
             break
-        speeds = savgol_filter(log.reading, 2 * width + 1, 2, deriv=1 - order) if order < 2 else np.cumsum(log.reading)
+        speeds = (
+            savgol_filter(log.reading, 2 * width + 1, 2, deriv=1 - order)
+            if order < 2
+            else np.cumsum(log.reading)
+        )
         noise = 3 * np.sqrt(3 / (2 * width**3 + 3 * width**2 + width))
         used = width
         if CLEAR / 3 * noise < 0.05 * speeds.std():
@@ -189,7 +230,9 @@ def scaled(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
         near = max(2 * used + 1, 9)
         span = maximum_filter1d(log.reading, near) - minimum_filter1d(log.reading, near)
         moving[(span <= 1.01 * resolution / unit) & (np.abs(speeds) < noise)] = 0.0
-    return replace(log, speeds=speeds, moving=moving, slowest=max(noise, SLOWEST * float(speeds.std())))
+    return replace(
+        log, speeds=speeds, moving=moving, slowest=max(noise, SLOWEST * float(speeds.std()))
+    )
 
 
 def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
@@ -227,7 +270,11 @@ def _projected(errors, effects):
     """The gains that leave least of the errors, and what they leave. effects: of unit gains, `(gains, rows)`."""
     products = effects @ effects.T
     size = np.maximum(np.sqrt(np.diag(products)), 1e-150)
-    gains = np.linalg.pinv(products / np.outer(size, size), rcond=1e-12) @ (effects @ errors / size) / size
+    gains = (
+        np.linalg.pinv(products / np.outer(size, size), rcond=1e-12)
+        @ (effects @ errors / size)
+        / size
+    )
     return gains, errors - gains @ effects
 
 
@@ -245,8 +292,18 @@ class _Search:
         if model.load:
             entries["log_share"] = (np.log(begun["share"]), 0.2, -7.0, 7.0)
             entries["load_rate"] = (begun["load_rate"], rate, -fastest, fastest)
-            entries["log_square"] = (np.log(begun["square"]), 0.2, -np.inf, 2 * np.log(3.0 / log.period))
-            entries["coupling_rate"] = (begun["coupling_rate"], max(begun["coupling_rate"], rate) / 2, -fastest, fastest)
+            entries["log_square"] = (
+                np.log(begun["square"]),
+                0.2,
+                -np.inf,
+                2 * np.log(3.0 / log.period),
+            )
+            entries["coupling_rate"] = (
+                begun["coupling_rate"],
+                max(begun["coupling_rate"], rate) / 2,
+                -fastest,
+                fastest,
+            )
         if model.delay is None:
             entries["delay"] = (begun["delay"], 0.5, FEWEST, MOST)
         if model.measured != "acceleration":
@@ -254,9 +311,19 @@ class _Search:
             entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST)
         if model.friction:
             usual = float(log.speeds.std())
-            entries["turning"] = (np.log(begun["turning"]), 0.7, np.log(log.slowest / 10), np.log(usual))
+            entries["turning"] = (
+                np.log(begun["turning"]),
+                0.7,
+                np.log(log.slowest / 10),
+                np.log(usual),
+            )
             if "fading" in begun:
-                entries["fading"] = (np.log(begun["fading"]), 0.7, np.log(NARROWEST * log.slowest), np.log(3 * usual))
+                entries["fading"] = (
+                    np.log(begun["fading"]),
+                    0.7,
+                    np.log(NARROWEST * log.slowest),
+                    np.log(3 * usual),
+                )
         self.names = tuple(entries)
         self.begun, self.size, self.low, self.high = np.array(list(entries.values())).T
         self.fixed = {"square": 0.0, "delay": model.delay or 0.0, "white": 0.0, "drift": 0.0}
@@ -281,7 +348,9 @@ def _least_variances(rows):
     return 4 * np.log10(2 / rows), 6 * np.log10(2 / rows)
 
 
-def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Prediction:
+def predicted(
+    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+) -> Prediction:
     """Fit a model to a log by the errors of its predictions.
 
     force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the readings, 0 for none.
@@ -310,7 +379,9 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
             rounds = _smoothing(_Rounds(rounds.log, point), search, skip)
             # What the form of friction does to mass and delay shows how well it tells them.
             of_form = [name in ("log_mass", "delay") for name in model.names if name not in OWN]
-            rounds = rounds._replace(moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line)))
+            rounds = rounds._replace(
+                moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
+            )
     found = _estimated(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
     return replace(found, used=~wild[skip:])
 
@@ -387,7 +458,12 @@ class Innovations(NamedTuple):
 
 
 def innovations_of(
-    model: Model, near: Mapping[str, float], force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+    model: Model,
+    near: Mapping[str, float],
+    force: np.ndarray,
+    reading: np.ndarray,
+    period: float,
+    resolution: float,
 ) -> Innovations:
     """The innovations of a model that is fitted to a log; infinite if it does not fit.
 
@@ -454,7 +530,9 @@ def _resonances(log, found, skip):
     tones = np.geomspace(3 / (len(log.reading) * period), 0.4 / period, RESONANCES)
     unit = period ** (2 - ORDER[model.measured])
     pushing = log.force - log.force[0]  # a constant force does not move the resonance
-    modes = [resonance(pushing, tone, RINGING, period, 0.0, model.measured) / unit for tone in tones]
+    modes = [
+        resonance(pushing, tone, RINGING, period, 0.0, model.measured) / unit for tone in tones
+    ]
     delays = COUPLED_DELAYS if model.delay is None else (model.delay,)
     pairs = []
     for delay, (white, drift) in product(delays, FILTERS):
@@ -472,7 +550,11 @@ def _resonances(log, found, skip):
     for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):
         if len(starts) < STARTS and all(abs(np.log(tone / near)) > APART for near, _ in starts):
             numbers = of_modes(1.0 + share, found["rate"], tone, RINGING, share)
-            shape = {"share": share, "load_rate": found["rate"], "square": np.exp(numbers["log_coupling"])}
+            shape = {
+                "share": share,
+                "load_rate": found["rate"],
+                "square": np.exp(numbers["log_coupling"]),
+            }
             starts.append((tone, filtered | shape | {"coupling_rate": numbers["coupling_damping"]}))
     return [begun for _, begun in starts]
 
@@ -512,7 +594,14 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     def tried(rates, squares, delays, whites, drifts):
         nonlocal best, sign
         for rate, square, white, drift, delay in product(rates, squares, whites, drifts, delays):
-            found = {"rate": rate, "square": square, "delay": delay, "white": white, "drift": drift, "turning": log.slowest}
+            found = {
+                "rate": rate,
+                "square": square,
+                "delay": delay,
+                "white": white,
+                "drift": drift,
+                "turning": log.slowest,
+            }
             with np.errstate(all="ignore"):
                 _, errors, effects = _errors(log, found, skip)
                 gains, left = _projected(errors, effects)
@@ -527,7 +616,13 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
                 sign = max(sign, -gains[0] / noise)
 
     if near is not None:
-        tried([near["rate"]], [near["square"], *squares], [near["delay"], *delays], [near["white"]], [near["drift"]])
+        tried(
+            [near["rate"]],
+            [near["square"], *squares],
+            [near["delay"], *delays],
+            [near["white"]],
+            [near["drift"]],
+        )
         if not best[1]:
             raise UsageError(NO_MASS)
         return best[1]
@@ -539,7 +634,13 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     near = best[1]
     tried([near["rate"]], squares, delays, [near["white"]], [near["drift"]])
     near = best[1]
-    tried([near["rate"]], [near["square"]], [near["delay"]], [near["white"] * ratio for ratio in (1e-2, 1.0, 1e2)], drifts)
+    tried(
+        [near["rate"]],
+        [near["square"]],
+        [near["delay"]],
+        [near["white"] * ratio for ratio in (1e-2, 1.0, 1e2)],
+        drifts,
+    )
     return best[1]
 
 
@@ -565,7 +666,10 @@ def _least(log, search, point, skip, most):
     low, high = search.low / search.size, search.high / search.size
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
     limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
-    return least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x * search.size
+    return (
+        least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x
+        * search.size
+    )
 
 
 def _theta(log, found, gains):
@@ -605,7 +709,11 @@ def _estimated(log, search, point, skip, before, moved):
     )
     half = _half_widths(left, slopes, to_theta)
     few = log.part(0, CHANGED_OF_TWO if log.model.load else CHANGED)
-    free = [at for at in range(slopes.shape[1]) if at < count or search.names[at - count] not in ("white", "drift")]
+    free = [
+        at
+        for at in range(slopes.shape[1])
+        if at < count or search.names[at - count] not in ("white", "drift")
+    ]
     step = _step(few, search, point, skip, free)
     extra = np.zeros(len(theta))
     for decades in OTHER if "white" in search.names else ():
@@ -623,7 +731,9 @@ def _estimated(log, search, point, skip, before, moved):
             noise = _half_widths(changed, changed_slopes, to_theta)
             shift = _step(few, search, other, skip, free) - step
         extra = np.maximum(extra, np.abs(to_theta[:, free] @ shift) - noise)
-    extra[1] = 0.0  # how fast the walk is decides how much of the damping a log shows, and not which one
+    extra[1] = (
+        0.0  # how fast the walk is decides how much of the damping a log shows, and not which one
+    )
     predictor = _errors(log, search.found(point), skip)[0]
     names = tuple(name for name in log.model.names if name in OWN)
     spread = float(left.std())

@@ -14,7 +14,9 @@ ENOUGH = 3000  # rows with which a column is shifted
 SHORTEST = 200  # rows of a piece at least
 KNOWN_DELAY = 1.0  # half the width of the interval of its delay (ticks)
 KNOWN = 1.2  # the highest over the lowest mass of a piece that helps
-FURTHEST = 4  # times the range of delays, to which a column is shifted against the other, either way
+FURTHEST = (
+    4  # times the range of delays, to which a column is shifted against the other, either way
+)
 
 
 def help_for(model: Model, log: Log, resolution: float) -> str:
@@ -57,11 +59,18 @@ def _piece(model, log, resolution):
             break
         best = np.inf, ""
         for first in range(0, length * count, length):
-            part = replace(log, force=log.force[first : first + length], reading=log.reading[first : first + length])
+            part = replace(
+                log,
+                force=log.force[first : first + length],
+                reading=log.reading[first : first + length],
+            )
             found = _known(model, part, resolution)
             if found is not None and found.half[0] < best[0]:
                 begins, ends = (log.start + log.period * row for row in (first, first + length - 1))
-                low, high = np.exp(found.theta[0] - found.half[0]), np.exp(found.theta[0] + found.half[0])
+                low, high = (
+                    np.exp(found.theta[0] - found.half[0]),
+                    np.exp(found.theta[0] + found.half[0]),
+                )
                 said = f"; the piece from {begins:.6g} to {ends:.6g} s alone gives {low:.3g} to {high:.3g}: cut it out"
                 best = found.half[0], said
         if best[1]:

@@ -95,23 +95,37 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
         A, before = step(numbers, period), full - now
     ahead = np.exp(1j * angle)[:, None]
     by_force = (now + before / ahead)[..., None]
-    return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(-1j * angle * whole_ticks)
+    return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(
+        -1j * angle * whole_ticks
+    )
 
 
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
     """Fit a model without friction."""
     theta, left, J = _fit(measured, hold, model, _first(measured, hold, model))
-    if not (np.isfinite(J).all() and np.linalg.norm(J, axis=0).all()):  # least squares left the range of doubles
-        raise UsageError("expected the response of a device, found one that no numbers fit, as of noise")
+    if not (
+        np.isfinite(J).all() and np.linalg.norm(J, axis=0).all()
+    ):  # least squares left the range of doubles
+        raise UsageError(
+            "expected the response of a device, found one that no numbers fit, as of noise"
+        )
     numbers = 2 * len(measured.frequency_hz) - len(theta)
     square = float(left @ left) / numbers
     extra, half = 0.0, stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
     H = admittance(_numbers(model, theta), measured.frequency_hz, hold)
     complexes = left[: len(H)] + 1j * left[len(H) :]
-    related = float(np.sum((complexes[1:] * complexes[:-1].conj()).real) / max(np.sum(np.abs(complexes) ** 2), 1e-300))
+    related = float(
+        np.sum((complexes[1:] * complexes[:-1].conj()).real)
+        / max(np.sum(np.abs(complexes) ** 2), 1e-300)
+    )
     named = max(_tried(measured, hold, model, theta, left, J), key=lambda each: each[2])
-    rare = len(H) * named[2] > np.log(TONES) + RARE  # noise explains shares of 1/n; the largest of many is ln(number)/n
-    far = float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300)) > np.log(len(H)) + RARE
+    rare = (
+        len(H) * named[2] > np.log(TONES) + RARE
+    )  # noise explains shares of 1/n; the largest of many is ln(number)/n
+    far = (
+        float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300))
+        > np.log(len(H)) + RARE
+    )
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
     if explained:
         named = ("", float("nan"), 0.0)
@@ -120,7 +134,9 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
     if not explained:  # there are fewer independent errors than frequencies
         extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, ALIKE))) - 1)
         extra[:2] += euler(_numbers(model, theta), hold.period) * hold.held
-    return ResponseFit(model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra)
+    return ResponseFit(
+        model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra
+    )
 
 
 def _weights(measured):
@@ -140,7 +156,12 @@ def _off(measured, hold, model, theta):
 def _fit(measured, hold, model, start):
     size = np.maximum(np.abs(start), [{"delay": 1.0}.get(name, 1e-3) for name in _names(model)])
     done = least_squares(
-        lambda part: _off(measured, hold, model, part * size), start / size, "3-point", x_scale="jac", xtol=1e-12, ftol=1e-14
+        lambda part: _off(measured, hold, model, part * size),
+        start / size,
+        "3-point",
+        x_scale="jac",
+        xtol=1e-12,
+        ftol=1e-14,
     )
     return done.x * size, done.fun, done.jac / size
 
@@ -156,14 +177,21 @@ def _first(measured, hold, model):
     modes = 1 / (s**2 + 2 * tried[:, 1:] * turns * s + turns**2)
     for late, rate in product(LATE if model.delay is None else (model.delay,), RATES):
         ahead = measured.admittance * np.exp(s * hold.period * (late + 0.5 * hold.held))
-        columns = np.stack(np.broadcast_arrays(1 / (s * (s + rate)) / ahead, modes / ahead), axis=1)  # of which the sum is 1
+        columns = np.stack(
+            np.broadcast_arrays(1 / (s * (s + rate)) / ahead, modes / ahead), axis=1
+        )  # of which the sum is 1
         aims = columns.real.sum(axis=-1)
-        shares = np.linalg.solve((columns @ columns.conj().swapaxes(1, 2)).real, aims[..., None])[..., 0]
+        shares = np.linalg.solve((columns @ columns.conj().swapaxes(1, 2)).real, aims[..., None])[
+            ..., 0
+        ]
         errors = np.where((shares > 0).all(axis=1), len(s) - np.sum(shares * aims, axis=1), np.inf)
         at = int(np.argmin(errors))
         if errors[at] < best[0]:
             total, share = shares[at]
-            best = errors[at], of_modes(1 / total, rate, *tried[at], share / total) | {"delay": float(late)}
+            best = (
+                errors[at],
+                of_modes(1 / total, rate, *tried[at], share / total) | {"delay": float(late)},
+            )
     if len(best) == 1:
         raise UsageError(NO_RESONANCE)
     return np.array([best[1][name] for name in _names(model)])
@@ -173,17 +201,27 @@ def _first_alone(measured, hold, model):
     """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
     omega, best = 2 * np.pi * measured.frequency_hz, None
     for late in LATE if model.delay is None else (model.delay,):
-        ahead = measured.admittance * np.exp(1j * omega * hold.period * (late + 0.5 * hold.held))  # if held, half a tick late
+        ahead = measured.admittance * np.exp(
+            1j * omega * hold.period * (late + 0.5 * hold.held)
+        )  # if held, half a tick late
         columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
         A = np.stack([column * ahead for column in columns], axis=1)
-        A, unit = np.concatenate([A.real, A.imag]), np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
+        A, unit = (
+            np.concatenate([A.real, A.imag]),
+            np.concatenate([np.ones_like(omega), np.zeros_like(omega)]),
+        )
         size = np.linalg.norm(A, axis=0)
         x = np.linalg.lstsq(A / size, unit, rcond=None)[0] / size
         error = float(np.sum((A @ x - unit) ** 2))
         if x[0] > 0 and (best is None or error < best[0]):
-            best = (error, np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]))
+            best = (
+                error,
+                np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]),
+            )
     if best is None:
-        raise UsageError("no mass, however large or small, has this response; do force and position have the same sign?")
+        raise UsageError(
+            "no mass, however large or small, has this response; do force and position have the same sign?"
+        )
     return best[1]
 
 
@@ -198,7 +236,9 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)
     for tone in np.geomspace(hertz[0], hertz[-1], TONES):
-        mode = weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance
+        mode = (
+            weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance
+        )
         A = np.c_[J, np.append(mode.real, mode.imag), np.append(-mode.imag, mode.real)]
         size = np.linalg.norm(A, axis=0)
         rest = left - A / size @ np.linalg.lstsq(A / size, left, rcond=None)[0]

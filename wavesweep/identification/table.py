@@ -33,10 +33,26 @@ METHOD = (
     "before the log no longer matters; intervals from linear programs if rounding explains each reading, from the curvature "
     "of the likelihood if white noise does as well, and otherwise from the spectrum of what is left"
 )
-UNITS = {"mass": "kg", "damping": "N*s/m", "stiffness": "N/m", "friction": "N", "delay": "tick", "offset": "N"}
-COUPLED = {"load_mass": "kg", "load_damping": "N*s/m", "coupling_stiffness": "N/m", "coupling_damping": "N*s/m"}
+UNITS = {
+    "mass": "kg",
+    "damping": "N*s/m",
+    "stiffness": "N/m",
+    "friction": "N",
+    "delay": "tick",
+    "offset": "N",
+}
+COUPLED = {
+    "load_mass": "kg",
+    "load_damping": "N*s/m",
+    "coupling_stiffness": "N/m",
+    "coupling_damping": "N*s/m",
+}
 UNITS |= COUPLED
-LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}  # that are fitted
+LOGARITHMS = {
+    "mass": "log_mass",
+    "load_mass": "log_load",
+    "coupling_stiffness": "log_coupling",
+}  # that are fitted
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
 KNOWN = 2.0  # times the least load or stiffness, below which the largest has to be: noise alone looks like a less certain one
 MILLI = 1e-3  # s, the unit of the delay of an analogue force
@@ -93,23 +109,33 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
         size = abs(asked.get(name) or 1.0)
         if not LEAST <= size <= MOST:
             option = f"--{name.removesuffix('_hz')}"
-            raise UsageError(f"{option}: expected a number of size {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}")
+            raise UsageError(
+                f"{option}: expected a number of size {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}"
+            )
     rate_hz, two = asked.get("rate_hz"), asked.get("two_masses", False)
     if two and (asked.get("spring") or asked.get("friction")):
         hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
-        raise UsageError(f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}")
-    model = Model(asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two)
+        raise UsageError(
+            f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}"
+        )
+    model = Model(
+        asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two
+    )
     if is_response(path):
         if asked.get("columns") or asked.get("resolution") is not None or asked.get("friction"):
             taken = "--rate, --spring, --two-masses, --delay and --scale"
-            raise UsageError(f"{path}: a frequency response takes {taken}; leave the other options out")
+            raise UsageError(
+                f"{path}: a frequency response takes {taken}; leave the other options out"
+            )
         return _of_response(path, rate_hz, asked.get("scales", {}), model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
     return _of_log(path, asked, model)
 
 
-def _of_response(path: str, rate_hz: float | None, scales: Mapping[str, float], model: Any) -> Table:
+def _of_response(
+    path: str, rate_hz: float | None, scales: Mapping[str, float], model: Any
+) -> Table:
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import Hold, fitted_response
     from wavesweep.program.columns import complex_columns
@@ -118,7 +144,9 @@ def _of_response(path: str, rate_hz: float | None, scales: Mapping[str, float], 
     started = time.perf_counter()
     measured = read_response(path, scales=scales)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
-    parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
+    parameters, unwidened = (
+        _parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half)
+    )
     for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
         delay["unit"] = "ms"
     try:
@@ -131,24 +159,42 @@ def _of_response(path: str, rate_hz: float | None, scales: Mapping[str, float], 
         "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
         "share_of_missing": fit.share,
     }
-    options = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
+    options = {"spring": model.spring, "delay": model.delay, "period_s": period} | (
+        {"two_masses": True} if model.load else {}
+    )
     options |= {"scales": dict(scales)} if scales else {}
     if rate_hz is None:
         options |= {"analogue": True}
-    facts = _facts(path, measured.sha256, options, period, parameters, (fit.explained, fit.missing, residual), started)
+    facts = _facts(
+        path,
+        measured.sha256,
+        options,
+        period,
+        parameters,
+        (fit.explained, fit.missing, residual),
+        started,
+    )
     if not scales:
-        question = "is the admittance in m/N, or that of a rotor in rad/(N*m), whose mass is in kg*m^2"
+        question = (
+            "is the admittance in m/N, or that of a rotor in rad/(N*m), whose mass is in kg*m^2"
+        )
         facts["unusual"] = _unusual(parameters["mass"], False, question, {"admittance": -1})
     if rate_hz is None:
-        facts["notices"] = ["the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"]
-    admittances = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
+        facts["notices"] = [
+            "the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"
+        ]
+    admittances = complex_columns("measured", measured.admittance) | complex_columns(
+        "fitted", fit.fitted
+    )
     columns = {
         "frequency_hz": measured.frequency_hz,
         "residual_abs": np.abs(fit.residual),
         "coherence": measured.coherence,
     } | admittances
     columns = {field.name: columns[field.name] for field in COLUMNS["identify-response"]}
-    return Table.of("identify-response", columns, facts | {"methods": {"identify": RESPONSE_METHOD}})
+    return Table.of(
+        "identify-response", columns, facts | {"methods": {"identify": RESPONSE_METHOD}}
+    )
 
 
 def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
@@ -180,27 +226,43 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.refusals import help_for
 
     started = time.perf_counter()
-    columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
+    columns, scales, resolution = (
+        given.get("columns", {}),
+        given.get("scales", {}),
+        given.get("resolution"),
+    )
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
     step = step_of(log.reading) if resolution is None else resolution
     if np.ptp(log.reading) < 3 * step:
         moved = np.ptp(log.reading) / step
-        raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
+        raise UsageError(
+            f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}"
+        )
     model = replace(model, measured=log.measured)
     if model.load and log.measured == "acceleration":
-        raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
-    origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
+        raise UsageError(
+            f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration"
+        )
+    origin = (
+        log.reading[0] if log.measured == "position" else 0.0
+    )  # with it readings far from 0 would lose digits
     with one_thread():
         try:
             fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
             halves = fit.half + fit.extra, fit.half
-            parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
+            parameters, unwidened = (
+                _parameters(fit, fit.model.names, half, log.turns, constants) for half in halves
+            )
             _refuse_unknown(unwidened)
         except UsageError as refused:
             raise UsageError(f"{path}: {refused}{help_for(model, log, step)}") from None
-    options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
-    options |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
+    options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {
+        "resolution": resolution
+    }
+    options |= ({"motor_constant": constants} if constants else {}) | (
+        {"two_masses": True} if model.load else {}
+    )
     options |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
@@ -211,7 +273,11 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         "methods": {"identify": METHOD if fit.estimate else PREDICTION_METHOD},
         "measured": log.measured,
     }
-    facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
+    facts["notices"] = list(
+        _notices(
+            log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
+        )
+    )
     found = {
         "time_s": log.times,
         "force": log.force,
@@ -230,21 +296,45 @@ def turned(unit: str) -> str:
 
 def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
     """The columns of a table with what is measured, of a device that turns with its own units."""
-    log_fields = [field for field in COLUMNS["identify"] if field.name == measured or field.name not in READ]
+    log_fields = [
+        field for field in COLUMNS["identify"] if field.name == measured or field.name not in READ
+    ]
     units = [READ[measured] if field.unit == "m" else field.unit for field in log_fields]
-    return tuple(replace(field, unit=turned(unit) if turns else unit) for field, unit in zip(log_fields, units, strict=True))
+    return tuple(
+        replace(field, unit=turned(unit) if turns else unit)
+        for field, unit in zip(log_fields, units, strict=True)
+    )
 
 
-def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None) -> dict[str, dict[str, Any]]:
+def _parameters(
+    fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None
+) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units.
 
     constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and fitted with the middle one.
     """
-    ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
-    ends |= {name: [exp(min(max(end, -700.0), 700.0)) for end in ends[log]] for name, log in LOGARITHMS.items() if log in ends}
+    ends = dict(
+        zip(
+            fitted_names,
+            np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(),
+            strict=True,
+        )
+    )
+    ends |= {
+        name: [exp(min(max(end, -700.0), 700.0)) for end in ends[log]]
+        for name, log in LOGARITHMS.items()
+        if log in ends
+    }
     numbers = fit.numbers
-    names = ["mass", "damping", *(name for name in (*COUPLED, "stiffness", "friction") if name in ends), "delay"]
-    if fit.model.measured == "acceleration" and "velocity" not in ends:  # it is mixed with the effect of the initial velocity
+    names = [
+        "mass",
+        "damping",
+        *(name for name in (*COUPLED, "stiffness", "friction") if name in ends),
+        "delay",
+    ]
+    if (
+        fit.model.measured == "acceleration" and "velocity" not in ends
+    ):  # it is mixed with the effect of the initial velocity
         ends.pop("offset", None)
     names += [name for name in ("offset", "bias") if name in ends]
     units = UNITS | {"bias": READ[fit.model.measured]}
@@ -253,10 +343,18 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool,
         value = numbers[name]
         low, high = ends.get(name, (value, value))
         if constants and name in OF_FORCE:
-            by_constant = [end * 2 * constant / sum(constants) for end, constant in product((low, high), constants)]
+            by_constant = [
+                end * 2 * constant / sum(constants)
+                for end, constant in product((low, high), constants)
+            ]
             low, high = min(by_constant), max(by_constant)
         unit = TURNING.get(name, turned(units[name]))
-        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
+        parameters[name] = {
+            "value": value,
+            "low": low,
+            "high": high,
+            "unit": unit if turns else units[name],
+        }
     return parameters
 
 
@@ -264,7 +362,9 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
     """Raise UsageError for a mass that the log leaves open, and for numbers that are negative."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
-        estimates = ", ".join(f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass")
+        estimates = ", ".join(
+            f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass"
+        )
         raise UsageError(
             f"what was measured leaves the mass open: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
@@ -278,7 +378,9 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
     for name in (*PATHS, *COUPLED):
         if name in parameters and parameters[name]["high"] < 0:
             said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
-            raise UsageError(f"{said}; is the sign of the force that of the position, and is nothing else driving it?")
+            raise UsageError(
+                f"{said}; is the sign of the force that of the position, and is nothing else driving it?"
+            )
 
 
 def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:
@@ -302,7 +404,11 @@ def _unusual(mass: Mapping[str, Any], turns: bool, question: str, powers: Mappin
     if low <= mass["value"] <= high:
         return ""
     sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
-    likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
+    likely = [
+        f"{size:.3g} with --scale {column}=0.001"
+        for column, size in sizes.items()
+        if low <= size <= high
+    ]
     hint = f" It would be {' or '.join(likely)}." if likely else ""
     return f"a mass of {mass['value']:.3g} {mass['unit']} is unusual (usual: {low:g} to {high:g}); {question}?{hint}"
 
@@ -332,27 +438,49 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
     unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
     if resolution is None:
-        steps_text = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
+        steps_text = (
+            f"the readings have steps of {step:.4g} {unit}"
+            if step
+            else "the readings show no steps"
+        )
         yield f"{steps_text}; --resolution gives those of the encoder"
     if len(wild):
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
 
-JUDGED = ("parameters", "explained", "missing", "residual", "unusual")  # the facts that every summary has
+JUDGED = (
+    "parameters",
+    "explained",
+    "missing",
+    "residual",
+    "unusual",
+)  # the facts that every summary has
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     samples = len(columns["time_s"])
-    tally = {"samples": samples, "duration_s": facts["period_s"] * samples, "rate_hz": 1 / facts["period_s"]}
+    tally = {
+        "samples": samples,
+        "duration_s": facts["period_s"] * samples,
+        "rate_hz": 1 / facts["period_s"],
+    }
     return tally | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
+    yield (
+        f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz",
+        False,
+    )
     yield from _spoken(found)
-    followed = found["residual"].get("walked", 0.0) > 0  # of predictions, which follow a constant force as any other
+    followed = (
+        found["residual"].get("walked", 0.0) > 0
+    )  # of predictions, which follow a constant force as any other
     if "offset" not in found["parameters"] and found["measured"] != "acceleration" and not followed:
-        yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
+        yield (
+            "no constant force was fitted: the device moves one way only, where it and friction are the same",
+            True,
+        )
     unit = READ[found["measured"]]
     left, unit = found["residual"], turned(unit) if found["turns"] else unit
     against = ""
@@ -360,7 +488,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
         against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
     yield f"residual {left['rms']:.3g} {unit} rms{against}", False
     if found["resolution"] and not left["white_noise"]:
-        yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
+        yield (
+            "each reading is within half a step of the model: the intervals are those of an encoder without noise",
+            False,
+        )
     if left["white_noise"] and found["explained"]:
         yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
     if left["static_friction"]:
@@ -380,7 +511,9 @@ def _falling(residual: Mapping[str, Any], turns: bool) -> str:
 
 
 def _spoken(found: Numbers) -> Iterator[Line]:
-    yield from ((f"{name} {spoken(estimate)}", False) for name, estimate in found["parameters"].items())
+    yield from (
+        (f"{name} {spoken(estimate)}", False) for name, estimate in found["parameters"].items()
+    )
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
@@ -389,32 +522,54 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield f"the model explains the {what}", False
         other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
         if band := found["residual"].get("resonance_hz"):
-            yield f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz", False
+            yield (
+                f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz",
+                False,
+            )
         return
     if found["missing"] == "unseen":
-        yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
+        yield (
+            "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it",
+            True,
+        )
         yield "push harder, or record a chirp or noise", True
         return
-    missing_words, left = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}), found["residual"]
+    missing_words, left = (
+        MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}),
+        found["residual"],
+    )
     hertz = left["frequency_hz"] or 0.0
     newton = "N*m" if found.get("turns") else "N"
-    missing = missing_words[found["missing"]].format(frequency_hz=hertz, walked=left.get("walked", 0.0), newton=newton)
+    missing = missing_words[found["missing"]].format(
+        frequency_hz=hertz, walked=left.get("walked", 0.0), newton=newton
+    )
     if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
         beyond = " beyond the steps of the encoder" * bool(found["resolution"])
         missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    yield f"the model does not explain the {what}, and the intervals are wider by what is left: it lacks {missing}", True
+    yield (
+        f"the model does not explain the {what}, and the intervals are wider by what is left: it lacks {missing}",
+        True,
+    )
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     hertz = columns["frequency_hz"]
-    tally = {"frequencies": len(hertz), "from_hz": float(hertz[0]), "to_hz": float(hertz[-1]), "rate_hz": 1 / facts["period_s"]}
+    tally = {
+        "frequencies": len(hertz),
+        "from_hz": float(hertz[0]),
+        "to_hz": float(hertz[-1]),
+        "rate_hz": 1 / facts["period_s"],
+    }
     return tally | {name: facts[name] for name in JUDGED}
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
-    yield f"{found['frequencies']} frequencies from {found['from_hz']:.6g} to {found['to_hz']:.6g} Hz", False
+    yield (
+        f"{found['frequencies']} frequencies from {found['from_hz']:.6g} to {found['to_hz']:.6g} Hz",
+        False,
+    )
     yield from _spoken(found)
     yield f"residual {100 * found['residual']['rms']:.3g} % rms", False
     yield from _judgement(found, "response")
@@ -422,5 +577,10 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 KINDS = (
     whole_kind("identify", _numbers, _lines, "wavesweep.identification.figure.identify"),
-    whole_kind("identify-response", _response_numbers, _response_lines, "wavesweep.identification.figure.identify_response"),
+    whole_kind(
+        "identify-response",
+        _response_numbers,
+        _response_lines,
+        "wavesweep.identification.figure.identify_response",
+    ),
 )

@@ -48,7 +48,9 @@ def _tables(name: str) -> list[Path]:
     folder = path if path.is_dir() else Path("results", name)
     packages = sorted(folder.glob("*.datapackage.json"))
     if not packages:
-        raise UsageError(f"{name}: expected a table, a folder of results, or a spec's name in results/, found none")
+        raise UsageError(
+            f"{name}: expected a table, a folder of results, or a spec's name in results/, found none"
+        )
     return [package.with_suffix("").with_suffix(".parquet") for package in packages]
 
 
@@ -64,7 +66,12 @@ def _facts_of(path: Path) -> Mapping[str, Any]:
     table["facts"] = {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)}
     table["columns"] = []
     for field in fields_of(kind, columns, facts):
-        said = {"name": field.name, "unit": field.unit, "kind": field.kind, "description": field.description}
+        said = {
+            "name": field.name,
+            "unit": field.unit,
+            "kind": field.kind,
+            "description": field.description,
+        }
         table["columns"].append(said | _extent(columns[field.name]))
     return table
 

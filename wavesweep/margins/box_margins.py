@@ -50,7 +50,13 @@ TURNED = {
     "disk": (*DISK, [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
 }
 OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
-ENDS = {"gain_up": np.log(MOST), "gain_down": np.log(MOST), "phase": np.pi, "delay": np.inf, "disk": 1.0}
+ENDS = {
+    "gain_up": np.log(MOST),
+    "gain_down": np.log(MOST),
+    "phase": np.pi,
+    "delay": np.inf,
+    "disk": 1.0,
+}
 
 
 METHOD_FOR_ALL = (
@@ -82,8 +88,16 @@ class BoxMargin:
 def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
     varying = spec.for_all.boxes.varying(spec)
-    refusal = "messages may be late or lost" if varying == ["messages"] else f"{', '.join(varying)} of [for_all] may vary"
-    return f"margins need constant numbers, and {refusal}: these are of the spec's own numbers" if varying else ""
+    refusal = (
+        "messages may be late or lost"
+        if varying == ["messages"]
+        else f"{', '.join(varying)} of [for_all] may vary"
+    )
+    return (
+        f"margins need constant numbers, and {refusal}: these are of the spec's own numbers"
+        if varying
+        else ""
+    )
 
 
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
@@ -99,7 +113,10 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
-        return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
+        return [
+            BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True)
+            for name in cases[0].names
+        ]
     rows = []
     for name in cases[0].names:
         margin = _for_all_cases([(case, *case.margin(name)) for case in cases], name)
@@ -193,11 +210,15 @@ class _Case:
     loop: with a gain at the signal. fixed: the values of the others among those that are listed.
     """
 
-    def __init__(self, spec: Spec, cut: str, loop: Loops, ranges: Sequence[Axis], fixed: Mapping[str, object]):
+    def __init__(
+        self, spec: Spec, cut: str, loop: Loops, ranges: Sequence[Axis], fixed: Mapping[str, object]
+    ):
         self.spec, self.cut, self.fixed = spec, cut, fixed
         self.boxes = spec.for_all.boxes
         self.ranged, self.known = [axis.path for axis in ranges], {}
-        self.box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
+        self.box = np.array(
+            [[axis.start for axis in ranges], [axis.stop for axis in ranges]], float
+        )
         self.loop = loop.read
         broken = broken_at(self.spec, cut)
         self.period = broken.period
@@ -206,7 +227,10 @@ class _Case:
         if not ranges:
             return
         paths = [path_of(GAIN), *self.ranged]
-        limits = [self.loop.domain(path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
+        limits = [
+            self.loop.domain(path, tuple(ends))
+            for path, ends in zip(self.ranged, self.box.T, strict=True)
+        ]
         self.limits = np.array(limits).T
         drift = self.boxes.drift_over(self.loop, paths, np.column_stack([OTHER_GAINS, self.box]))
         self.frames_at = partial(self.boxes.frames_over, self.loop, paths, drift)
@@ -218,7 +242,9 @@ class _Case:
     def _at(self, point) -> dict[str, Margin] | None:
         """The margins of a loop of the box; None if it is not stable."""
         if point not in self.known:
-            margins, doubt = margins_of(broken_at(self.spec.with_values(self.named(point)), self.cut))
+            margins, doubt = margins_of(
+                broken_at(self.spec.with_values(self.named(point)), self.cut)
+            )
             by_name = {margin.name: margin for margin in margins}
             self.known[point] = by_name if margins or doubt else None
         return self.known[point]
@@ -227,7 +253,11 @@ class _Case:
     def _corners(self):
         """The corners of the box, its middle, and where expressions are least or largest."""
         extremes = Resolution(*self.loop, list(map(Expressed, self.ranged))).extremes(self.box)
-        points = [*product(*self.box.T.tolist()), tuple(self.box.mean(0).tolist()), *map(tuple, extremes.tolist())]
+        points = [
+            *product(*self.box.T.tolist()),
+            tuple(self.box.mean(0).tolist()),
+            *map(tuple, extremes.tolist()),
+        ]
         return points if self.ranged else [()]
 
     def unstable(self) -> Iterator[dict[str, object]]:
@@ -289,7 +319,9 @@ class _Case:
 
         What depends on the factor anywhere does so at a place that nobody has chosen.
         """
-        place = self.box[0] + (self.box[1] - self.box[0]) * (np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1)
+        place = self.box[0] + (self.box[1] - self.box[0]) * (
+            np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1
+        )
         pivots = self.closed(OTHER_GAINS, np.array([place, place])).pivots
         return bool((pivots[0] == pivots[1]).all())
 
@@ -302,13 +334,17 @@ class _Case:
             built = {path: self.loop.values[path.replace(TWIN, "")] for path in drawing.building}
             ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
             ends[0, 0] = size if name == "disk" and self._delayed else 0.0
-            return self.boxes.proved_stable(Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest)
+            return self.boxes.proved_stable(
+                Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest
+            )
         ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
         return self.boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
     def _delay(self, frames) -> Cover:
         """The check that so many frames of delay, and fewer, leave the loop stable."""
-        half = min(np.pi / frames, np.pi)  # the angle up to which the arc is less than half a circle
+        half = min(
+            np.pi / frames, np.pi
+        )  # the angle up to which the arc is less than half a circle
         edge = min(2 * np.pi / frames, np.pi)  # and a whole one
         stretches = [(edge, np.pi, ("below",))]
         if half < edge:
@@ -388,7 +424,12 @@ class Arc:
             error_across = np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])
             error = np.abs(level) * error_of_D + error_across.sum(0)
         size = np.abs(value)
-        return FunctionValues((value / size)[None], (np.log(size) + 2 * scale)[None], (error / size)[None], pivots.prod(0))
+        return FunctionValues(
+            (value / size)[None],
+            (np.log(size) + 2 * scale)[None],
+            (error / size)[None],
+            pivots.prod(0),
+        )
 
     def _line(self, end):
         """The line that values of -L do not reach, by its level and its angle; end: the angle of the arc's end."""

@@ -31,7 +31,9 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     loop = own_loop(spec)
     times = _times_per_frame(loop)
     if signal not in times:
-        shown = [re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times]  # of a delay with taps, as wires read it
+        shown = [
+            re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times
+        ]  # of a delay with taps, as wires read it
         close = nearest(signal, [*shown, *named])
         hint = f"; did you mean `{close}`?" if close else ""
         expected = f"an output of a block that some wire reads ({', '.join(shown) or 'this loop has none'})"
@@ -50,14 +52,18 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
     lifted = LiftedLoop(ticks, drift, float(drawn.period) * drawn.ticks, places)
     if not lifted.returns:
-        raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
+        raise UsageError(
+            f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself"
+        )
     if times[signal] > 1:
         return lifted
     opened = open_loops(loop, GAIN)
     return lifted if opened.cut is None else BrokenLoop(opened.cut, lifted)
 
 
-def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
+def lines_at(
+    spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]
+) -> np.ndarray:
     """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no frequency.
 
     It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of
@@ -162,7 +168,9 @@ def cuts_of(spec: Spec) -> list[str]:
     for name, often in _times_per_frame(loop).items():
         if often <= MOST_TIMES and (_block_of(name), _block_of(name)) in reads:
             times[name] = often
-    return sorted(times, key=lambda name: (_block_of(name) in plants, name not in acting, times[name]))
+    return sorted(
+        times, key=lambda name: (_block_of(name) in plants, name not in acting, times[name])
+    )
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:

@@ -30,10 +30,17 @@ from wavesweep.program.spec import Axis, Spec
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
-FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
+FIRST, STEP, NEXT, ROUNDS = (
+    600,
+    0.03,
+    1e-10,
+    24,
+)  # angles; change of ln L between neighbours, and least angle (rad)
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
-FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
+FARTHEST = (
+    4.0  # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
+)
 OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
@@ -61,16 +68,28 @@ class OpenLoop:
     def place(self, name: str) -> float:
         """The frequency (Hz) of a margin: of a lifted signal that at which its samples show the strongest line."""
         _, omega, hz = self.table[name]
-        return abs((hz + self.rate / 2) % self.rate - self.rate / 2) if self.several else omega / (2 * np.pi)
+        return (
+            abs((hz + self.rate / 2) % self.rate - self.rate / 2)
+            if self.several
+            else omega / (2 * np.pi)
+        )
 
     @property
     def style(self) -> dict[str, Any]:
         """The style of the curve, or of the points."""
-        return {"linestyle": "none", "marker": ".", "markersize": 1.5} if self.several else {"linewidth": 1.2}
+        return (
+            {"linestyle": "none", "marker": ".", "markersize": 1.5}
+            if self.several
+            else {"linewidth": 1.2}
+        )
 
     def drawn(self, look: Look, points: bool) -> dict[str, Any]:
         """The style of the curve as a member of a family, or of its points."""
-        return {"color": look.colour, "zorder": 1.9, **(self.style if points else {"linestyle": look.line, "linewidth": 0.9})}
+        return {
+            "color": look.colour,
+            "zorder": 1.9,
+            **(self.style if points else {"linestyle": look.line, "linewidth": 0.9}),
+        }
 
     @property
     def disk(self) -> np.ndarray | None:
@@ -108,15 +127,23 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
 
     spec, cut = load(facts["spec"]), facts["cut"]
     tables = _margin_rows(columns)
-    loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
+    loop, proved = (
+        open_loop(spec, cut, tables["spec"]),
+        () if family else tables["for_all"].get("disk_gain", ()),
+    )
     family = family or ends_of_ranges(spec)
     other_loops = [
-        (open_loop(member, cut, {}), look, name) for (name, member), look in zip(family, family_looks(len(family)), strict=True)
+        (open_loop(member, cut, {}), look, name)
+        for (name, member), look in zip(family, family_looks(len(family)), strict=True)
     ]
     steps = [_closed_step(member, cut) for member in (spec, *map(itemgetter(1), family))]
     left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
     if is_narrow():
-        mosaic, ratios, height = [[name] for name in (*left[:1], *right, *left[1:])], [2, 1, 1, *[1] * (len(left) - 1)], 6.0
+        mosaic, ratios, height = (
+            [[name] for name in (*left[:1], *right, *left[1:])],
+            [2, 1, 1, *[1] * (len(left) - 1)],
+            6.0,
+        )
     else:
         mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
     with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
@@ -125,7 +152,9 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         if (*proved, np.inf)[0] < np.inf:
             rim = disk_of(proved[0])
             said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
-            panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
+            panels["nyquist"].plot(
+                rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said
+            )
         draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         if steps[0]:
@@ -133,14 +162,27 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
                 handles.append(handle)
                 labels.append(words)
             draw_others(
-                panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], other_loops, strict=True) if step]
+                panels["step"],
+                [
+                    (step, look)
+                    for step, (_, look, _) in zip(steps[1:], other_loops, strict=True)
+                    if step
+                ],
             )
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
-        slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
+        slow = "; ".join(
+            name for (name, _), step in zip(family, steps[1:], strict=True) if not step
+        )
         slow = f"Unstable, or too slow for a step response: {slow}." * bool(slow)
-        note_below(canvas, cut_off, OFF_CURVE * (loop.several and bool(loop.marks)), slow, assumption(facts))
+        note_below(
+            canvas,
+            cut_off,
+            OFF_CURVE * (loop.several and bool(loop.marks)),
+            slow,
+            assumption(facts),
+        )
     return canvas
 
 
@@ -149,9 +191,14 @@ def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
 
     Numbers that change from frame to frame are left out, since they make no loop of their own.
     """
-    axes = [axis for axis in (spec.for_all.unknown if spec.for_all else ()) if axis.start < axis.stop]
+    axes = [
+        axis for axis in (spec.for_all.unknown if spec.for_all else ()) if axis.start < axis.stop
+    ]
     if 2 ** len(axes) <= MOST_MEMBERS:
-        places = [{axis.name: end for axis, end in zip(axes, ends, strict=True)} for ends in product(*map(_ends, axes))]
+        places = [
+            {axis.name: end for axis, end in zip(axes, ends, strict=True)}
+            for ends in product(*map(_ends, axes))
+        ]
     else:
         places = [{axis.name: end} for axis in axes for end in _ends(axis)][:MOST_MEMBERS]
     return named_specs(spec, [place for place in places if place])
@@ -163,7 +210,10 @@ def _ends(axis: Axis) -> tuple[float, float]:
 
 def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple[str, Spec]]:
     """The spec with other numbers, and these in words; places: their names, as axes have them, and values."""
-    paths, facts = {name: spec.names.find(name).path for place in places for name in place}, {"spec": spec.tables()}
+    paths, facts = (
+        {name: spec.names.find(name).path for place in places for name in place},
+        {"spec": spec.tables()},
+    )
     return [
         (
             ", ".join(valued(name, value, facts) for name, value in place.items()),
@@ -191,7 +241,15 @@ def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float, float
 
     loop = broken_at(spec, cut)
     hertz, L = response_of(loop)
-    return OpenLoop(hertz, L, loop.times > 1, table, marks_of(loop, table), loop.times / loop.period, bode_of(loop, hertz, L))
+    return OpenLoop(
+        hertz,
+        L,
+        loop.times > 1,
+        table,
+        marks_of(loop, table),
+        loop.times / loop.period,
+        bode_of(loop, hertz, L),
+    )
 
 
 def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,13 +263,21 @@ def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np
     return angles / loop.period / (2 * np.pi), loop.at_line(angles)
 
 
-def response_of(loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI) -> tuple[np.ndarray, np.ndarray]:
+def response_of(
+    loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI
+) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one its eigenvalues.
 
     step, first: change of ln L between two of them, and the number to begin with; loci: their number for a lifted one.
     """
-    angles = dense_angles(loop.response, step, first) if loop.times == 1 else np.geomspace(LEAST, 1.0, loci) * np.pi
-    return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(loop.response(angles))
+    angles = (
+        dense_angles(loop.response, step, first)
+        if loop.times == 1
+        else np.geomspace(LEAST, 1.0, loci) * np.pi
+    )
+    return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(
+        loop.response(angles)
+    )
 
 
 def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, complex]:
@@ -219,17 +285,32 @@ def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, compl
     marks = {}
     for name in _MARKS:
         value, omega = table.get(name, (np.nan, np.nan))[:2]
-        if omega >= 0:  # of what has no limit it is missing; 0 is also the image of the frame's rate
+        if (
+            omega >= 0
+        ):  # of what has no limit it is missing; 0 is also the image of the frame's rate
             loci = np.ravel(loop.response(omega * loop.period))
-            factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
+            factor = (
+                value
+                if name.startswith("gain")
+                else np.exp(1j * np.radians(value))
+                if name == "phase"
+                else -1 / loci
+            )
             missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
             marks[name] = complex(loci[np.argmin(missed)])
     return marks
 
 
-def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, first: int) -> np.ndarray:
+def dense_angles(
+    response: Callable[[np.ndarray], np.ndarray], step: float, first: int
+) -> np.ndarray:
     """Angles up to pi between which ln L changes little, so that neither plot shows a step at a resonance."""
-    angles = np.concatenate([np.geomspace(1e-6, 1e-2, first // 3, endpoint=False), np.linspace(1e-2, 1.0, first)]) * np.pi
+    angles = (
+        np.concatenate(
+            [np.geomspace(1e-6, 1e-2, first // 3, endpoint=False), np.linspace(1e-2, 1.0, first)]
+        )
+        * np.pi
+    )
     values = response(angles)
     for _ in range(ROUNDS):
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -239,7 +320,9 @@ def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, firs
             break
         between = (angles[:-1] + angles[1:])[wide_steps] / 2
         order = np.argsort(np.concatenate([angles, between]), kind="stable")
-        angles, values = (np.concatenate(pair)[order] for pair in ((angles, between), (values, response(between))))
+        angles, values = (
+            np.concatenate(pair)[order] for pair in ((angles, between), (values, response(between)))
+        )
     return angles
 
 
@@ -262,24 +345,51 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     )
     for member, look, name in others:
         axes.plot(member.L.real, member.L.imag, label=name, **member.drawn(look, member.several))
-    axes.plot(L.real, -L.imag, color=_CURVE, **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}))
+    axes.plot(
+        L.real,
+        -L.imag,
+        color=_CURVE,
+        **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}),
+    )
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
         said = f"disk margin {loop.table['disk'][0]:.3g}"
-        axes.fill(disk.real, disk.imag, facecolor=paler(_DISK, 0.25), edgecolor=paler(_DISK, 0.25), linewidth=0.8, label=said)
+        axes.fill(
+            disk.real,
+            disk.imag,
+            facecolor=paler(_DISK, 0.25),
+            edgecolor=paler(_DISK, 0.25),
+            linewidth=0.8,
+            label=said,
+        )
     for name, at in loop.marks.items():
         said = in_words(name, *loop.table[name])
-        axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)
+        axes.plot(
+            [at.real],
+            [at.imag],
+            _MARKS[name],
+            color=MARK,
+            markersize=4,
+            markerfacecolor=_face(name),
+            label=said,
+        )
     point_sets = {
         "L": np.concatenate([L, *(member.L for member, *_ in others)]),
         "the disk": disk if disk is not None else _TURN,
-        **{f"the mark of {name.replace('_', ' ')}": np.array([at]) for name, at in loop.marks.items()},
+        **{
+            f"the mark of {name.replace('_', ' ')}": np.array([at])
+            for name, at in loop.marks.items()
+        },
     }
     marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST)])
-    all_points = np.concatenate([_TURN, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST]])
+    all_points = np.concatenate(
+        [_TURN, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST]]
+    )
     near = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(all_points).max()]
     reach = np.concatenate([all_points, near])
-    half = (0.5 + ROOM) * max(np.ptp(reach.real), 2 * np.abs(reach.imag).max())  # of a square, since a strip shows little
+    half = (0.5 + ROOM) * max(
+        np.ptp(reach.real), 2 * np.abs(reach.imag).max()
+    )  # of a square, since a strip shows little
     middle = (reach.real.min() + reach.real.max()) / 2
     axes.set_xlim(middle - half, middle + half)
     axes.set_ylim(-half, half)
@@ -287,12 +397,18 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     far = [
         name
         for name, z in point_sets.items()
-        if ((z.real < left) | (z.real > right) | (np.abs(z.imag) > max(high, -low)))[np.isfinite(z)].any()
+        if ((z.real < left) | (z.real > right) | (np.abs(z.imag) > max(high, -low)))[
+            np.isfinite(z)
+        ].any()
     ]
     axes.set_aspect("equal")
     axes.set(xlabel="real part of L", ylabel="imaginary part of L")
     axes.grid(**GRID)
-    return f"The Nyquist plot is cut off around -1: {' and '.join(far)} reach{'es' * (len(far) == 1)} farther." if far else ""
+    return (
+        f"The Nyquist plot is cut off around -1: {' and '.join(far)} reach{'es' * (len(far) == 1)} farther."
+        if far
+        else ""
+    )
 
 
 def _face(name: str) -> str:
@@ -301,7 +417,11 @@ def _face(name: str) -> str:
 
 def in_words(name: str, value: float, omega: float, hz: float) -> str:
     """A margin as the legend has it, with the line that a spectrum shows of its crossing."""
-    once = "" if np.isclose(2 * np.pi * hz, omega, rtol=1e-6) else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
+    once = (
+        ""
+        if np.isclose(2 * np.pi * hz, omega, rtol=1e-6)
+        else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
+    )
     size = {"phase": f"{value:.3g}°", "delay": f"{1e3 * value:.4g} ms"}.get(name)
     size = size or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
     return f"{name.replace('_', ' ')} {size} at {hz:.4g} Hz{once}"
@@ -343,27 +463,47 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         marked = []
         for name, at in loop.marks.items():
             place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
-            beside = L[np.argmin(np.abs(hertz - place))]  # whether the line is that of the eigenvalue or of its conjugate
-            turned = np.degrees(np.angle(min(at, at.conjugate(), key=lambda each, beside=beside: abs(each - beside))))
+            beside = L[
+                np.argmin(np.abs(hertz - place))
+            ]  # whether the line is that of the eigenvalue or of its conjugate
+            turned = np.degrees(
+                np.angle(
+                    min(at, at.conjugate(), key=lambda each, beside=beside: abs(each - beside))
+                )
+            )
             turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
             end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
             level = 20 * np.log10(abs(at)) if axes is gain else turned
             if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
                 axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
-            style = {"color": MARK, "markersize": 4, "markerfacecolor": _face(name), "clip_on": False}
+            style = {
+                "color": MARK,
+                "markersize": 4,
+                "markerfacecolor": _face(name),
+                "clip_on": False,
+            }
             axes.plot([place], [level], _MARKS[name], **style)
             marked.append(level)
         axes.set_xscale("log")
         axes.set_xlim(lowest, top)
         seen_values = [values[shown], *family_seen[row], np.array(marked)]
-        low, high = min(limit, *np.concatenate(seen_values)), max(limit, *np.concatenate(seen_values))
+        low, high = (
+            min(limit, *np.concatenate(seen_values)),
+            max(limit, *np.concatenate(seen_values)),
+        )
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")
     gain.tick_params(labelbottom=False)
     phase.set(
-        xlabel=f"frequency (Hz), up to half the {'signal' if loop.several else 'frame'}'s rate", ylabel="phase of L (deg)"
+        xlabel=f"frequency (Hz), up to half the {'signal' if loop.several else 'frame'}'s rate",
+        ylabel="phase of L (deg)",
     )
-    for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):  # at most seven ticks
+    for axes, steps in (
+        (gain, (5, 10, 20, 40, 60)),
+        (phase, (15, 45, 90, 180, 360)),
+    ):  # at most seven ticks
         low, high = axes.get_ylim()
-        axes.yaxis.set_major_locator(MultipleLocator(next((step for step in steps if high - low <= 7 * step), steps[-1])))
+        axes.yaxis.set_major_locator(
+            MultipleLocator(next((step for step in steps if high - low <= 7 * step), steps[-1]))
+        )

@@ -71,6 +71,10 @@ class LoopMargins(api.Loop):
         from wavesweep.margins.figure import margins, named_specs
 
         axes_given, margins_table = axes_asked(self.spec, axes), table.margins(self.spec, cut)
-        places = [dict(zip(axes, values, strict=True)) for values in product(*(axis.values for axis in axes_given)) if values]
+        places = [
+            dict(zip(axes, values, strict=True))
+            for values in product(*(axis.values for axis in axes_given))
+            if values
+        ]
         family = named_specs(self.spec, places)
         return drawn_into(ax, lambda: margins(margins_table.columns, margins_table.facts, family))

@@ -17,7 +17,16 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
 from wavesweep.engine.intervals import stable_along_any
-from wavesweep.engine.norms import SOFT, START, TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
+from wavesweep.engine.norms import (
+    SOFT,
+    START,
+    TOLERANCE,
+    LiftedMap,
+    TickMaps,
+    reached,
+    read,
+    squared_norm,
+)
 from wavesweep.margins.loop_margins import (
     BESIDE,
     SPANS,
@@ -170,12 +179,18 @@ class LiftedLoop:
 
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
         """Return the same frames, and bounds on the errors of their entries."""
-        return self.drift.frames_with_errors(self.ticks.closed(np.zeros(k.size, int), k, terms=True))
+        return self.drift.frames_with_errors(
+            self.ticks.closed(np.zeros(k.size, int), k, terms=True)
+        )
 
     def along_gain(self, span):
         """Return the stable intervals along real k."""
         return stable_along_any(
-            lambda _, p: self.frames(p.ravel()), span, 1, np.array([self.period]), errors=lambda _, p: self.errors(p.ravel())
+            lambda _, p: self.frames(p.ravel()),
+            span,
+            1,
+            np.array([self.period]),
+            errors=lambda _, p: self.errors(p.ravel()),
         )
 
     def along_turn(self, factor):
@@ -240,7 +255,9 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
     """
     for most in SPANS:
         intervals = loop.along_gain((1 / most, most))
-        around_1 = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        around_1 = intervals.take(
+            (intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1)
+        )
         if not around_1.low.size or (around_1.high[0] < most and around_1.low[0] > 1 / most):
             break
     doubt = int(intervals.doubt[0])
@@ -295,7 +312,9 @@ def _disk(loop):
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
             ends = points[max(top - 1, 0)], points[min(top + 1, points.size - 1)]
-            near = minimize_scalar(negative_radius, bounds=ends, method="bounded", options={"xatol": 1e-12})
+            near = minimize_scalar(
+                negative_radius, bounds=ends, method="bounded", options={"xatol": 1e-12}
+            )
             if -near.fun > best:
                 best = float(-near.fun)
                 at = float(near.x)

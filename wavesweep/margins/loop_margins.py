@@ -10,7 +10,16 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
 from wavesweep.engine.intervals import stable_intervals
-from wavesweep.engine.norms import SOFT, START, TOLERANCE, Peak, TickMaps, angles, squared_norm, with_middles
+from wavesweep.engine.norms import (
+    SOFT,
+    START,
+    TOLERANCE,
+    Peak,
+    TickMaps,
+    angles,
+    squared_norm,
+    with_middles,
+)
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
@@ -111,7 +120,9 @@ class BrokenLoop:
         from scipy.optimize import brentq
 
         def size(theta):
-            return np.nan_to_num(np.log(np.abs(self.response(theta))), nan=np.inf, posinf=1e3, neginf=-1e3)
+            return np.nan_to_num(
+                np.log(np.abs(self.response(theta))), nan=np.inf, posinf=1e3, neginf=-1e3
+            )
 
         with np.errstate(all="ignore"):
             met = angles(self.sensitivity().pencil(np.zeros(1, int), np.array([0.5])))
@@ -121,7 +132,9 @@ class BrokenLoop:
             above = sizes > 0
             change = np.flatnonzero(above[:-1] != above[1:])
             rtol = 4 * np.finfo(float).eps
-            roots = [brentq(size, points[at], points[at + 1], xtol=1e-300, rtol=rtol) for at in change]
+            roots = [
+                brentq(size, points[at], points[at + 1], xtol=1e-300, rtol=rtol) for at in change
+            ]
         unit_angles = np.array(roots)
         touches = np.abs(sizes) <= TOUCHES
         if unit_angles.size:
@@ -132,7 +145,9 @@ class BrokenLoop:
         for root in unit_angles:
             slope, _ = self.slope_and_error(root)
             slope_of_size = abs((slope * self.response(root).conj()).real)
-            is_beside |= slope_of_size * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+            is_beside |= (
+                slope_of_size * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+            )
         _, _, _, D = self.parts
         regular = abs(abs(float(D[0, 0])) - 1) > DIRECT
         return unit_angles, bool(is_beside.all()) and regular
@@ -159,7 +174,9 @@ def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
     for most in SPANS:
         intervals = stable_intervals(loop.cut.as_batch(1), FIRST, (0.0, most), np.zeros((1, 1)))
-        around_1 = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        around_1 = intervals.take(
+            (intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1)
+        )
         if not around_1.low.size or around_1.high[0] < most:
             break
     doubt = int(intervals.doubt[0])
@@ -216,7 +233,9 @@ def _phases(loop) -> Iterator[Margin]:
     at = int(np.argmin(turns))
     turn = float(turns[at])
     error = _error_at_unit_gain(loop, theta[at], response[at])
-    yield _margin("phase", float(np.degrees(turn)), float(theta[at]) / loop.period, error / turn, doubt)
+    yield _margin(
+        "phase", float(np.degrees(turn)), float(theta[at]) / loop.period, error / turn, doubt
+    )
     if not slow:
         yield Margin.unlimited("delay", np.nan, Doubt.FAST)
         return
@@ -231,7 +250,9 @@ def _phases(loop) -> Iterator[Margin]:
 def _error_at_unit_gain(loop, theta, response):
     """A bound on the error of L at an angle at which its size is 1."""
     L = complex(response)
-    return _error(loop, float(theta), abs(L) - 1, lambda slope: (slope * L.conjugate()).real / abs(L))
+    return _error(
+        loop, float(theta), abs(L) - 1, lambda slope: (slope * L.conjugate()).real / abs(L)
+    )
 
 
 def _peaks(loop) -> Iterator[Margin]:

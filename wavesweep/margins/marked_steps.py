@@ -25,23 +25,40 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * times[-1]))
     axes.grid(**GRID)
     first, second = step.rise_s
-    rise = f"rise time {_in_time(second - first)}" if second > first else f"rise time < {_in_time(step.period)}"
+    rise = (
+        f"rise time {_in_time(second - first)}"
+        if second > first
+        else f"rise time < {_in_time(step.period)}"
+    )
     points = {"rise": ((first, second), rise)} if second > 0 else {}
     if step.overshoot > 0:
-        points["peak"] = (step.peak_s,), f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {_in_time(step.peak_s)}"
+        points["peak"] = (
+            (step.peak_s,),
+            f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {_in_time(step.peak_s)}",
+        )
     elif not step.known:
-        points["peak"] = (step.peak_s,), f"farthest {step.value_at(step.peak_s):.4g} at {_in_time(step.peak_s)}"
+        points["peak"] = (
+            (step.peak_s,),
+            f"farthest {step.value_at(step.peak_s):.4g} at {_in_time(step.peak_s)}",
+        )
     if step.settling_s > 0:
         axes.axhspan(final * (1 - BAND), final * (1 + BAND), color="0.85", linewidth=0, zorder=0.5)
-        points["settled"] = (step.settling_s,), f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}"
+        points["settled"] = (
+            (step.settling_s,),
+            f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}",
+        )
     marks = []
     for kind, (times, words) in points.items():
         style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
         style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
-        (handle,) = axes.plot(np.multiply(scale, times), [step.value_at(time) for time in times], zorder=4, **style)
+        (handle,) = axes.plot(
+            np.multiply(scale, times), [step.value_at(time) for time in times], zorder=4, **style
+        )
         marks.append((handle, words))
         if kind == "peak":
-            axes.plot([scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0)
+            axes.plot(
+                [scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0
+            )
     return marks
 
 
@@ -51,9 +68,20 @@ def draw_others(axes: Any, steps: Sequence[tuple[Step, Look]]) -> None:
     for step, look in steps:
         shown = step.time_s <= max(axes.get_xlim()[1] / scale, step.time_s[step.shown - 1])
         line = extremes(scale * step.time_s[shown], step.value[shown])
-        axes.plot(*line, color=look.colour, linestyle=look.line, linewidth=0.9, drawstyle="steps-post", zorder=1.9)
+        axes.plot(
+            *line,
+            color=look.colour,
+            linestyle=look.line,
+            linewidth=0.9,
+            drawstyle="steps-post",
+            zorder=1.9,
+        )
         axes.set_xlim(0, max(axes.get_xlim()[1], scale * step.time_s[step.shown - 1]))
 
 
 def _in_time(seconds: float) -> str:
-    return f"{seconds:.4g}\N{NO-BREAK SPACE}s" if seconds >= 1 else f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"
+    return (
+        f"{seconds:.4g}\N{NO-BREAK SPACE}s"
+        if seconds >= 1
+        else f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"
+    )

@@ -19,7 +19,10 @@ from wavesweep.program.columns import RATIO
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 
-COARSE, FIRST = 0.2, 90  # change of ln L between two points of a curve, and the number of points to begin with
+COARSE, FIRST = (
+    0.2,
+    90,
+)  # change of ln L between two points of a curve, and the number of points to begin with
 MOST = 1_000_000  # samples of a step response times states
 SAMPLES = 600  # of a step response that are sent
 
@@ -31,7 +34,10 @@ def data(spec: Spec) -> dict[str, list]:
     """The signals at which a drawn loop without a hand can be broken, and its pairs of an input and an output."""
     if not spec.drawing or spec.drawing.hand:
         return {"cuts": [], "routes": []}
-    return {"cuts": [cut for cut in cuts_of(spec) if _returns(spec, cut)], "routes": routes_of(spec)}
+    return {
+        "cuts": [cut for cut in cuts_of(spec) if _returns(spec, cut)],
+        "routes": routes_of(spec),
+    }
 
 
 def _returns(spec: Spec, cut: str) -> bool:
@@ -64,7 +70,10 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
     hertz, L = response_of(loop, COARSE, FIRST, FIRST)
     decibels, degrees = decibels_and_degrees(L, loop.times > 1)
     curves = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
-    curve = {name: values.tolist() for name, values in curves.items()} | {"several": loop.times > 1, "cut": cut}
+    curve = {name: values.tolist() for name, values in curves.items()} | {
+        "several": loop.times > 1,
+        "cut": cut,
+    }
     if not stable:
         return {"open": curve, "step": {"error": "the loop is unstable, and nothing comes to rest"}}
     try:
@@ -83,7 +92,9 @@ def _numbers(step: Step, sign: float) -> dict:
         "time_s": times.tolist(),
         "value": (sign * values).tolist(),
         "final": sign * step.final,
-        "rise": [[time, sign * step.value_at(time)] for time in (first, second)] if second > 0 else [],
+        "rise": [[time, sign * step.value_at(time)] for time in (first, second)]
+        if second > 0
+        else [],
         "rise_s": second - first,
         "peak": [step.peak_s, sign * step.value_at(step.peak_s)],
         "known": bool(step.known),
@@ -108,10 +119,15 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
             "line_hz": line,
             "doubt": word,
             "limited": margin.limited,
-            "at": [marks[margin.name].real, marks[margin.name].imag] if margin.name in marks else None,
+            "at": [marks[margin.name].real, marks[margin.name].imag]
+            if margin.name in marks
+            else None,
         }
         for margin, word, line in zip(
-            margins, words([margin.doubt for margin in margins]), lines_at(spec, cut, loop, margins), strict=True
+            margins,
+            words([margin.doubt for margin in margins]),
+            lines_at(spec, cut, loop, margins),
+            strict=True,
         )
     ]
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}

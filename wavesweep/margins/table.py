@@ -11,7 +11,16 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.columns import RATIO, Columns, joined
 from wavesweep.program.spec import Spec
-from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, counted_doubts, from_spec, in_doubt, plain
+from wavesweep.program.tables.kind import (
+    Kind,
+    Line,
+    Numbers,
+    SingleBlockSummary,
+    counted_doubts,
+    from_spec,
+    in_doubt,
+    plain,
+)
 from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.table import Table, facts_of, held
 
@@ -51,7 +60,9 @@ def margins(spec: Spec, cut: str = "") -> Table:
     margins_found, doubt = margins_of(loop)
     if not margins_found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
-        raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
+        raise UsageError(
+            f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it"
+        )
     bound = np.array([margin.bound for margin in margins_found])
     hz = lines_at(spec, cut, loop, margins_found)
     columns = _columns(cut, margins_found, bound, hz)
@@ -67,8 +78,17 @@ def margins(spec: Spec, cut: str = "") -> Table:
             methods["for_all"] = METHOD_FOR_ALL
     counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, methods, counts, timings, [*notices, *over_preset(spec)], nominal="for_all" not in methods)
-    return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times})
+    facts = facts_of(
+        spec,
+        methods,
+        counts,
+        timings,
+        [*notices, *over_preset(spec)],
+        nominal="for_all" not in methods,
+    )
+    return Table.of(
+        "margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times}
+    )
 
 
 def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) -> Columns:
@@ -101,7 +121,9 @@ def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns
         "fails_below": np.concatenate([none, np.where(down, refuted, np.nan)]),
         "fails_from": np.concatenate([none, np.where(down, np.nan, refuted)]),
         "settled": np.concatenate([own["certified"], [margin.settled for margin in found]]),
-        "counterexample": np.array([""] * rows + [margin.counterexample for margin in found], object),
+        "counterexample": np.array(
+            [""] * rows + [margin.counterexample for margin in found], object
+        ),
     }
 
 
@@ -150,7 +172,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
         delay = ", the delay margin checked" if "delay" in of_all else ""
         yield f"proved for all numbers of [for_all] (for_all){delay}:", False
         unstable = next(iter(of_all.values()))
-        if unstable["value"] is None and unstable["counterexample"] and unstable["fails_from"] is None:
+        if (
+            unstable["value"] is None
+            and unstable["counterexample"]
+            and unstable["fails_from"] is None
+        ):
             yield f"nothing: not stable with {unstable['counterexample']}", True
             return
         for name, margin in of_all.items():
@@ -161,7 +187,9 @@ def _lines(found: Numbers) -> Iterator[Line]:
                 refuted = f"below {rounded_down(below)}"
             elif end is not None:
                 refuted = f"from {rounded_up(end)} on"
-            yield _line(name, margin, refuted and f", refuted {refuted} by {margin['counterexample']}")
+            yield _line(
+                name, margin, refuted and f", refuted {refuted} by {margin['counterexample']}"
+            )
 
 
 def _line(name: str, margin: Numbers, more: str) -> Line:

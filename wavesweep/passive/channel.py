@@ -14,7 +14,9 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import TOLERANCE, TickMaps, reached, read, squared_norm
 from wavesweep.haptics.controller_page import loop_drawing
 
-MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
+MOST_ENTRIES = (
+    100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
+)
 
 
 @lru_cache(maxsize=64)
@@ -123,7 +125,10 @@ def _between(ticks, runs, periods, batch, senders, receivers):
         maps.append((block.E, B, C, D))
     reachable = read(maps) & reached(maps)
     return TickMaps.of(
-        [(E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D) for E, B, C, D in maps],
+        [
+            (E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D)
+            for E, B, C, D in maps
+        ],
         ticks.kind,
         batch,
     )
@@ -153,7 +158,9 @@ def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
         if types[block.name] not in WAVE_ENDS:
             ports += [f"{block.name}.{port}" for port in block.inputs]
     for port in (*ports, *received):
-        sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
+        sums[port] = {
+            signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made
+        }
     return MultirateLoop(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
 
 
@@ -270,6 +277,8 @@ def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None
     """
     orders = {}
     for cutoff in np.unique(table["lp1_cutoff_hz"]):
-        enough = (table["lp1_cutoff_hz"] == cutoff) & (table["channel_norm"] ** 2 - 1 <= energy_gain)
+        enough = (table["lp1_cutoff_hz"] == cutoff) & (
+            table["channel_norm"] ** 2 - 1 <= energy_gain
+        )
         orders[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
     return orders

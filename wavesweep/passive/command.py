@@ -51,11 +51,19 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
         (loaded,) = specs
         if along:
             return [tables.passive_along(loaded, along, **work)]
-        choices = [tables.filter_choices(loaded)] if filters else []  # first, since a spec may have none
-        choices += [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
+        choices = (
+            [tables.filter_choices(loaded)] if filters else []
+        )  # first, since a spec may have none
+        choices += (
+            [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
+        )
         return [tables.passivity(loaded, **work), *choices]
 
     if along and filters:
         raise click.UsageError("--filters: expected without --along, which has a table of its own")
-    kinds = ["passivity-along"] if along else ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
+    kinds = (
+        ["passivity-along"]
+        if along
+        else ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
+    )
     produce(kinds, [spec], options, compute)

@@ -25,9 +25,20 @@ from wavesweep.program.plots.style import (
 )
 
 _TOLERANCE = 1e-10  # of the norm: up to this above 1 counts as passive
-_LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
-_PASSIVE, _COLOUR = {"color": "#CCECE3", "linewidth": 0}, distinct_colour(0)  # the shade, and the dots
-_UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
+_LINEAR = (
+    1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
+)
+_PASSIVE, _COLOUR = (
+    {"color": "#CCECE3", "linewidth": 0},
+    distinct_colour(0),
+)  # the shade, and the dots
+_UNSTABLE = {
+    "marker": "x",
+    "markersize": 3.5,
+    "color": DOUBTFUL,
+    "linestyle": "none",
+    "clip_on": False,
+}
 _CURVES = 8  # of the index over frequency
 _NAME = 40  # letters of the name of a dot with those of its axes
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
@@ -40,12 +51,20 @@ def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """
     columns, roles, left_out = shown_loops(table)
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
-    margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
+    margin = np.where(
+        columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"]
+    )
     columns = {**columns, "port_margin": 1e3 * margin}
-    return _draw_lines(columns, roles, left_out, facts) if roles else _draw_dots(columns, left_out, facts)
+    return (
+        _draw_lines(columns, roles, left_out, facts)
+        if roles
+        else _draw_dots(columns, left_out, facts)
+    )
 
 
-def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out: str, facts: Mapping[str, Any]) -> Any:
+def _draw_lines(
+    columns: Columns, roles: Mapping[str, Sequence[float]], left_out: str, facts: Mapping[str, Any]
+) -> Any:
     x, family, *_ = [*roles, None]
     members = roles[family] if family else (None,)
     with figure(TWO_COLUMNS, 5.2 if is_narrow() and _has_channel(columns) else 2.9) as canvas:
@@ -54,8 +73,17 @@ def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out
             rows = rows_with(columns, {family: value} if family else {})
             order = np.argsort(rows[x], kind="stable")
             name = valued(family, value, facts) if family else None
-            style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
-            for panel, values in ((channel, _excess(rows["channel_norm"])), (port, rows["port_margin"])):
+            style = {
+                "color": look.colour,
+                "linestyle": look.line,
+                "marker": ".",
+                "markersize": 2.5,
+                "linewidth": 1,
+            }
+            for panel, values in (
+                (channel, _excess(rows["channel_norm"])),
+                (port, rows["port_margin"]),
+            ):
                 if panel is not None:
                     panel.plot(rows[x][order], values[order], label=name, **style)
         _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
@@ -73,26 +101,46 @@ def _row_names(columns: Columns, facts: Mapping[str, Any]) -> tuple[str, list[st
     """What the rows differ by: their names and, if these would leave no room for the panels, one name for all of their axes."""
     count = len(columns["channel_norm"])
     swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
-    names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
+    names = [
+        ", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)
+    ]
     if max(map(len, names), default=0) <= _NAME:
         return "", names
     axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
-    return axes, [", ".join(assignment.partition(" = ")[2] for assignment in name.split(", ")) for name in names]
+    return axes, [
+        ", ".join(assignment.partition(" = ")[2] for assignment in name.split(", "))
+        for name in names
+    ]
 
 
 def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
     count = len(columns["channel_norm"])
     places, (axes, names) = np.arange(count), _row_names(columns, facts)
-    with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() and _has_channel(columns) else 1)) as canvas:
+    with figure(
+        TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() and _has_channel(columns) else 1)
+    ) as canvas:
         channel, port = _panels(canvas, columns, sharey=True)
-        panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")
+        panels = (
+            (channel, _excess(columns["channel_norm"]), "channel_passive"),
+            (port, columns["port_margin"], "port_passive"),
+        )
         for panel, values, verdict in panels[channel is None :]:
             # Filled where passive: a margin just below zero looks like zero.
             for passes, face, name in ((True, _COLOUR, "passive"), (False, "white", "not passive")):
                 drawn = (columns[verdict] == passes) & (columns["stable"] | (panel is channel))
-                of_both = (columns["port_passive"] == passes) | (columns["channel_passive"] == passes)
+                of_both = (columns["port_passive"] == passes) | (
+                    columns["channel_passive"] == passes
+                )
                 said = name if panel is port and of_both.any() else None
-                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4, label=said)
+                panel.plot(
+                    values[drawn],
+                    places[drawn],
+                    "o",
+                    color=_COLOUR,
+                    markerfacecolor=face,
+                    markersize=4,
+                    label=said,
+                )
             panel.grid(**GRID, axis="y")
         _mark_unstable(port, columns["port_margin"], places, columns["stable"])
         first = channel or port
@@ -137,7 +185,10 @@ def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) 
     margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
     largest = float(np.abs(margin).max(initial=0.0)) or 1.0
     linear = _LINEAR * largest
-    bottom, top = min(float(margin.min(initial=0.0)) * 2, -linear), max(float(margin.max(initial=0.0)) * 2, linear)
+    bottom, top = (
+        min(float(margin.min(initial=0.0)) * 2, -linear),
+        max(float(margin.max(initial=0.0)) * 2, linear),
+    )
     _set(port, "symlog", (bottom, top), (0.0, top), linthresh=linear)
     # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
     every = -1 if port.axis_name == "y" else -2
@@ -145,11 +196,19 @@ def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) 
     decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, shown + 1))[::every][::-1]
     port.set_ticks([tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top])
     if not margin.size:
-        port.axes.text(0.5, 0.5, "no margin is known", ha="center", va="center", transform=port.axes.transAxes)
+        port.axes.text(
+            0.5, 0.5, "no margin is known", ha="center", va="center", transform=port.axes.transAxes
+        )
     port.set_label_text(at_hand("port margin", "port_margin", "mm/N", facts))
 
 
-def _set(axis: Any, scale: str, limits: tuple[float, float], passive: tuple[float, float], **options: float) -> None:
+def _set(
+    axis: Any,
+    scale: str,
+    limits: tuple[float, float],
+    passive: tuple[float, float],
+    **options: float,
+) -> None:
     """Give an axis a scale and limits, and shade the range of what is passive."""
     upright, axes = axis.axis_name == "y", axis.axes
     (axes.set_yscale if upright else axes.set_xscale)(scale, **options)
@@ -162,7 +221,9 @@ def _legend(canvas: Any, panel: Any, shaded: str) -> None:
 
     handles, labels = panel.get_legend_handles_labels()
     handles, labels = [*handles, Patch(**_PASSIVE)], [*labels, shaded]
-    canvas.legend(handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS)))
+    canvas.legend(
+        handles, labels, loc="outside upper center", ncols=fitting(labels, wide(TWO_COLUMNS))
+    )
 
 
 def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -176,10 +237,17 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for look, rows in zip(family_looks(len(shown)), shown, strict=True):
             name = ", ".join(valued(axis, columns[axis][rows[0]], facts) for axis in axes)
             for panel, values in zip(panels, ("llewellyn", "damping_margin"), strict=True):
-                style = {"color": look.colour, "linestyle": look.line, "linewidth": 1, "label": name or None}
+                style = {
+                    "color": look.colour,
+                    "linestyle": look.line,
+                    "linewidth": 1,
+                    "label": name or None,
+                }
                 panel.plot(columns["frequency_hz"][rows], columns[values][rows], **style)
         least = [np.nanmin(columns["damping_margin"][rows], initial=np.inf) for rows in shown]
-        most = 4 * max(map(abs, least))  # excess in plenty, as at high frequencies, would hide where there is little
+        most = 4 * max(
+            map(abs, least)
+        )  # excess in plenty, as at high frequencies, would hide where there is little
         panels[1].set_ylim(min(*least, 0.0) - most / 20, most)
         for panel, limit, scale in zip(panels, (1.0, 0.0), ("log", "linear"), strict=True):
             ends = columns["frequency_hz"].min(), columns["frequency_hz"].max()
@@ -187,11 +255,17 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
             panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
             panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
             panel.grid(**GRID)
-        panels[0].set_ylabel("Llewellyn's index" + ", up to 1000" * bool((columns["llewellyn"] > 999).any()))
+        panels[0].set_ylabel(
+            "Llewellyn's index" + ", up to 1000" * bool((columns["llewellyn"] > 999).any())
+        )
         panels[1].set_ylabel(at_hand("damping in excess", "damping_margin", "N*s/m", facts))
         _legend(canvas, panels[0], "absolutely stable")
         note_below(
-            canvas, f"Shown: {len(shown)} of {len(curves)} combinations." if len(shown) < len(curves) else "", assumption(facts)
+            canvas,
+            f"Shown: {len(shown)} of {len(curves)} combinations."
+            if len(shown) < len(curves)
+            else "",
+            assumption(facts),
         )
     return canvas
 
@@ -205,14 +279,33 @@ def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for panel, (name, title) in zip(panels, _PANELS, strict=True):
             for look, order in zip(family_looks(len(orders)), orders, strict=True):
                 rows = columns["lp1_order"] == order
-                style = {"color": look.colour, "linestyle": look.line, "marker": ".", "linewidth": 1}
-                panel.plot(columns["lp1_cutoff_hz"][rows], _excess(columns[name][rows]), label=f"{order}", **style)
+                style = {
+                    "color": look.colour,
+                    "linestyle": look.line,
+                    "marker": ".",
+                    "linewidth": 1,
+                }
+                panel.plot(
+                    columns["lp1_cutoff_hz"][rows],
+                    _excess(columns[name][rows]),
+                    label=f"{order}",
+                    **style,
+                )
             panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
             panel.grid(**GRID)
             panel.axhspan(_TOLERANCE / 3, _TOLERANCE, **_PASSIVE)
         panels[0].set_ylim(_TOLERANCE / 3, 1)
         handles, labels = panels[0].get_legend_handles_labels()
         columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
-        canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=columns_of_legend)
-        note_below(canvas, f"Points on {_TOLERANCE:.0e} are of norms that exceed 1 by no more than that: passive.")
+        canvas.legend(
+            handles,
+            labels,
+            title="order of LP1",
+            loc="outside upper center",
+            ncols=columns_of_legend,
+        )
+        note_below(
+            canvas,
+            f"Points on {_TOLERANCE:.0e} are of norms that exceed 1 by no more than that: passive.",
+        )
     return canvas

@@ -19,9 +19,13 @@ PASSIVE = (
     "angles and directions in which energy comes out"
 )
 METHODS = {
-    "passive": PASSIVE.format("the Hermitian part of the map from displacement to force, with what the damping takes"),
+    "passive": PASSIVE.format(
+        "the Hermitian part of the map from displacement to force, with what the damping takes"
+    ),
     "port": PASSIVE.format("the Hermitian part of the map from the held force to the displacement"),
-    "ports": PASSIVE.format("the Hermitian part of the map at both ports with weights of their frequencies, chosen box by box"),
+    "ports": PASSIVE.format(
+        "the Hermitian part of the map at both ports with weights of their frequencies, chosen box by box"
+    ),
     "channel": PASSIVE.format("what the channel's losses leave of the tolerance"),
 }
 
@@ -65,7 +69,11 @@ class PassiveGuarantee(Guarantee):
     def notices(self, job: Job) -> Iterable[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
         spec = job.grid.spec
-        if self.kind != "passive" or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
+        if (
+            self.kind != "passive"
+            or spec.kind not in ("pmw", "pmw-lm")
+            or spec.values["rates.ratio"] == 1
+        ):
             return
         swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.asked.axis))
         if not swept and spec.values["controller.Kp"] == 0:
@@ -79,7 +87,11 @@ class PassiveGuarantee(Guarantee):
         """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         ranges = {"port": port_ranges, "ports": pair_ranges, "passive": hand_ranges}
         of_channel = self.kind == "channel"
-        intervals = channel_ranges(loop, along, span, self.tolerance) if of_channel else ranges[self.kind](loop, along, span)
+        intervals = (
+            channel_ranges(loop, along, span, self.tolerance)
+            if of_channel
+            else ranges[self.kind](loop, along, span)
+        )
         records = blank_records(intervals.low, intervals.high, RECORD)
         records["certified"] = intervals.certified if intervals.low.size else intervals.complete
         records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)

@@ -67,7 +67,9 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
     ticks = port.kind.size
     if ticks * port.axes > LONGEST:
         found = f"{ticks}" if port.axes == 1 else f"{ticks} of {port.axes} axes"
-        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}")
+        raise UsageError(
+            f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}"
+        )
     margins = _margins(port, batch, decide)
     if batch:
         # Loops whose drift is not that of the batch: each with the drift of its own numbers.
@@ -84,9 +86,14 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
 
 def _margins(port, batch, decide) -> PortMargin:
     """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
-    of_displacement = slice(port.axes)  # rows of the outputs; the others are the force against the hand
+    of_displacement = slice(
+        port.axes
+    )  # rows of the outputs; the others are the force against the hand
     maps = TickMaps.of(
-        [(E, B, C[..., of_displacement, :], D[..., of_displacement, :]) for E, B, C, D in port.maps],
+        [
+            (E, B, C[..., of_displacement, :], D[..., of_displacement, :])
+            for E, B, C, D in port.maps
+        ],
         port.kind,
         batch,
     )
@@ -128,7 +135,9 @@ def _margins(port, batch, decide) -> PortMargin:
     asked = np.flatnonzero(~below) if decide else np.arange(rows.size)
     if asked.size:
         at = rows[asked]
-        certain[asked], below[asked] = _beyond_rounding(maps.at(at), port, at, peak.theta[asked], margin[asked], scale[asked])
+        certain[asked], below[asked] = _beyond_rounding(
+            maps.at(at), port, at, peak.theta[asked], margin[asked], scale[asked]
+        )
     told = below | (margin > FAINT * scale)
     margin = np.where(certain & np.isfinite(margin), np.where(told, margin, 0.0), np.nan)
     free = port.drifts == port.axes and ticks.kind.size > 1
@@ -206,7 +215,10 @@ def _dragged(ticks, port, loops, mean):
         still = np.nan_to_num(coupling)
         _, vectors = np.linalg.eigh((still + _transposed(still)) / 2)
         directions = constant @ vectors
-        least = [_dragged_along(directions[..., k : k + 1], ticks, shaken, mean) for k in range(port.axes)]
+        least = [
+            _dragged_along(directions[..., k : k + 1], ticks, shaken, mean)
+            for k in range(port.axes)
+        ]
         return np.minimum.reduce(least)
 
 
@@ -281,7 +293,9 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
         return needed.reshape(margin.margin.shape)
     batch = loop.batch
     loop = loop.with_hand()
-    arrays = {path: np.broadcast_to(v, batch).reshape(-1) for path, v in loop.values.items() if np.ndim(v)}
+    arrays = {
+        path: np.broadcast_to(v, batch).reshape(-1) for path, v in loop.values.items() if np.ndim(v)
+    }
     damping = np.broadcast_to(loop.values[HAND[1]], batch).reshape(-1)
 
     def passive(index, more):

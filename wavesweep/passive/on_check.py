@@ -59,11 +59,19 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
 
         def known():
             norm = _channel_norm(channel)
-            return "wave channel: norm not known" if norm is None else f"wave channel: norm {norm:.7g} (passive up to 1)"
+            return (
+                "wave channel: norm not known"
+                if norm is None
+                else f"wave channel: norm {norm:.7g} (passive up to 1)"
+            )
 
         yield 5, known
     else:
-        does = f"passivity does it up to {LONGEST} ticks" if channel.entries <= MOST_ENTRIES else "passivity refuses it too"
+        does = (
+            f"passivity does it up to {LONGEST} ticks"
+            if channel.entries <= MOST_ENTRIES
+            else "passivity refuses it too"
+        )
         yield 6, f"wave channel: norm not computed in check for so long a frame; {does}"
 
 
@@ -85,4 +93,6 @@ def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
     norm = f", norm of {channels} wave channel{'s' * (channels != 1)}" if channels else ""
     plan_line = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{plan_line}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [*jobs.values()]
+    return [f"{plan_line}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [
+        *jobs.values()
+    ]

@@ -54,7 +54,10 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
         with np.errstate(all="ignore"):
             port = port_of(drawn, hand, drift)
             of_displacement = slice(port.axes)
-            maps_of_ticks = [(E, B, C[..., of_displacement, :], D[..., of_displacement, :]) for E, B, C, D in port.maps]
+            maps_of_ticks = [
+                (E, B, C[..., of_displacement, :], D[..., of_displacement, :])
+                for E, B, C, D in port.maps
+            ]
             ticks = TickMaps.of(maps_of_ticks, port.kind, p.shape)
             lifted = ticks.lifted(measured=False)
             if port.drifts < port.axes:

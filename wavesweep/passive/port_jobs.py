@@ -14,7 +14,14 @@ from wavesweep.passive.margin import LONGEST, more_damping, port_margin
 from wavesweep.passive.port_rows import curve, pair_margin
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.spec import Spec
-from wavesweep.program.sweep.grid import Grid, drawn_groups, loops_of, make_grid, own_loop, refuse_rows
+from wavesweep.program.sweep.grid import (
+    Grid,
+    drawn_groups,
+    loops_of,
+    make_grid,
+    own_loop,
+    refuse_rows,
+)
 from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import Run, gather, stretches
 
@@ -23,7 +30,10 @@ CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
 LONG = 100  # ticks of a frame, from which on a channel may be too large
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
-CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
+CHANNEL_KEYS = (
+    "rates.",
+    "filters.",
+)  # the keys that the channel depends on; all others are outside its ports
 PORT = np.dtype([
     ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
     ("stable", "?"), ("damping_needed", "<f8"),
@@ -46,7 +56,14 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     refuse_rows("passivity", grid.size)
     resolved = resolve_all(grid)
     pair = spec.drawing and spec.drawing.environment
-    port = Job(PORTS, grid, Chunks(grid.loops, 1, CHUNK, 1), resolved, PAIR if pair else PORT, {"records": "ports"})
+    port = Job(
+        PORTS,
+        grid,
+        Chunks(grid.loops, 1, CHUNK, 1),
+        resolved,
+        PAIR if pair else PORT,
+        {"records": "ports"},
+    )
     if spec.drawing:
         port_at_hand(spec)
     names = {axis.path: axis.name for axis in grid.loop_axes}
@@ -56,14 +73,21 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
         if ticks > LONGEST:
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
-            raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
+            raise UsageError(
+                f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}"
+            )
         if ticks > LONG and (channel := channel_of(*loops)):
             channel.refuse_large()
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)
     chunks = Chunks(inside.loops, 1, CHANNELS, 1)
-    return {"channel": Job(WAVES, inside, chunks, resolve_all(inside), CHANNEL, {"records": "channels"}), "port": port}
+    return {
+        "channel": Job(
+            WAVES, inside, chunks, resolve_all(inside), CHANNEL, {"records": "channels"}
+        ),
+        "port": port,
+    }
 
 
 def _task(of_loops, job, chunk):
@@ -87,11 +111,20 @@ def _port(loops):
     loop = held_loop(loops)
     with loop.drawn().naming_blocks():
         margin = port_margin(loop)
-        columns = margin.margin, margin.omega, margin.passive, margin.certified, margin.stable, more_damping(loop, margin)
+        columns = (
+            margin.margin,
+            margin.omega,
+            margin.passive,
+            margin.certified,
+            margin.stable,
+            more_damping(loop, margin),
+        )
         if not loop.drawing.environment:
             return columns
         pairs = [pair_margin(loop.at(at)) for at in range(margin.margin.size)]
-        return *columns, *(np.array(column).reshape(loop.batch) for column in zip(*pairs, strict=True))
+        return *columns, *(
+            np.array(column).reshape(loop.batch) for column in zip(*pairs, strict=True)
+        )
 
 
 def _channel(loops):
@@ -109,7 +142,10 @@ def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarr
     for combination in stretches(grid.size):
         slices = grid.slice_of(combination)
         _, port = gather(run.jobs["port"], run.stores["port"], slices)
-        yield grid.axis_columns(combination), {name: port[name] for name in port.dtype.names} | channel_columns(run, slices)
+        yield (
+            grid.axis_columns(combination),
+            {name: port[name] for name in port.dtype.names} | channel_columns(run, slices),
+        )
 
 
 def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
@@ -123,14 +159,24 @@ def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
     for combination in range(grid.size):
         columns = of_loop[int(grid.slice_of(combination))]
         axis = grid.axis_columns(np.array([combination]))
-        yield {name: np.repeat(value, len(columns["frequency_hz"])) for name, value in axis.items()} | columns
+        yield {
+            name: np.repeat(value, len(columns["frequency_hz"])) for name, value in axis.items()
+        } | columns
 
 
 def channel_columns(run: Run, slices) -> dict[str, np.ndarray]:
     """The columns of the channel of each slice, and `certified`."""
     if "channel" not in run.jobs:
-        missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)  # what is not there adds no energy
-        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": true, "certified": true}
+        missing, true = (
+            np.full(slices.size, np.nan),
+            np.ones(slices.size, bool),
+        )  # what is not there adds no energy
+        return {
+            "channel_norm": missing,
+            "channel_omega": missing,
+            "channel_passive": true,
+            "certified": true,
+        }
     job, axes = run.jobs["channel"], run.jobs["port"].grid.loop_axes
     shape, loop = tuple(len(axis.values) for axis in axes), np.zeros(slices.size, int)
     digits = dict(zip(axes, np.unravel_index(slices, shape), strict=True)) if shape else {}
@@ -157,8 +203,15 @@ def certified_slices(run: Run) -> int:
 def channels_of(grid: Grid) -> Grid:
     """The part of the grid that the wave channel reads: its loops are the different channels."""
     drawn = grid.spec.drawing and numbers_of_channel(grid.spec.drawing)
-    read = [axis.path in drawn if drawn is not None else axis.path.startswith(CHANNEL_KEYS) for axis in grid.loop_axes]
-    return make_grid(grid.spec, tuple(axis for axis, is_read in zip(grid.loop_axes, read, strict=True) if is_read), apart=False)
+    read = [
+        axis.path in drawn if drawn is not None else axis.path.startswith(CHANNEL_KEYS)
+        for axis in grid.loop_axes
+    ]
+    return make_grid(
+        grid.spec,
+        tuple(axis for axis, is_read in zip(grid.loop_axes, read, strict=True) if is_read),
+        apart=False,
+    )
 
 
 def not_computed(grid: Grid) -> list[str]:

@@ -33,13 +33,17 @@ from wavesweep.passive.over_ranges import (
 )
 from wavesweep.passive.two_ports import Pair, pairs_of
 
-TRIED = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame, for a worst angle
+TRIED = np.concatenate(
+    [[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)]
+)  # rad per frame, for a worst angle
 POINTS = 20_000  # of number and angle that the proof of a panel may take
 FEW = 300  # values of the number that the proof of a piece of a gap may take
 PIECES = 100  # of a gap
 ROUNDS = 6  # of a search that proofs contradict
 NEAR = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
-CLOSE = 1e-4  # of an end, or of an interval, that may lie between what is proved and what is refuted
+CLOSE = (
+    1e-4  # of an end, or of an interval, that may lie between what is proved and what is refuted
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +75,9 @@ def _where_stable(loop, path, span, way):
     """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
     records = Search(path, span, groups, lines=False, checked=True).records()
-    stable = [(float(record["low"]), float(record["high"])) for record in records if record["intervals"]]
+    stable = [
+        (float(record["low"]), float(record["high"])) for record in records if record["intervals"]
+    ]
     return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
 
 
@@ -85,7 +91,9 @@ def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
     return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span)))
 
 
-def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
+def channel_ranges(
+    loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float
+) -> PassiveRanges:
     """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
     at_end = loop.changed({path: span[1]})
     joined = channel_of(loop.drawing, at_end.values).joined
@@ -165,7 +173,9 @@ class _Ranges:
     def answered(self, known: bool) -> PassiveRanges:
         """The intervals with their proofs; known: whether all intervals of stability are."""
         ends, proofs, gaps = self._searched(known)
-        refuted = [is_refuted for is_refuted, _ in gaps]  # below the first interval, between two, above
+        refuted = [
+            is_refuted for is_refuted, _ in gaps
+        ]  # below the first interval, between two, above
         intervals = []
         near = []
         certified = []
@@ -189,7 +199,9 @@ class _Ranges:
             ends = list(zip(lows.tolist(), highs.tolist(), strict=True))
             proofs = [self._proved(*pair) for pair in ends]
             edges = [self.span[0], *(end for pair in ends for end in pair), self.span[1]]
-            gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
+            gaps = [
+                self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)
+            ]
             # Rounding of a box may lead out of the range.
             against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]
             if not known or not against or set(against) <= set(searched):
@@ -214,7 +226,10 @@ class _Ranges:
 
     def _close(self, part, ends) -> bool:
         wide = ends[1] - ends[0]
-        return all(abs(proved_end - end) <= CLOSE * max(abs(end), wide) for proved_end, end in zip(part, ends, strict=True))
+        return all(
+            abs(proved_end - end) <= CLOSE * max(abs(end), wide)
+            for proved_end, end in zip(part, ends, strict=True)
+        )
 
     def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
         """What is proved between two ends, None without; and a value at which it is not so, if the proof found one."""
@@ -252,7 +267,9 @@ class _Ranges:
             narrow = min(least_wide, CLOSE * max(abs(a), abs(b)))
             if b - a > narrow:
                 queue += [(a, p), (p, b)]
-            elif all(abs(p - end) > 2 * narrow for end in ends):  # the ends are as exact as this, and nothing else is
+            elif all(
+                abs(p - end) > 2 * narrow for end in ends
+            ):  # the ends are as exact as this, and nothing else is
                 return False, None
         return False, None
 
@@ -285,7 +302,9 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
     return cover
 
 
-def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
+def largest_free(
+    low: float, high: float, spans: Iterable[Sequence[float]]
+) -> tuple[float, float] | None:
     """The largest part of an interval that some spans leave free; None if none does."""
     free = []
     at = low

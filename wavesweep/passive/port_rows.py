@@ -13,11 +13,21 @@ from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 
 CLOSE = 1e-2  # of a margin: what may lie between what is checked and what is refuted
-ENVIRONMENT = tuple(f"environment.{path.partition('.')[2]}" for path in HAND)  # the numbers of what is at the second port
+ENVIRONMENT = tuple(
+    f"environment.{path.partition('.')[2]}" for path in HAND
+)  # the numbers of what is at the second port
 TINY = 1e-100  # of an eigenvalue, in place of 0
 ALONE = (0.0, 0.0)  # the range of a number that does not vary
-LIMITS = np.array([(-4.0, -1.0) * 2, (2.0, 6.0) * 2])  # decimal logarithms of mass and stiffness at both ports
-GENERATIONS, BRED, KEPT, SHRINK, BEYOND = 14, 200, 20, 1.35, 1e-7  # of that search; a damping ratio that is surely negative
+LIMITS = np.array(
+    [(-4.0, -1.0) * 2, (2.0, 6.0) * 2]
+)  # decimal logarithms of mass and stiffness at both ports
+GENERATIONS, BRED, KEPT, SHRINK, BEYOND = (
+    14,
+    200,
+    20,
+    1.35,
+    1e-7,
+)  # of that search; a damping ratio that is surely negative
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 
 
@@ -86,7 +96,10 @@ def counterexample(loop: HeldLoop) -> str:
 
     The search breeds those with the least damped pole. It needs ports at masses.
     """
-    devices = device_of(loop.drawing), device_of(replace(loop.drawing, hand=loop.drawing.environment))
+    devices = (
+        device_of(loop.drawing),
+        device_of(replace(loop.drawing, hand=loop.drawing.environment)),
+    )
     if None in devices:
         return ""
     drawing = with_hand(with_hand(loop.drawing, devices[0], HAND), devices[1], ENVIRONMENT)
@@ -103,7 +116,9 @@ def counterexample(loop: HeldLoop) -> str:
 
     for _ in range(GENERATIONS):
         parents = best[rng.integers(len(best), size=BRED)] if len(best) else LIMITS.mean(0)
-        logs = np.concatenate([best, np.clip(parents + wide * rng.uniform(-1, 1, (BRED, 4)), *LIMITS).round(3)])
+        logs = np.concatenate(
+            [best, np.clip(parents + wide * rng.uniform(-1, 1, (BRED, 4)), *LIMITS).round(3)]
+        )
         best = logs[np.argsort(ratios(logs))[:KEPT]]
         wide /= SHRINK
     if ratios(best[:1])[0] > -BEYOND:

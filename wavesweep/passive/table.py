@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.running import Run, WorkOptions
 
-TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
+TOLERANCE = (
+    1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
+)
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
@@ -48,14 +50,34 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[WorkOptio
     axes = tuple(axis for axis in spec.sweep if axis.values)
     done = run(jobs_of(spec, axes), Work.of(work))
     grid = done.jobs["port"].grid
-    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(done)}
+    counts = {
+        "computed": grid.loops,
+        "skipped": grid.size - grid.loops,
+        "certified": certified_slices(done),
+    }
     methods = METHODS | ({"damping_needed": "not computed"} if not_computed(grid) else {})
-    facts = facts_of(spec, methods, counts, done.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
+    facts = facts_of(
+        spec,
+        methods,
+        counts,
+        done.timings,
+        _notices(grid),
+        [axis.path for axis in axes],
+        nominal=True,
+    )
     facts |= {"warnings": done.warnings, "tolerance": tolerance}
-    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(done)), facts, forget=done.forget, rows=done.rows)
+    return Table(
+        "passivity",
+        lambda: map(KINDS[0].completed, _blocks(done)),
+        facts,
+        forget=done.forget,
+        rows=done.rows,
+    )
 
 
-def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]) -> Table:
+def passive_along(
+    spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]
+) -> Table:
     """The intervals of a number with a passive port, and with a passive wave channel if there is one, beside the stable ones.
 
     along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
@@ -66,9 +88,13 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
 
     _refuse_tolerance(tolerance)
     words = ["ports"] * bool(spec.drawing and spec.drawing.environment)
-    hands = hands_of(["port", *words, *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])])
+    hands = hands_of(
+        ["port", *words, *([f"channel:{float(tolerance)!r}"] if sends_waves(spec) else [])]
+    )
     table = intervals(spec, along=along, hands=hands, **work)
-    return replace(table, kind="passivity-along", facts={**table.facts, "along": along, "tolerance": tolerance})
+    return replace(
+        table, kind="passivity-along", facts={**table.facts, "along": along, "tolerance": tolerance}
+    )
 
 
 def over_frequency(spec: Spec) -> Table:
@@ -77,10 +103,18 @@ def over_frequency(spec: Spec) -> Table:
 
     started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
     columns = joined(curves(spec, axes))
-    methods = {"ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"}
+    methods = {
+        "ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"
+    }
     counts = {"computed": columns["llewellyn"].size, "skipped": 0, "certified": 0}
     facts = facts_of(
-        spec, methods, counts, {"compute_s": time.perf_counter() - started}, (), [axis.path for axis in axes], nominal=True
+        spec,
+        methods,
+        counts,
+        {"compute_s": time.perf_counter() - started},
+        (),
+        [axis.path for axis in axes],
+        nominal=True,
     )
     return Table.of("passivity-ports", columns, facts)
 
@@ -98,8 +132,16 @@ def _blocks(found: Run) -> Iterator[Columns]:
     from wavesweep.passive.port_jobs import blocks
 
     for axes, columns in blocks(found):
-        columns |= {name.replace("_omega", "_hz"): column / (2 * np.pi) for name, column in columns.items() if "_omega" in name}
-        shown = {field.name: np.ascontiguousarray(columns[field.name]) for field in KINDS[0].fields if field.name in columns}
+        columns |= {
+            name.replace("_omega", "_hz"): column / (2 * np.pi)
+            for name, column in columns.items()
+            if "_omega" in name
+        }
+        shown = {
+            field.name: np.ascontiguousarray(columns[field.name])
+            for field in KINDS[0].fields
+            if field.name in columns
+        }
         yield axes | shown
 
 
@@ -116,8 +158,12 @@ def _notices(grid) -> Iterator[str]:
 
 
 def _refuse_tolerance(tolerance):
-    if not (isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf):
-        raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
+    if not (
+        isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf
+    ):
+        raise UsageError(
+            f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}"
+        )
 
 
 def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
@@ -130,16 +176,24 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
 
     if spec.drawing or spec.uneven:
         problem = "a drawn loop" if spec.drawing else "rates that do not divide"
-        raise UsageError(f"orders of LP1: expected a [controller] whose rates divide, found {problem}")
+        raise UsageError(
+            f"orders of LP1: expected a [controller] whose rates divide, found {problem}"
+        )
     _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
     # Rounded, so that tables of rates such as 1000/30 Hz can be read.
-    cutoffs = [cutoff for cutoff_hz in CUTOFFS_HZ if (cutoff := float(f"{cutoff_hz * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
+    cutoffs = [
+        cutoff
+        for cutoff_hz in CUTOFFS_HZ
+        if (cutoff := float(f"{cutoff_hz * fast / ratio / PAPER_HZ:.3g}")) < fast / 2
+    ]
     columns = filter_table(spec.values, cutoffs_hz=cutoffs)
     enough = sufficient_order(columns, tolerance)
     orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
-    columns |= {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    columns |= {
+        "sufficient_order": np.array([np.nan if order is None else order for order in orders])
+    }
     columns |= {"channel_hz": columns["channel_omega"] / (2 * np.pi)}
     rows = columns["certified"].size
     counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
@@ -147,7 +201,9 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
         "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
         "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
     }
-    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started}, nominal=True)
+    facts = facts_of(
+        spec, methods, counts, {"compute_s": time.perf_counter() - started}, nominal=True
+    )
     facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
     return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
 
@@ -167,7 +223,10 @@ class PassivityTally:
         needed, passive = columns["damping_needed"], columns["channel_passive"]
         flags = {
             "rows": np.ones(needed.size, bool),
-            "channel_passive_within_tolerance": (columns["channel_norm"] ** 2 - 1 <= self._tolerance) | passive,
+            "channel_passive_within_tolerance": (
+                columns["channel_norm"] ** 2 - 1 <= self._tolerance
+            )
+            | passive,
             "channel_passive": passive,
             "port_passive": columns["port_passive"],
             "no_damping_is_enough": np.isnan(needed) & self._damped,
@@ -177,15 +236,24 @@ class PassivityTally:
             "unstable": ~columns["stable"],
         }
         self._counts.update({name: int(flag.sum()) for name, flag in flags.items()})
-        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {"damping_needed": needed[needed > 0]}
+        values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {
+            "damping_needed": needed[needed > 0]
+        }
         for name, column in values.items():
-            self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
+            self._ranges[name] = _range(
+                np.array([*(self._ranges[name] or ()), *(_range(column) or ())])
+            )
 
     def numbers(self, facts: Mapping[str, Any]) -> Numbers:
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
                  "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "absolutely_stable", "ports_proved",
                  "ports_margin", "unstable", "slices")  # fmt: skip
-        tally = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
+        tally = {
+            **self._counts,
+            **self._ranges,
+            "tolerance": self._tolerance,
+            "slices": dict(self._slices),
+        }
         units = {"port_margin": at_port("m/N", facts), "damping_needed": at_port("N*s/m", facts)}
         return {name: tally[name] for name in order} | {"units": units}
 
@@ -195,40 +263,70 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if found["channel_norm"]:
         within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
         norm = _span(found["channel_norm"])
-        yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
-    reach = f"; margin {_span(found['port_margin'])} {found['units']['port_margin']}" if found["port_margin"] else ""
+        yield (
+            f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}",
+            False,
+        )
+    reach = (
+        f"; margin {_span(found['port_margin'])} {found['units']['port_margin']}"
+        if found["port_margin"]
+        else ""
+    )
     yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
     if found["margin_unknown"]:
-        yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
+        yield (
+            f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}",
+            True,
+        )
     if found["damping_needed"]:
         needed, unit = _span(found["damping_needed"], 3), found["units"]["damping_needed"]
         yield f"further damping of the device that makes it passive: {needed} {unit}", False
     if found["no_damping_is_enough"]:
-        yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
+        yield (
+            f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}",
+            False,
+        )
     if found["ports_margin"]:
         margin, unit = _span(found["ports_margin"], 6), found["units"]["damping_needed"]
-        yield f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}", False
+        yield (
+            f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}",
+            False,
+        )
         if open_ := found["rows"] - found["ports_proved"] - found["unstable"]:
             yield f"neither checked nor refuted at both ports: {count(open_, 'row')}", True
     if found["unstable"]:
-        yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
+        yield (
+            f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}",
+            True,
+        )
     slices = found["slices"]
     if slices["certified"] < slices["computed"]:
-        yield f"{slices['computed'] - slices['certified']} of {count(slices['computed'], 'loop')} not certified", True
+        yield (
+            f"{slices['computed'] - slices['certified']} of {count(slices['computed'], 'loop')} not certified",
+            True,
+        )
 
 
 def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:
     worst = int(columns["llewellyn"].argmin())
-    return {"llewellyn": float(columns["llewellyn"][worst]), "frequency_hz": float(columns["frequency_hz"][worst])}
+    return {
+        "llewellyn": float(columns["llewellyn"][worst]),
+        "frequency_hz": float(columns["frequency_hz"][worst]),
+    }
 
 
 def _index_lines(found: Numbers) -> Iterator[Line]:
-    yield f"Llewellyn's index: at least {found['llewellyn']:.6g} of those computed, at {found['frequency_hz']:.4g} Hz", False
+    yield (
+        f"Llewellyn's index: at least {found['llewellyn']:.6g} of those computed, at {found['frequency_hz']:.4g} Hz",
+        False,
+    )
 
 
 def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The least sufficient order of LP1 at each cutoff, missing if none is."""
-    order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
+    order = dict(
+        zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True)
+    )
     return {
         "controller": facts["spec"]["controller"]["kind"],
         "tolerance": facts["tolerance"],
@@ -244,16 +342,24 @@ def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 def _filter_lines(found: Numbers) -> Iterator[Line]:
     orders = found["sufficient_orders"]
-    sufficient = [f"{row['order']} at {row['cutoff_hz']:g} Hz" for row in orders if row["order"] is not None]
+    sufficient = [
+        f"{row['order']} at {row['cutoff_hz']:g} Hz" for row in orders if row["order"] is not None
+    ]
     least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
     yield f"{least}: {', '.join(sufficient) or 'none'}", False
     beyond = [f"{row['cutoff_hz']:g} Hz" for row in orders if row["order"] is None]
     if beyond and sufficient:
         yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
     if found["certified_rows"] < found["rows"]:
-        yield f"{found['rows'] - found['certified_rows']} of {count(found['rows'], 'row')} not certified", True
+        yield (
+            f"{found['rows'] - found['certified_rows']} of {count(found['rows'], 'row')} not certified",
+            True,
+        )
     if found["controller"] == "pmw-lm":
-        yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
+        yield (
+            "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough",
+            False,
+        )
     elif found["controller"] != "pmw":
         yield f"{found['controller']} sends no waves, and needs no LP1", False
 
@@ -275,7 +381,9 @@ KINDS = (
         _lines,
         figure="wavesweep.passive.figure.passivity",
         again=from_spec(
-            partial(passivity, jobs=1), "tolerance", rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep)
+            partial(passivity, jobs=1),
+            "tolerance",
+            rows=lambda spec: prod(len(axis.values) or 1 for axis in spec.sweep),
         ),
     ),
     Kind(

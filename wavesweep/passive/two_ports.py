@@ -29,14 +29,25 @@ from wavesweep.engine.norms import LiftedMap, TickMaps
 from wavesweep.engine.poles import eigenvalues, is_stable
 from wavesweep.engine.response import port_of
 from wavesweep.haptics.held_loop import HeldLoop
-from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
+from wavesweep.passive.over_ranges import (
+    ANGLES,
+    TERMS,
+    Covering,
+    away_from_0,
+    inner_numbers,
+    pivots_of,
+    remembered,
+    with_sizes,
+)
 
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
 LONGEST = 100  # ticks of a frame
 STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
 TINY = 1e-300
 NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
-TRIED = np.concatenate([np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame
+TRIED = np.concatenate(
+    [np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)]
+)  # rad per frame
 ZOOMS, POINTS = 7, 9  # to a worst angle between those
 BOXES, MOST = 1000, 400  # of a proof, and values of the number and the angle in each
 FINEST = 4e-5  # of an interval: narrower parts that are not proved stay open
@@ -58,9 +69,14 @@ class PairMap:
     @property
     def still(self) -> np.ndarray:
         """The forces that move nothing at rest, orthonormal and constant over a frame, `(loops, 2 M, zeros)`."""
-        M, turned = self.lifted.T.shape[-1] // 2, np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None]
+        M, turned = (
+            self.lifted.T.shape[-1] // 2,
+            np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None],
+        )
         pair = (
-            turned / np.sqrt((turned**2).sum(1, keepdims=True)) if self.zeros == 1 else np.broadcast_to(np.eye(2), self.h.shape)
+            turned / np.sqrt((turned**2).sum(1, keepdims=True))
+            if self.zeros == 1
+            else np.broadcast_to(np.eye(2), self.h.shape)
         )
         return np.tile(pair[:, :, : self.zeros], (1, M, 1)) * M**-0.5
 
@@ -87,7 +103,9 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
     ports = Ports(loop.drawing.hand[0], POSITION, others=((loop.drawing.environment[0], OTHER),))
 
     if (ticks := loop.drawn().ticks) > LONGEST:
-        raise UsageError(f"expected a frame of at most {LONGEST} ticks for two ports, found {ticks}")
+        raise UsageError(
+            f"expected a frame of at most {LONGEST} ticks for two ports, found {ticks}"
+        )
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
@@ -96,11 +114,17 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
             port = port_of(drawn, ports, drift)
             for E, B, C, D in port.maps:
                 back = inverse(np.ravel(drawn.period)[0] * np.eye(2) - damping * D) * damping
-                tick_maps.append((E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D))
+                tick_maps.append(
+                    (E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D)
+                )
             lifted = TickMaps.of(tick_maps, port.kind, p.shape).lifted(measured=False)
             sums = np.tile(np.eye(2), port.kind.size).T
             moved = -solve(lifted.E, lifted.G @ sums)
-            h = sums.T @ (lifted.T @ sums + lifted.O @ moved) if port.drifts else port.position @ moved
+            h = (
+                sums.T @ (lifted.T @ sums + lifted.O @ moved)
+                if port.drifts
+                else port.position @ moved
+            )
         return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, drawn, p.shape))
 
     return remembered(maps)
@@ -113,12 +137,16 @@ def basis(theta: np.ndarray, M: int, sign: int = 1) -> tuple[np.ndarray, np.ndar
     return turn[:, :, None] * F, F.conj().T / turn[:, None, :]
 
 
-def components_with_sizes(lifted: LiftedMap, theta: np.ndarray, sign: int) -> tuple[np.ndarray, np.ndarray]:
+def components_with_sizes(
+    lifted: LiftedMap, theta: np.ndarray, sign: int
+) -> tuple[np.ndarray, np.ndarray]:
     """`F^-1 H F` at `sign` times the angles, see `basis`, and the sizes of the terms of its entries."""
     H, size = with_sizes(lifted, sign * theta)
     M = H.shape[-1] // 2
     F, back = basis(theta, M, sign)
-    across = np.abs(back).max((-1, -2))[:, None, None] * size * np.abs(F).max((-1, -2))[:, None, None]
+    across = (
+        np.abs(back).max((-1, -2))[:, None, None] * size * np.abs(F).max((-1, -2))[:, None, None]
+    )
     return back @ H @ F, np.tile(across.reshape(-1, M, 2, M, 2).sum((1, 3)), (1, M, M))
 
 
@@ -143,7 +171,11 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
         sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = TINY
         for _ in range(STEPS):
             square = np.exp(2 * log_w)
-            step = np.log((square[:, None] @ sizes)[:, 0] / (sizes @ (1 / square)[:, :, None])[..., 0]) / 8 - log_w / 2
+            step = (
+                np.log((square[:, None] @ sizes)[:, 0] / (sizes @ (1 / square)[:, :, None])[..., 0])
+                / 8
+                - log_w / 2
+            )
             log_w += step
             if np.abs(step).max(initial=0.0) < SETTLED:
                 break
@@ -161,13 +193,20 @@ def least_shunt(pairs: Pairs, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     stable[stable] = is_stable(lifted.E[stable])
     at = np.flatnonzero(stable)
     angle = np.clip(np.abs(np.angle(1 + eigenvalues(lifted.E[at])[0])), NEAR_REST, np.pi)
-    angles = np.sort(np.concatenate([np.broadcast_to(TRIED, (at.size, TRIED.size)), angle], axis=-1))
+    angles = np.sort(
+        np.concatenate([np.broadcast_to(TRIED, (at.size, TRIED.size)), angle], axis=-1)
+    )
     for _ in range(1 + ZOOMS if at.size else 0):
         Z = impedances(lifted, np.repeat(at, angles.shape[1]), angles.ravel())
         shunt = worst(Z).shunt.reshape(angles.shape)
         best = shunt.argmin(-1)[:, None]
-        shunts[at], theta[at] = (np.take_along_axis(array, best, -1)[:, 0] for array in (shunt, angles))
-        below, above = (np.take_along_axis(angles, np.clip(best + step, 0, angles.shape[1] - 1), -1) for step in (-1, 1))
+        shunts[at], theta[at] = (
+            np.take_along_axis(array, best, -1)[:, 0] for array in (shunt, angles)
+        )
+        below, above = (
+            np.take_along_axis(angles, np.clip(best + step, 0, angles.shape[1] - 1), -1)
+            for step in (-1, 1)
+        )
         angles = below + (above - below) * np.linspace(0, 1, POINTS)
     return shunts, theta
 
@@ -196,7 +235,10 @@ class Pair:
     def witness(self, low: float, high: float) -> "PairWitness":
         """What takes energy in all components between two values, about as the worst forces do at these and in the middle."""
         p = np.array([low, (low + high) / 2, high])
-        lifted, theta = (at := self.pairs(p)).lifted, np.append(TRIED, least_shunt(self.pairs, p[1:2])[1])
+        lifted, theta = (
+            (at := self.pairs(p)).lifted,
+            np.append(TRIED, least_shunt(self.pairs, p[1:2])[1]),
+        )
         worst_weights = worst(impedances(lifted, np.ones(theta.size, int), theta))
         share = (np.abs(worst_weights.y * np.exp(worst_weights.log_w)) ** 2).min(
             -1
@@ -207,7 +249,9 @@ class Pair:
         y /= np.take_along_axis(y, np.abs(y[1:2]).argmax(1, keepdims=True), 1)
         e, force = at.still, basis(np.full(3, theta), Z.shape[-1] // 2)[0] @ Z @ y
         force += e @ (np.swapaxes(e, -1, -2) @ force) * (on_circle(-theta) - 1)
-        slopes = np.stack([force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]])[..., 0]
+        slopes = np.stack(
+            [force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]]
+        )[..., 0]
         return PairWitness(self.pairs, np.array([theta]), p, slopes)
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
@@ -243,14 +287,18 @@ class Pair:
         at, rest = self.pairs(p), box[2] == 0
         Z = impedances(at.lifted, np.repeat(np.arange(3), 3), np.tile(theta, 3))
         middle = worst(Z[3:4] if rest else Z[4:5])
-        log_w = np.repeat(weights(middle.log_w[0], at.ratio if rest else np.full(3, np.nan)), 3, axis=0)
+        log_w = np.repeat(
+            weights(middle.log_w[0], at.ratio if rest else np.full(3, np.nan)), 3, axis=0
+        )
         function = PairDeterminant(self.pairs, middle.log_w[0], rest)
         return worst(Z, log_w).shunt.reshape(3, 3), function if middle.shunt[0] > 0 else None
 
 
 def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
     """Logarithms of weights for each of some loops, `(loops, 2 M)`; those of the components at rest have the ratio if known."""
-    broadcast = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(np.result_type(ratio, float))
+    broadcast = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(
+        np.result_type(ratio, float)
+    )
     half = np.where(np.isnan(ratio), log_w[0] - log_w[1], np.log(ratio) / 2) / 2
     broadcast[:, 0], broadcast[:, 1] = log_w[:2].sum() / 2 + half, log_w[:2].sum() / 2 - half
     return broadcast
@@ -288,10 +336,16 @@ class PairDeterminant:
         part = self.hermitian(x[:, 0], x[:, 1])
         steps = on_circle(np.stack([x[:, 1], -x[:, 1]]))
         E = part.lifted.E
-        matrices = [(part.matrix, part.size), *((A, np.abs(A)) for A in steps[..., None, None] * np.eye(E.shape[-1]) - E)]
+        matrices = [
+            (part.matrix, part.size),
+            *((A, np.abs(A)) for A in steps[..., None, None] * np.eye(E.shape[-1]) - E),
+        ]
         determinants = [np.linalg.slogdet(matrix) for matrix, _ in matrices]
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
-        error = sum(TERMS * (np.abs(np.swapaxes(inverse(matrix), -1, -2)) * terms).sum((-1, -2)) for matrix, terms in matrices)
+        error = sum(
+            TERMS * (np.abs(np.swapaxes(inverse(matrix), -1, -2)) * terms).sum((-1, -2))
+            for matrix, terms in matrices
+        )
         zeros = (steps[0] * steps[1]) ** (self.rest * part.loops.zeros)
         phase = np.prod([sign for sign, _ in determinants], axis=0) * np.abs(zeros) / zeros
         log = sum(log for _, log in determinants) - np.log(np.abs(zeros))
@@ -315,8 +369,13 @@ class PairDeterminant:
         ratio = at.ratio if self.rest else np.full(unique.shape, np.nan)
         R, lifted = np.exp(weights(self.log_w, ratio))[place], at.lifted.at(place)
         scale = R[:, :, None] / R[:, None, :]
-        (hermitian, size), (back, size_back) = (components_with_sizes(lifted, theta, sign) for sign in (1, -1))
-        hermitian, size = scale * hermitian + np.swapaxes(scale * back, -1, -2), np.abs(scale) * size
+        (hermitian, size), (back, size_back) = (
+            components_with_sizes(lifted, theta, sign) for sign in (1, -1)
+        )
+        hermitian, size = (
+            scale * hermitian + np.swapaxes(scale * back, -1, -2),
+            np.abs(scale) * size,
+        )
         size += np.swapaxes(np.abs(scale) * size_back, -1, -2)
         return HermitianPart(hermitian / 2, size / 2, lifted, at, place)
 
@@ -341,14 +400,19 @@ class PairWitness:
         """Phase, logarithm, error and pivots at points `(n, 1)`."""
         at = self.pairs(x[:, 0])
         apart, e = at.apart(), at.still
-        powers, components = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3), []
+        powers, components = (
+            ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3),
+            [],
+        )
         for sign, force in ((1, self.force), (-1, self.force.conj())):
             H, size = with_sizes(apart, sign * self.theta)
             f = (powers @ force)[:, :, None]
             _, back = basis(self.theta, f.shape[1] // 2, sign)
             y, rough = back @ H @ f, np.abs(back) @ size @ np.abs(f)
             step = e @ (np.swapaxes(e, -1, -2) @ f) * (1 / on_circle(-sign * self.theta) - 1)
-            components.append((back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough))
+            components.append(
+                (back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough)
+            )
         (f, y, size, rough), (g, v, *_) = components
         value = -(g * y + f * v)[..., 0].T / 2
         error = TERMS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)

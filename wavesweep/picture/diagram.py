@@ -32,7 +32,8 @@ def diagram(spec: Spec) -> Any:
     title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
     if drawing.wall:
         named = [
-            f"{part} {name.rpartition('.')[2]}" for part, name in zip(("stiffness", "damping"), drawing.wall, strict=False)
+            f"{part} {name.rpartition('.')[2]}"
+            for part, name in zip(("stiffness", "damping"), drawing.wall, strict=False)
         ]
         title += f"; wall of {' and '.join(named)}"
     return wiring(loop, as_it_stands(title))
@@ -55,7 +56,10 @@ def wiring(loop: Wiring, title: str) -> Any:
     legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
     note = BETWEEN if _acts_continuously(loop) else ""
     head = 0.24 + 0.2 * (len(legend) + bool(note))
-    width = max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST) + 2 * MARGIN
+    width = (
+        max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST)
+        + 2 * MARGIN
+    )
     height = routes.height + head + 2 * MARGIN
     with figure(width, height) as canvas:
         canvas.set_layout_engine("none")
@@ -88,7 +92,9 @@ def _draw_loop(axes, loop, boxes, routes, colours):
         for _, signal in part.outputs:
             wires[signal] = colours[part.every]
     for net, a, b, c, d in routes.lines:
-        axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)
+        axes.plot(
+            [a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1
+        )
     for net, x, y in dots(routes.lines):
         axes.plot([x], [y], "o", color=wires[net], markersize=3.2, zorder=2)
     for number, part in enumerate(loop.parts):
@@ -102,7 +108,9 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
     """
     wires = sum(len(terms) for box in loop.parts for _, terms in box.inputs)
     if wires > MOST_WIRES:
-        raise UsageError(f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}")
+        raise UsageError(
+            f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}"
+        )
     boxes = [_box(box) for box in loop.parts]
     return boxes, lay_out(boxes, WIDEST - 2 * MARGIN)
 
@@ -135,7 +143,12 @@ def _box(part: WiringPart) -> Box:
         first += max(1, len(terms))
     above = (height - len(part.outputs)) // 2
     outputs = [(row, signal) for row, (_, signal) in enumerate(part.outputs, above)]
-    width = _sum_width(part) + sum(_port_widths(part)) + max(_width(*text) for text in _texts(part)) + 0.16
+    width = (
+        _sum_width(part)
+        + sum(_port_widths(part))
+        + max(_width(*text) for text in _texts(part))
+        + 0.16
+    )
     return Box(width, height, tuple(inputs), tuple(outputs))
 
 
@@ -179,7 +192,16 @@ def _rectangle(x, y, width, height, colour, shade=0.18, radius=0.04):
 
     style = f"round,pad=0,rounding_size={radius}"
     pale = paler(colour, shade)
-    return FancyBboxPatch((x, y), width, height, boxstyle=style, facecolor=pale, edgecolor=colour, linewidth=1.0, zorder=3)
+    return FancyBboxPatch(
+        (x, y),
+        width,
+        height,
+        boxstyle=style,
+        facecolor=pale,
+        edgecolor=colour,
+        linewidth=1.0,
+        zorder=3,
+    )
 
 
 def _draw(axes, part, box, routes, number, wires, colour):
@@ -205,7 +227,16 @@ def _draw(axes, part, box, routes, number, wires, colour):
     texts = _texts(part)
     for n, (text, size, weight) in enumerate(texts):
         level = y + ROW * box.rows / 2 + 0.145 * (n - (len(texts) - 1) / 2)
-        axes.text(middle, level, as_it_stands(text), fontsize=size, weight=weight, ha="center", va="center", zorder=5)
+        axes.text(
+            middle,
+            level,
+            as_it_stands(text),
+            fontsize=size,
+            weight=weight,
+            ha="center",
+            va="center",
+            zorder=5,
+        )
     free = iter(range(box.rows))
     for (name, terms), ys in zip(part.inputs, levels, strict=True):
         level = sum(ys) / len(ys) if ys else y + ROW * (next(free) + 0.5)
@@ -213,15 +244,40 @@ def _draw(axes, part, box, routes, number, wires, colour):
             low = min(ys) - 0.075
             high = max(ys) + 0.075
             axes.add_patch(_rectangle(x, low, PILL, high - low, colour, 0.0, PILL / 2))
-            axes.text(x + PILL / 2, (low + high) / 2, "Σ", fontsize=SMALL, ha="center", va="center", zorder=5)
+            axes.text(
+                x + PILL / 2,
+                (low + high) / 2,
+                "Σ",
+                fontsize=SMALL,
+                ha="center",
+                va="center",
+                zorder=5,
+            )
             axes.annotate("", (left, level), (x + PILL, level), arrowprops=_arrow(colour), zorder=4)
         if name not in PLAIN_PORTS:
-            axes.text(left + 0.05, level, as_it_stands(name), fontsize=SMALL, va="center", color="0.25", zorder=5)
+            axes.text(
+                left + 0.05,
+                level,
+                as_it_stands(name),
+                fontsize=SMALL,
+                va="center",
+                color="0.25",
+                zorder=5,
+            )
     for (row, _), (name, _) in zip(box.outputs, part.outputs, strict=True):
         if name not in PLAIN_PORTS:
             level = y + ROW * (row + 0.5)
             right = left + width - 0.05
-            axes.text(right, level, as_it_stands(name), fontsize=SMALL, va="center", ha="right", color="0.25", zorder=5)
+            axes.text(
+                right,
+                level,
+                as_it_stands(name),
+                fontsize=SMALL,
+                va="center",
+                ha="right",
+                color="0.25",
+                zorder=5,
+            )
 
 
 def _end(axes, end, x, colour, text):
@@ -230,9 +286,23 @@ def _end(axes, end, x, colour, text):
     if x > start:
         axes.plot([start, x], [level, level], color=colour, linewidth=1.0, zorder=1)
     axes.annotate("", (x, level), (x - 0.1, level), arrowprops=_arrow(colour), zorder=4)
-    axes.text(start - 0.12, level - 0.02, as_it_stands(text), fontsize=SMALL, ha="right", va="bottom", zorder=5)
+    axes.text(
+        start - 0.12,
+        level - 0.02,
+        as_it_stands(text),
+        fontsize=SMALL,
+        ha="right",
+        va="bottom",
+        zorder=5,
+    )
     return level
 
 
 def _arrow(colour):
-    return {"arrowstyle": "-|>,head_width=0.16,head_length=0.28", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+    return {
+        "arrowstyle": "-|>,head_width=0.16,head_length=0.28",
+        "color": colour,
+        "linewidth": 1.0,
+        "shrinkA": 0,
+        "shrinkB": 0,
+    }

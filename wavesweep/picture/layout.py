@@ -92,7 +92,12 @@ def _bands(boxes, width):
         inputs = {net for i in column for _, net, _ in boxes[i].inputs}
         nets_before = outputs | inputs
         outputs = {net for i in column for _, net in boxes[i].outputs}
-        need = _widest_label(boxes, column) + _widest(boxes, column) + 2 * SPACE + TRACK * len(nets_before)
+        need = (
+            _widest_label(boxes, column)
+            + _widest(boxes, column)
+            + 2 * SPACE
+            + TRACK * len(nets_before)
+        )
         if used + need + TRACK * len(outputs) > width:
             bands.append([])
             used = 0.0
@@ -268,7 +273,9 @@ def _in_order(tracks, top):
     earlier = {}
     for later, track in nets.items():
         right = _rows_at_right(track, top)
-        earlier[later] = [net for net, other in nets.items() if net != later and _rows_at_left(other, top) & right]
+        earlier[later] = [
+            net for net, other in nets.items() if net != later and _rows_at_left(other, top) & right
+        ]
     try:
         return [nets[net] for net in TopologicalSorter(earlier).static_order()]
     except CycleError:
@@ -369,7 +376,9 @@ def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
     """Net, x and y of the points at which a net branches."""
     joints = set()
     for net in dict.fromkeys(line[0] for line in lines):
-        own_lines = [[round(coordinate, 6) for coordinate in line[1:]] for line in lines if line[0] == net]
+        own_lines = [
+            [round(coordinate, 6) for coordinate in line[1:]] for line in lines if line[0] == net
+        ]
         starts = [(a, b) for a, b, _, _ in own_lines]
         stops = [(c, d) for _, _, c, d in own_lines]
         for x, y in {*starts, *stops}:
@@ -379,6 +388,8 @@ def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
                 within_x = min(a, c) <= x <= max(a, c)
                 within_y = min(b, d) <= y <= max(b, d)
                 through += within_x and within_y
-            if 2 * through - ending > 2:  # two ends of a line that it is inside, one of a line that ends there
+            if (
+                2 * through - ending > 2
+            ):  # two ends of a line that it is inside, one of a line that ends there
                 joints.add((net, x, y))
     return joints

@@ -105,7 +105,10 @@ def _wires(drawing: Drawing) -> dict[str, tuple[tuple[str, str], ...]]:
     for port, terms in drawing.wires:
         texts = _texts(terms)
         if _block_of(port) in members:
-            texts = tuple((name, f"{HELD}{gain}" if _block_of(name) in plants else gain) for name, gain in texts)
+            texts = tuple(
+                (name, f"{HELD}{gain}" if _block_of(name) in plants else gain)
+                for name, gain in texts
+            )
         wires[port] = texts
     for port, terms in drawing.couplings:
         for name, gain in _texts(terms):
@@ -126,7 +129,9 @@ def _shown(gain):
     """A gain without the factor -1 that a sign before a parenthesis leaves, and with the last names of a spec's keys."""
     if gain[0] == "name":
         return (gain[0], gain[1].rpartition(".")[2], gain[2])
-    if gain[0] == "*" and any(factor[0] == "negative" and factor[1][:2] == ONE[:2] for factor in gain[1:3]):
+    if gain[0] == "*" and any(
+        factor[0] == "negative" and factor[1][:2] == ONE[:2] for factor in gain[1:3]
+    ):
         operand = gain[2] if gain[1][0] == "negative" else gain[1]
         return ("negative", _shown(operand), gain[-1])
     return tuple(_shown(term) if isinstance(term, tuple) else term for term in gain)

@@ -11,7 +11,15 @@ from wavesweep.poles.table import modes
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import assumption, label, symbol, unit
 from wavesweep.program.plots.scales import is_logarithmic
-from wavesweep.program.plots.style import DOUBTFUL, GRID, ONE_COLUMN, distinct_colour, family_map, figure, note_below
+from wavesweep.program.plots.style import (
+    DOUBTFUL,
+    GRID,
+    ONE_COLUMN,
+    distinct_colour,
+    family_map,
+    figure,
+    note_below,
+)
 
 REACH = 1.5  # what is farther from 0 is not shown
 ROOM = 1.05  # about the unit circle, which is shown whole
@@ -88,7 +96,9 @@ def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
         _draw_legend(canvas, axes)
 
 
-def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, Any], z: np.ndarray) -> None:
+def _root_locus(
+    canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, Any], z: np.ndarray
+) -> None:
     """The poles over the values of a number, which colours have, and the ends of the stable intervals between them."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
@@ -99,9 +109,13 @@ def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, An
     z = z[finite]
     scale = LogNorm if is_logarithmic(numbers) else Normalize
     norm = scale(numbers.min(), numbers.max())
-    dots = axes.scatter(z.real, z.imag, c=numbers, cmap=family_map(), norm=norm, s=4, linewidths=0, zorder=2)
+    dots = axes.scatter(
+        z.real, z.imag, c=numbers, cmap=family_map(), norm=norm, s=4, linewidths=0, zorder=2
+    )
     steps, values = _steps(numbers, z)
-    way = LineCollection(steps, array=values, cmap=family_map(), norm=norm, linewidths=1.2, zorder=2)
+    way = LineCollection(
+        steps, array=values, cmap=family_map(), norm=norm, linewidths=1.2, zorder=2
+    )
     axes.add_collection(way)
     canvas.colorbar(dots, ax=axes, label=label(name, facts), shrink=0.85)
     for n, (value, real, imaginary, hz, certified) in enumerate(facts["ends"]):

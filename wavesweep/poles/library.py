@@ -40,7 +40,9 @@ class LoopPoles(api.Loop):
         """
         return framed(table.poles(self.spec))
 
-    def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
+    def plot_root_locus(
+        self, number: str, values: Numbers | None = None, *, ax: Axes | None = None
+    ) -> Figure:
         """The poles per frame over a number, with the unit circle and the ends of stable intervals.
 
         Parameters

@@ -11,7 +11,15 @@ import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.tables.kind import Line, Numbers, count, from_spec, in_doubt, plain, whole_kind
+from wavesweep.program.tables.kind import (
+    Line,
+    Numbers,
+    count,
+    from_spec,
+    in_doubt,
+    plain,
+    whole_kind,
+)
 from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default
@@ -170,7 +178,12 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     words, counts = np.unique(columns["doubt"][doubted].astype(str), return_counts=True)
     doubts = dict(zip(words.tolist(), counts.tolist(), strict=True))
     poles_found = len(columns["radius"])
-    tally = {"period_s": facts["period_s"], "poles": poles_found, "doubts": doubts, "over": name or None}
+    tally = {
+        "period_s": facts["period_s"],
+        "poles": poles_found,
+        "doubts": doubts,
+        "over": name or None,
+    }
     if not name:
         return tally | {"modes": [*modes(columns)]}
     values = np.unique(columns[name])
@@ -203,4 +216,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield from in_doubt(doubts, found["poles"], "not known to be stable or unstable", "pole")
 
 
-KINDS = (whole_kind("poles", _numbers, _lines, "wavesweep.poles.figure.poles", again=from_spec(poles, "over")),)
+KINDS = (
+    whole_kind(
+        "poles", _numbers, _lines, "wavesweep.poles.figure.poles", again=from_spec(poles, "over")
+    ),
+)

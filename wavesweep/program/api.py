@@ -15,7 +15,13 @@ from wavesweep.capabilities import library_names, of_library
 from wavesweep.engine.blocks import OUTPUT, MultirateLoop
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.frames import MarginalModes
-from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
+from wavesweep.program.analyses.asked import (
+    Numbers,
+    axes_asked,
+    axis_along,
+    frequencies_asked,
+    key_named,
+)
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.drawn_loop import DrawnLoop, first_of, refuse_infinite
@@ -103,14 +109,22 @@ class Loop:
 
     def __repr__(self) -> str:
         """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
-        symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
-        numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
+        symbols = {
+            name: path for name, path in self.spec.names.symbols.items() if path in self.read
+        }
+        numbers = ", ".join(
+            f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items()
+        )
         loop = own_loop(self.spec)
         drawn, drift = loop.drawn(), loop.drift()
-        of_what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        of_what = (
+            f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        )
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
-        return f"<Loop {self.spec.name}: {of_what}, {len(drift.remaining)} states, {frame}; {numbers}>"
+        return (
+            f"<Loop {self.spec.name}: {of_what}, {len(drift.remaining)} states, {frame}; {numbers}>"
+        )
 
     def _repr_html_(self) -> str | None:
         """For notebooks: the question, its stable intervals and their figure. None, for the text alone, without an axis."""
@@ -145,7 +159,9 @@ class Loop:
         UsageError, SpecError
             As for a spec's own numbers.
         """
-        spec = self.spec.with_values({key_named(self.spec, name).path: value for name, value in values.items()})
+        spec = self.spec.with_values(
+            {key_named(self.spec, name).path: value for name, value in values.items()}
+        )
         refuse_singular(spec, own_loop(spec).drawing)
         return type(self)(spec, keys_of(spec))
 
@@ -209,7 +225,9 @@ class Loop:
         from wavesweep.program.analyses.interval_jobs import job_over
 
         grid, axis = self._asked(along, span, axes)
-        job = job_over(grid, axis, require=None if require is None else value_of("sweep.require", require))
+        job = job_over(
+            grid, axis, require=None if require is None else value_of("sweep.require", require)
+        )
         return self._frame("zwidth", intervals.of_calls(job))
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
@@ -230,11 +248,20 @@ class Loop:
 
         spec = naming(self.spec, axes)
         asked_axes = axes_asked(spec, axes)
-        shape = tuple(len(axis.values) for axis, values in zip(asked_axes, axes.values(), strict=True) if np.ndim(values))
+        shape = tuple(
+            len(axis.values)
+            for axis, values in zip(asked_axes, axes.values(), strict=True)
+            if np.ndim(values)
+        )
         return radius_over(spec, asked_axes).reshape(shape)
 
     def response(
-        self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
+        self,
+        frequency_hz: Numbers | None = None,
+        *,
+        from_: str | None = None,
+        to: str | None = None,
+        **axes: Numbers,
     ) -> DataFrame:
         """Admittance, impedance, worst-case gain and verdict over frequency.
 
@@ -281,13 +308,24 @@ class Loop:
         from wavesweep.program.analyses.response_jobs import one_spec
 
         spec, frequency = naming(self.spec, axes, to), frequencies_asked(self.spec, frequency_hz)
-        routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
+        routes = (
+            responses.routes_of(spec)
+            if from_ is None and to is None
+            else spec.routes_between(from_, to)
+        )
         asked_axes = axes_asked(spec, axes)
-        rows = joined([one_spec(spec, asked_axes, frequency, self._read(spec), route) for route in routes])
+        rows = joined(
+            [one_spec(spec, asked_axes, frequency, self._read(spec), route) for route in routes]
+        )
         return self._frame("bode-ports" if routes[0] else "bode", rows)
 
     def plot_zwidth(
-        self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
+        self,
+        along: str | None = None,
+        span: Span | None = None,
+        *,
+        ax: Axes | None = None,
+        **axes: Numbers,
     ) -> Figure:
         """The figure of stable intervals, as `wavesweep zwidth` draws it.
 
@@ -306,8 +344,17 @@ class Loop:
         along = self._usual if along is None else along
         columns = self.stable_intervals(along, span, require=None, **axes)
         axis = axis_along(naming(self.spec, [along]), along, span)
-        swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
-        return figure_from(ax, "zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
+        swept = {
+            "along": along,
+            **{name: np.atleast_1d(values).tolist() for name, values in axes.items()},
+        }
+        return figure_from(
+            ax,
+            "zwidth",
+            columns,
+            self.spec,
+            swept | {along: {"start": axis.start, "stop": axis.stop}},
+        )
 
     def plot_bode(
         self,
@@ -332,9 +379,13 @@ class Loop:
         matplotlib.figure.Figure
         """
         rows = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return figure_from(ax, "bode-ports" if "from_input" in rows else "bode", rows, self.spec, nominal=True)
+        return figure_from(
+            ax, "bode-ports" if "from_input" in rows else "bode", rows, self.spec, nominal=True
+        )
 
-    def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
+    def to_control(
+        self, output: Literal["position", "displacement", "outputs"] | None = None
+    ) -> StateSpace:
         """The closed loop over a frame as a system of python-control.
 
         Parameters
@@ -374,14 +425,21 @@ class Loop:
         if output is None:
             output = "outputs" if drawing and not drawing.hand else "position"
         if output not in ("position", "displacement", "outputs"):
-            raise UsageError(f'output: expected "position", "displacement" or "outputs", found {output!r}')
+            raise UsageError(
+                f'output: expected "position", "displacement" or "outputs", found {output!r}'
+            )
         if output == "outputs":
             return self._outputs_to_control()
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = over_frame(port, ticks, positions=output == "position")
-        inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
-        return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
+        inputs, outputs = (
+            [f"{name}[{i}]" for i in range(ticks)]
+            for name in ("f_h", "x" if output == "position" else "dx")
+        )
+        return control.ss(
+            np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs
+        )
 
     def _outputs_to_control(self) -> StateSpace:
         """The system from the inputs to the outputs of [ports]."""
@@ -407,7 +465,9 @@ class Loop:
     def _read(self, spec: Spec) -> frozenset[str]:
         return self.read if spec is self.spec else keys_of(spec)
 
-    def _asked(self, along: str | None, span: Span | None, axes: Mapping[str, Numbers]) -> tuple[Grid, Axis]:
+    def _asked(
+        self, along: str | None, span: Span | None, axes: Mapping[str, Numbers]
+    ) -> tuple[Grid, Axis]:
         """The grid of the axes, and the axis of the intervals."""
         along = self._usual if along is None else along
         spec = naming(self.spec, [*axes, along])
@@ -418,12 +478,22 @@ class Loop:
 @lru_cache(maxsize=64)  # a compiled loop is asked for the same table again and again
 def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[str, str]:
     """The units of the columns of a table of that kind. A controller's numbers have theirs from the schema."""
-    columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | ({"along": (along,)} if along else {})
-    return {field.name: field.unit for field in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
+    columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | (
+        {"along": (along,)} if along else {}
+    )
+    return {
+        field.name: field.unit
+        for field in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})
+    }
 
 
 def figure_from(
-    ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None, **what: Any
+    ax: Axes | None,
+    kind: str,
+    table: DataFrame,
+    spec: Spec,
+    swept: Mapping[str, Any] | None = None,
+    **what: Any,
 ) -> Figure:
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec. what: see `assumes`."""
     from wavesweep.program.analyses.assumptions import assumes
@@ -432,14 +502,24 @@ def figure_from(
     from wavesweep.program.plots.style import drawn_into
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
-    varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
-    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied, **what), **facts_of_marks([spec], kind)}
+    varied = [
+        key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None
+    ]
+    facts = {
+        "spec": tables,
+        "spec_name": spec.name,
+        "assumes": assumes(spec, varied, **what),
+        **facts_of_marks([spec], kind),
+    }
     columns = {str(name): table[name].to_numpy() for name in table}
     return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
 
 
 def zwidth(
-    source: Source, along: str | None = "K_VE", for_hands: str | Iterable[str] = (), **work: Unpack[WorkOptions]
+    source: Source,
+    along: str | None = "K_VE",
+    for_hands: str | Iterable[str] = (),
+    **work: Unpack[WorkOptions],
 ) -> DataFrame:
     """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
 
@@ -499,7 +579,10 @@ def zwidth(
 
 
 def stability_region(
-    source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[WorkOptions]
+    source: Source,
+    along: str | None = None,
+    for_hands: str | Iterable[str] = (),
+    **work: Unpack[WorkOptions],
 ) -> DataFrame:
     """Stable intervals along the spec's own axis, as `wavesweep stability-region` computes them.
 

@@ -16,7 +16,12 @@ from typing import BinaryIO
 from wavesweep.program.platform_compat import OPEN, READ
 
 SCRATCH = ".wavesweep.new-"  # what the names of folders of incomplete files begin with
-_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # folders of some file systems, or of other users
+_CANNOT_SYNC = (
+    errno.EINVAL,
+    errno.ENOTSUP,
+    errno.EBADF,
+    errno.EACCES,
+)  # folders of some file systems, or of other users
 
 
 def random_part() -> str:
@@ -50,11 +55,18 @@ def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
     Raises OSError with the path of the file that could not be written.
     """
     with ExitStack() as opened:
-        folders = {parent: opened.enter_context(scratch(parent)) for parent in dict.fromkeys(path.parent for path in files)}
+        folders = {
+            parent: opened.enter_context(scratch(parent))
+            for parent in dict.fromkeys(path.parent for path in files)
+        }
         path = None
         try:
             for path, pieces in files.items():
-                descriptor = os.open(folders[path.parent] / path.name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
+                descriptor = os.open(
+                    folders[path.parent] / path.name,
+                    os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN,
+                    0o666,
+                )
                 with os.fdopen(descriptor, "wb") as file:
                     file.writelines(pieces)
             for path in files:

@@ -15,7 +15,9 @@ def bundled(folder: str) -> Path:
     for place in places:
         if place.is_dir():
             return place
-    raise UsageError(f"{folder}: expected it in {' or '.join(map(str, places))}, found neither; a checkout of wavesweep has it")
+    raise UsageError(
+        f"{folder}: expected it in {' or '.join(map(str, places))}, found neither; a checkout of wavesweep has it"
+    )
 
 
 def program(folder: str) -> ModuleType:

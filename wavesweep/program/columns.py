@@ -10,7 +10,9 @@ if TYPE_CHECKING:
 
 RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
 
-FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
+FELT_ALIKE = (
+    1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
+)
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 # With one of these doubts part of a range may be neither known to be stable nor known to be unstable.
 INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
@@ -19,22 +21,97 @@ Columns = Mapping[str, "np.ndarray"]  # of a table, by their names
 # Names of columns of tables, which a number must not have, since it may be an axis.
 TAKEN = frozenset(
     (
-        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
-        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
-        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
-        *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
-        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
+        *(
+            "along",
+            "intervals",
+            "interval",
+            "low",
+            "high",
+            "low_omega",
+            "high_omega",
+            "certified",
+            "residual",
+            "doubt",
+        ),
+        *(
+            "felt_low",
+            "felt_high",
+            "hand",
+            "settled",
+            "spec",
+            "controller",
+            "frequency_hz",
+            "omega_Ts",
+            "stable",
+        ),
+        *(
+            "low_hz",
+            "high_hz",
+            "guarantee",
+            "fails_below",
+            "fails_from",
+            "counterexample",
+            "left_open",
+        ),
+        *(
+            "open_places",
+            "open_low",
+            "open_high",
+            "low_set_by",
+            "high_set_by",
+            "channel_hz",
+            "port_hz",
+            "ports_hz",
+        ),
+        *(
+            "worst_gain",
+            "worst_gain_error",
+            "channel_norm",
+            "channel_omega",
+            "port_margin",
+            "port_omega",
+        ),
         *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
-        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
-        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
-        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
+        *(
+            "absolutely_stable",
+            "ports_certified",
+            "llewellyn",
+            "damping_margin",
+            "from_input",
+            "to_output",
+            "unit",
+        ),
+        *(
+            f"{name}_{part}"
+            for name in ("admittance", "impedance", "response")
+            for part in ("re", "im", "abs", "deg", "error")
+        ),
+        *(
+            f"{end}_hand_{part}"
+            for end in ("low", "high")
+            for part in ("mass", "damping", "stiffness")
+        ),
     )
 )
 FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
 # Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
 RUN_COLUMNS = frozenset(
     (
-        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
+        *(
+            "tick",
+            "frame",
+            "phase",
+            "time_s",
+            "f_h",
+            "x",
+            "v",
+            "x_hat",
+            "v_hat",
+            "f_m",
+            "f_device",
+            "touching",
+            "late",
+        ),
         *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
         *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
     )
@@ -55,7 +132,12 @@ def complex_columns(name: str, values) -> dict[str, np.ndarray]:
 
     with np.errstate(over="ignore", invalid="ignore"):
         finite = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
-        arrays = {"re": finite.real, "im": finite.imag, "abs": np.abs(finite), "deg": np.degrees(np.angle(finite))}
+        arrays = {
+            "re": finite.real,
+            "im": finite.imag,
+            "abs": np.abs(finite),
+            "deg": np.degrees(np.angle(finite)),
+        }
     return {f"{name}_{suffix}": column for suffix, column in arrays.items()}
 
 
@@ -64,7 +146,11 @@ def joined(blocks: Iterable[Columns]) -> Columns:
     import numpy as np
 
     listed = list(blocks)
-    return listed[0] if len(listed) == 1 else {name: np.concatenate([block[name] for block in listed]) for name in listed[0]}
+    return (
+        listed[0]
+        if len(listed) == 1
+        else {name: np.concatenate([block[name] for block in listed]) for name in listed[0]}
+    )
 
 
 def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
@@ -95,5 +181,7 @@ def open_places(columns: Mapping[str, np.ndarray], row: int) -> dict[str, float]
     """The open places of a row: how many, where the first begins, where the last ends; None without."""
     if not columns["open_places"][row]:
         return None
-    ends = {side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))}
+    ends = {
+        side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))
+    }
     return {"places": int(columns["open_places"][row]), **ends}

@@ -41,16 +41,29 @@ class Csv:
         rows = np.empty((0, len(places)))
         if self.body.strip():
             try:
-                rows = np.loadtxt(StringIO(self.body), delimiter=",", ndmin=2, comments=None, usecols=places, quotechar='"')
+                rows = np.loadtxt(
+                    StringIO(self.body),
+                    delimiter=",",
+                    ndmin=2,
+                    comments=None,
+                    usecols=places,
+                    quotechar='"',
+                )
             except ValueError:
-                raise UsageError(self._fault(columns) or f"{self.path}: {_NONE}, found none that can be read") from None
+                raise UsageError(
+                    self._fault(columns) or f"{self.path}: {_NONE}, found none that can be read"
+                ) from None
         # Commas show rows of another length, except where they are within quotes.
-        suspect = self.body.count(",") != (len(self.names) - 1) * len(rows) or not np.isfinite(rows).all()
+        suspect = (
+            self.body.count(",") != (len(self.names) - 1) * len(rows) or not np.isfinite(rows).all()
+        )
         if suspect and (fault := self._fault(columns)):
             raise UsageError(fault)
         if len(rows) < least:
             expected = "a row" if least == 1 else f"at least {least} rows"
-            raise UsageError(f"{self.path}: expected {expected} of numbers below the header, found {len(rows) or 'none'}")
+            raise UsageError(
+                f"{self.path}: expected {expected} of numbers below the header, found {len(rows) or 'none'}"
+            )
         return rows
 
     def _place(self, name):
@@ -63,7 +76,9 @@ class Csv:
     def _fault(self, columns):
         """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
-        for number, row in enumerate(_rows(self.path, self.body.splitlines()), start=self.above + 2):
+        for number, row in enumerate(
+            _rows(self.path, self.body.splitlines()), start=self.above + 2
+        ):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
@@ -83,7 +98,9 @@ def _rows(path: str | Path, lines: Sequence[str]) -> Iterator[list[str]]:
     try:
         yield from csv.reader(lines)
     except csv.Error as error:
-        raise UsageError(f"{path}: expected cells of at most {csv.field_size_limit()} letters ({error})") from None
+        raise UsageError(
+            f"{path}: expected cells of at most {csv.field_size_limit()} letters ({error})"
+        ) from None
 
 
 _NONE = "expected rows of numbers below the header"
@@ -94,20 +111,26 @@ def read_csv(path: str | Path, most: int) -> Csv:
     data = read_bytes(path, most)
     text = data.decode("utf-8-sig", "replace")
     if "\0" in text or "\ufffd" in text:
-        raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV")
+        raise UsageError(
+            f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV"
+        )
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     above = len(text) - len(text.lstrip("\n"))
     header, _, body = text.lstrip("\n").partition("\n")
     for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
         if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"
-            raise UsageError(f"{path}:{above + 1}: {expected}, found {word}; export it again with commas")
+            raise UsageError(
+                f"{path}:{above + 1}: {expected}, found {word}; export it again with commas"
+            )
     if (columns := header.count(",") + 1) > MOST_COLUMNS:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     names = [name.strip() for name in next(_rows(path, [header]), [])]
     if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
-        raise UsageError(f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
+        raise UsageError(
+            f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:SHOWN]}"
+        )
     return Csv(path, names, body, hashlib.sha256(data).hexdigest(), above)
 
 
@@ -117,7 +140,9 @@ def pairs(given: Iterable[str], option: str) -> dict[str, str]:
     for text in given:
         name, equals, value = (side.strip() for side in text.partition("="))
         if not (name and equals and value):
-            raise UsageError(f"{option} {text}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}")
+            raise UsageError(
+                f"{option} {text}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}"
+            )
         pairs_read[name] = value
     return pairs_read
 

@@ -46,7 +46,9 @@ class DrawnLoop:
         with self.drawn.naming_blocks():
             return radius_of(*self.drift.frame_with_reliability(self.drawn))
 
-    def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
+    def response(
+        self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = ""
+    ) -> DataFrame:
         """Admittance and impedance at a port.
 
         Parameters
@@ -85,11 +87,22 @@ class DrawnLoop:
             raise UsageError(
                 f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
             )
-        signals = {f"{placed.block.name}.{port}" for placed in drawn.placed for port in placed.block.outputs} | {*drawn.sums}
-        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in signals]:
-            raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
+        signals = {
+            f"{placed.block.name}.{port}"
+            for placed in drawn.placed
+            for port in placed.block.outputs
+        } | {*drawn.sums}
+        if unknown := [
+            name for name in (position, *([reaction] if reaction else [])) if name not in signals
+        ]:
+            raise UsageError(
+                f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}"
+            )
         ports = Ports(force, position, reaction)
-        response = respond(Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ports.signals))), frequency)
+        response = respond(
+            Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ports.signals))),
+            frequency,
+        )
         return DataFrame({"frequency_hz": frequency, **response._asdict()})
 
 
@@ -98,18 +111,24 @@ def refuse_infinite(drawn: MultirateLoop) -> None:
     for placed in drawn.placed:
         matrices = (placed.block.E, placed.block.B, placed.block.C, placed.block.D)
         if not all(np.isfinite(matrix).all() for matrix in matrices):
-            raise UsageError(f"block {placed.block.name}: expected finite numbers, found an entry that is not finite")
+            raise UsageError(
+                f"block {placed.block.name}: expected finite numbers, found an entry that is not finite"
+            )
     for port, terms in drawn.sums.items():
         for signal, gain in terms.items():
             factor = real_numbers(gain)
             if factor is None or not np.isfinite(factor).all():
-                raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
+                raise UsageError(
+                    f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}"
+                )
 
 
 def is_batch(drawn: MultirateLoop) -> bool:
     """Whether a block or a gain has an array of values, for a batch of loops."""
     gains = (gain for terms in drawn.sums.values() for gain in terms.values())
-    return any(placed.block.batch for placed in drawn.placed) or any(np.ndim(gain) for gain in gains)
+    return any(placed.block.batch for placed in drawn.placed) or any(
+        np.ndim(gain) for gain in gains
+    )
 
 
 def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
@@ -122,6 +141,15 @@ def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
     placed = []
     for scheduled in drawn.placed:
         matrices = {name: one(getattr(scheduled.block, name), 2) for name in "EBCD"}
-        placed.append(replace(scheduled, block=replace(scheduled.block, **matrices, condition=1.0, terms=None)))
-    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
-    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))
+        placed.append(
+            replace(
+                scheduled, block=replace(scheduled.block, **matrices, condition=1.0, terms=None)
+            )
+        )
+    sums = {
+        name: {source: one(gain, 0) for source, gain in sources.items()}
+        for name, sources in drawn.sums.items()
+    }
+    return MultirateLoop(
+        one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0)
+    )

@@ -11,7 +11,9 @@ from functools import lru_cache
 _READING = ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY")
 READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in _READING)
 OPEN = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", *_READING))
-STOPPING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+STOPPING = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
 HANGUP = getattr(signal, "SIGHUP", None)
 
 
@@ -22,7 +24,9 @@ def processors() -> int:
 
 def memory() -> float:
     """Bytes of memory that this machine has; infinite if it does not say."""
-    has_sysconf = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
+    has_sysconf = (
+        hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
+    )
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if has_sysconf else float("inf")
 
 
@@ -37,7 +41,9 @@ def keep_memory() -> None:
     Otherwise it gives that memory back to the system, which clears it before it is used again: a fifth of the time of a sweep.
     It is for processes that are of this program alone.
     """
-    with suppress(ImportError, AttributeError, OSError, TypeError):  # no glibc, or no library of this process
+    with suppress(
+        ImportError, AttributeError, OSError, TypeError
+    ):  # no glibc, or no library of this process
         import ctypes
 
         mallopt = ctypes.CDLL(None).mallopt
@@ -56,7 +62,9 @@ def why_no_processes() -> str:
     return ""
 
 
-MASKS = hasattr(signal, "pthread_sigmask")  # without masks of signals, workers hear those of their terminal
+MASKS = hasattr(
+    signal, "pthread_sigmask"
+)  # without masks of signals, workers hear those of their terminal
 
 
 def block(numbers: Iterable[int] = ()) -> set[int]:
@@ -69,7 +77,12 @@ def block_only(numbers: Iterable[int]) -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, numbers)
 
 
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")  # variables of libraries
+ONE_THREAD = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)  # variables of libraries
 
 
 def versions() -> dict[str, str]:

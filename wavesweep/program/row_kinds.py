@@ -62,7 +62,11 @@ class RowKind:
 
     def worded_for(self, numbers: Mapping[str, Any]) -> RowKind:
         """The kind with its words for the spec of a summary."""
-        return replace(self, **self.of_messages) if self.of_messages and numbers["of_messages"] else self
+        return (
+            replace(self, **self.of_messages)
+            if self.of_messages and numbers["of_messages"]
+            else self
+        )
 
     def name_beside(self, kinds: Collection[str], rows: Columns) -> str:
         """The name of its rows in a legend beside rows of these kinds."""
@@ -92,8 +96,12 @@ class RowKind:
 
 COMPUTED: Mapping[str, RowKind] = {
     "free": RowKind("the device alone, without a hand", "free device", "free device"),
-    "operator": RowKind("the spec's own operator", "with the spec's operator", "operator", "#56B4E9", 1),
-    "spec": RowKind("the spec's own numbers", "the spec's own numbers", "nominal numbers", column="guarantee"),
+    "operator": RowKind(
+        "the spec's own operator", "with the spec's operator", "operator", "#56B4E9", 1
+    ),
+    "spec": RowKind(
+        "the spec's own numbers", "the spec's own numbers", "nominal numbers", column="guarantee"
+    ),
 }
 """Intervals of one loop; the others are searched for, at the swept values alone."""
 
@@ -112,7 +120,11 @@ def row_kind(word: str) -> RowKind:
 
 def words_of(column: str) -> dict[str, str]:
     """The words that a column, `hand` or `guarantee`, can have, with their meanings."""
-    return {word: kind.meaning for word, kind in row_kinds().items() if kind.meaning and kind.column == column}
+    return {
+        word: kind.meaning
+        for word, kind in row_kinds().items()
+        if kind.meaning and kind.column == column
+    }
 
 
 def hands_offered() -> dict[str, str]:

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
     Facts = Mapping[str, Any]  # of a run or a verdict, JSON-able
-    Ranked = tuple[float, str | Callable[[], str]]  # a line with its rank, or what makes one that takes a while
+    Ranked = tuple[
+        float, str | Callable[[], str]
+    ]  # a line with its rank, or what makes one that takes a while
 
 
 class AsYouLike(Protocol):
@@ -60,7 +62,9 @@ class OnCheckModule(AsYouLike, Protocol):
     def numbers(self, spec: Spec) -> dict[str, Any]:
         """Numbers in addition to those of a spec's own design."""
 
-    def facts(self, spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> dict[str, Any]:
+    def facts(
+        self, spec: Spec, own: Facts, report: Callable[[int, int], None] | None
+    ) -> dict[str, Any]:
         """Facts of a verdict; own: the numbers of the design."""
 
     def lines(self, spec: Spec, found: Facts) -> Iterator[Ranked]:
@@ -95,13 +99,17 @@ class SectionModule(Protocol):
 class PanelModule(AsYouLike, Protocol):
     """What a page of `explore` shows in addition."""
 
-    def answers(self) -> Mapping[str, Callable[[Spec, Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]]:
+    def answers(
+        self,
+    ) -> Mapping[str, Callable[[Spec, Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]]:
         """More questions that it answers, by name, of (spec, question, data)."""
 
     def data(self, spec: Spec) -> dict[str, Any]:
         """What the page has from the start."""
 
-    def quick(self, spec: Spec, question: Mapping[str, Any], shown: Mapping[str, Any], stable: bool) -> dict[str, Any]:
+    def quick(
+        self, spec: Spec, question: Mapping[str, Any], shown: Mapping[str, Any], stable: bool
+    ) -> dict[str, Any]:
         """What is computed while a slider moves; shown: the data of the page."""
 
 

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 @click.command("bench")
 @click.option(
-    "--quick", is_flag=True, help="Run the smallest problems only, in a few seconds. The run times are then not meaningful."
+    "--quick",
+    is_flag=True,
+    help="Run the smallest problems only, in a few seconds. The run times are then not meaningful.",
 )
 @run_options()
 def bench(quick: bool, options: Options) -> None:
@@ -31,7 +33,10 @@ def bench(quick: bool, options: Options) -> None:
     and one figure are written to results/bench, or to --out: critical stiffness and responses, the cost of compiling, of
     slices, of workers and of starting, a profile, and hard cases in which digits are lost.
     """
-    _refuse(options, "not possible here; the problems of the benchmark are fixed, so that runs can be compared")
+    _refuse(
+        options,
+        "not possible here; the problems of the benchmark are fixed, so that runs can be compared",
+    )
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
@@ -44,7 +49,13 @@ def bench(quick: bool, options: Options) -> None:
         lines = list(own.lines(table.columns))
         return {"lines": lines}, lines
 
-    _produce("bench", "bench", options, lambda report: [drawn(own.measure(quick=quick, progress=report))], said)
+    _produce(
+        "bench",
+        "bench",
+        options,
+        lambda report: [drawn(own.measure(quick=quick, progress=report))],
+        said,
+    )
 
 
 @click.command("paper")
@@ -75,7 +86,9 @@ def paper(options: Options) -> None:
 def _refuse(options: Options, why: str) -> None:
     """Raise UsageError for options that only a command with a SPEC has a meaning for; why: no key can be set."""
     if options.file:
-        raise click.UsageError(f"--out {options.out}: expected a folder, since this command writes several files")
+        raise click.UsageError(
+            f"--out {options.out}: expected a folder, since this command writes several files"
+        )
     if options.overrides:
         raise click.UsageError(f"--set: {why}")
 
@@ -92,12 +105,19 @@ def _produce(
     from wavesweep.program.cli.output import alone
     from wavesweep.program.results import publish, stream
 
-    directory, lines, files, began = Path(options.out or Path("results", command)), [], [], time.perf_counter()
+    directory, lines, files, began = (
+        Path(options.out or Path("results", command)),
+        [],
+        [],
+        time.perf_counter(),
+    )
     with alone([last], directory, options), progress(options.quiet) as report:
         started = began
         for table in tables(report):
             if not options.to_stdout:
-                written = publish(table, directory, options.overwrite, options.formats, locked=table.kind == last)
+                written = publish(
+                    table, directory, options.overwrite, options.formats, locked=table.kind == last
+                )
                 files += written
                 lines.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()

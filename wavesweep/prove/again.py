@@ -20,7 +20,9 @@ NEAR = 1e-6  # of an end, the distance to both sides in which it is proved alone
 Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
 
 
-def prove_again(search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS) -> ProvedAgain:
+def prove_again(
+    search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS
+) -> ProvedAgain:
     """Prove the intervals of a certified slice again in ball arithmetic, whatever certified them.
 
     search: of this slice alone. claims: its intervals in order. operations: at most, for the whole range, and as many again for
@@ -37,16 +39,26 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
     loop = in_ticks
     span = search.span
     if not all(span[0] <= low < high <= span[1] for low, high, *_ in claims):
-        return ProvedAgain("refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}")
+        return ProvedAgain(
+            "refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}"
+        )
     least = LEAST * (span[1] - span[0])
     try:
         drift = loop.changed({search.along: np.array(span)}).drift()
     except IllPosedLoopError:
-        return ProvedAgain("unsettled", "a loop of direct terms has no solution at an end of the range")
+        return ProvedAgain(
+            "unsettled", "a loop of direct terms has no solution at an end of the range"
+        )
 
     def difference(part, most):
-        proof = prove_column(*loop, search.along, part, len(drift.states) - len(drift.remaining), operations=most)
-        return None if proof is None else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
+        proof = prove_column(
+            *loop, search.along, part, len(drift.states) - len(drift.remaining), operations=most
+        )
+        return (
+            None
+            if proof is None
+            else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
+        )
 
     problem = difference(span, operations)
     if problem is not None:
@@ -55,7 +67,11 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
     of_parts = [difference(piece, operations / len(pieces)) for piece in pieces]
     if refuted := next(filter(None, of_parts), ""):
         return ProvedAgain("refuted", refuted)
-    return ProvedAgain("unsettled", f"more than {operations:g} operations") if None in of_parts else ProvedAgain("ends")
+    return (
+        ProvedAgain("unsettled", f"more than {operations:g} operations")
+        if None in of_parts
+        else ProvedAgain("ends")
+    )
 
 
 def _pieces(claims, span, least):
@@ -82,7 +98,9 @@ def _clipped(claims, part) -> Iterator[Claim]:
 def _first_difference(claims, proved, part, least):
     """The first difference of intervals that a row claims from those that are proved, in words; empty if there is none."""
     if len(claims) != len(proved):
-        return f"{len(proved)} stable intervals and not {len(claims)} from {part[0]!r} to {part[1]!r}"
+        return (
+            f"{len(proved)} stable intervals and not {len(claims)} from {part[0]!r} to {part[1]!r}"
+        )
     for claim, row in zip(claims, proved, strict=True):
         for name, a, b in zip(("low", "high"), claim, row, strict=False):
             if abs(a - b) > CLOSE * max(abs(a), abs(b), least):

@@ -66,8 +66,15 @@ def _butterworth(order, cutoff_hz, high, T):
     for k in range(order // 2):
         sine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()
         bottom = 1 + 2 * sine * w + w * w
-        b0, a1, a2 = (1 if high else w * w) / bottom, 2 * (w * w - 1) / bottom, (1 - 2 * sine * w + w * w) / bottom
-        series = _in_series(series, ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]))
+        b0, a1, a2 = (
+            (1 if high else w * w) / bottom,
+            2 * (w * w - 1) / bottom,
+            (1 - 2 * sine * w + w * w) / bottom,
+        )
+        series = _in_series(
+            series,
+            ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]),
+        )
     if order % 2:
         b0, a1 = (1 if high else w) / (1 + w), (w - 1) / (1 + w)
         series = _in_series(series, ([[-a1]], [[far * b0 - a1 * b0]], [[1]], [[b0]]))

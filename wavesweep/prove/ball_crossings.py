@@ -24,7 +24,11 @@ SHRUNK = 0.7  # of its size, below which a box is contracted again before it is 
 DEEPEST = 6  # cuts of a box for each bit
 MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
 POLISHED = 3  # times that an enclosure is contracted further
-ALL, FIRST_HALF, SECOND_HALF = (arb(0), arb(1)), (arb(0), arb(0.5)), (arb(0.5), arb(1))  # shares of a range
+ALL, FIRST_HALF, SECOND_HALF = (
+    (arb(0), arb(1)),
+    (arb(0), arb(0.5)),
+    (arb(0.5), arb(1)),
+)  # shares of a range
 
 
 class CrowdedError(UndecidedError):
@@ -71,7 +75,9 @@ def is_unstable(part: FamilyPart) -> bool:
         *lower, leading = table.tolist()
         n = len(lower)
         for j, coefficient in enumerate(lower):
-            largest = [comb(n, j) * c for c in leading]  # of a polynomial whose roots are all inside
+            largest = [
+                comb(n, j) * c for c in leading
+            ]  # of a polynomial whose roots are all inside
             above = [a - b for a, b in zip(coefficient, largest, strict=True)]
             below = [a + b for a, b in zip(coefficient, largest, strict=True)]
             if _have_one_sign([*below, *above]):
@@ -127,7 +133,9 @@ def _boxes(U, V, budget):
 
     U, V: Bernstein coefficients, the columns those of the number. A single row stands for functions of the number alone.
     """
-    if all(c.contains(0) for c in (*U.entries(), *V.entries())):  # an eigenvalue that is always on the circle
+    if all(
+        c.contains(0) for c in (*U.entries(), *V.entries())
+    ):  # an eigenvalue that is always on the circle
         raise UndecidedError
     narrow = arb(2) ** (-int(NARROW * ctx.prec))
     count = 0
@@ -174,7 +182,9 @@ class _Box:
         x_shares, k_shares = ranges
         U = _cut(self.U, ranges)
         V = _cut(self.V, ranges)
-        return _Box(U, V, _inside(self.x, x_shares), _inside(self.k, k_shares), self.depth + 1, polished)
+        return _Box(
+            U, V, _inside(self.x, x_shares), _inside(self.k, k_shares), self.depth + 1, polished
+        )
 
 
 def _bends_along_number(box):

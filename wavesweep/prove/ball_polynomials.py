@@ -105,7 +105,9 @@ class BallFamily:
 
     def plain(self, number: arb) -> list[list[arb]]:
         """The coefficients at a value, without the eigenvalues that are always 1."""
-        return [_without_ones(p, times) for p, times in zip(self.at(number), self.ones, strict=True)]
+        return [
+            _without_ones(p, times) for p, times in zip(self.at(number), self.ones, strict=True)
+        ]
 
     def over_range(self) -> Iterator[FamilyPart]:
         """Yield the parts of the range in order."""
@@ -143,7 +145,9 @@ class BallFamily:
                 return None
             most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
         nodes = ceil((most + ctx.prec * KEPT) / log2(ELLIPSE)) + 3
-        share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)  # theorem 8.2: 4 M rho^-n/(rho - 1)
+        share = (
+            arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
+        )  # theorem 8.2: 4 M rho^-n/(rho - 1)
         errors = []
         for bound in bounds:
             errors.append(([abs(c).upper() * share for c in bound], nodes))
@@ -151,9 +155,14 @@ class BallFamily:
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
-        self.budget.use(NODES * nodes**2 + nodes**3 / 4)  # the second for `_to_bernstein`, kept or not
+        self.budget.use(
+            NODES * nodes**2 + nodes**3 / 4
+        )  # the second for `_to_bernstein`, kept or not
         points, weights = _nodes(nodes, ctx.prec)
-        values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
+        values = [
+            self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact)
+            for point in points
+        ]
         for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):
             at_nodes = [value[number] for value in values]
             of_coefficients = [[c.real for c in column] for column in zip(*at_nodes, strict=True)]
@@ -213,7 +222,11 @@ def _degree_of_block(block, number, largest) -> float:
 
 def _branches(tree: Tree, number: str) -> bool:
     """Whether a tree that reads a number has a power with another than a whole exponent, which is not analytic everywhere."""
-    if tree[0] == "**" and reads(tree, number) and not (is_constant(tree[2]) and evaluate(tree[2], {}).is_integer()):
+    if (
+        tree[0] == "**"
+        and reads(tree, number)
+        and not (is_constant(tree[2]) and evaluate(tree[2], {}).is_integer())
+    ):
         return True
     return any(_branches(branch, number) for branch in tree[1:-1] if isinstance(branch, tuple))
 
@@ -292,7 +305,12 @@ def chebyshev(count: int, slope: int, constant: int = 0) -> list[list[int]]:
     basis = [[1], [constant - slope, 2 * slope]]
     while len(basis) < count:
         last, before_last = basis[-1], basis[-2]
-        basis.append([4 * a - 2 * b - c for a, b, c in zip([0, *last], [*last, 0], [*before_last, 0, 0], strict=True)])
+        basis.append(
+            [
+                4 * a - 2 * b - c
+                for a, b, c in zip([0, *last], [*last, 0], [*before_last, 0, 0], strict=True)
+            ]
+        )
     return basis[:count]
 
 

@@ -11,12 +11,20 @@ from typing import Any
 from flint import arb, ctx
 
 from wavesweep.engine.drawing import Drawing, name_of
-from wavesweep.prove.ball_crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
+from wavesweep.prove.ball_crossings import (
+    Crossing,
+    CrowdedError,
+    count_outside,
+    crossings,
+    is_unstable,
+)
 from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
-HOPELESS = 3  # precisions at which crossings are crowded, after which more bits do not tell them apart
+HOPELESS = (
+    3  # precisions at which crossings are crowded, after which more bits do not tell them apart
+)
 OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
 DIGITS = 52  # bits of an end or an angle that have to be certain
 POLYNOMIAL, PARTS = 1, 2

@@ -18,7 +18,9 @@ MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its o
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
-def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS) -> BallProver:
+def ball_prover(
+    loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS
+) -> BallProver:
     """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one of their numbers.
 
     period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop, at most.
@@ -53,7 +55,11 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
 
     def angle(column, loop, omega, value):
         """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""
-        slower = loop.rate / loop.changed({along: value}).rate if name_of(along) in loop.drawing.rating else 1.0
+        slower = (
+            loop.rate / loop.changed({along: value}).rate
+            if name_of(along) in loop.drawing.rating
+            else 1.0
+        )
         return omega * period[column] * slower
 
     return prove

@@ -15,7 +15,15 @@ import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from wavesweep.engine.drawing import TYPES, Drawing, DrawnBlock, Plant, scalars
-from wavesweep.engine.expressions import FUNCTIONS, Tree, constants_of, evaluate, named, names_in, value_of
+from wavesweep.engine.expressions import (
+    FUNCTIONS,
+    Tree,
+    constants_of,
+    evaluate,
+    named,
+    names_in,
+    value_of,
+)
 from wavesweep.prove.ball_blocks import continuous, held, matrices
 
 # Balls of roots and logarithms that meet a cut are not finite.
@@ -48,7 +56,9 @@ class BallLoop:
         self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
         self.every = [int(value_of(block.every, self.values)) for block in self.blocks]
-        self.phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
+        self.phases = [
+            block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks
+        ]
         self.ticks = lcm(*self.every)
         self.kinds = tuple(self._running_in(tick) for tick in range(self.ticks))
         self.inputs = []
@@ -109,7 +119,10 @@ class BallLoop:
         wires = self._wire_gains(matrix, number)
         owners = [i for i, (A, *_) in enumerate(blocks) for _ in A]  # of each state
         A, B, C, D = _side_by_side(blocks, [len(block.ports[0]) for block in self.blocks])
-        return {kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D) for kind in set(self.kinds)}
+        return {
+            kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D)
+            for kind in set(self.kinds)
+        }
 
     def _wire_gains(self, matrix, number):
         """The gains from outputs to inputs as a matrix."""
@@ -117,13 +130,19 @@ class BallLoop:
         for row, (_, port) in zip(W, self.inputs, strict=True):
             for signal, gain in self.wires.get(port, ()):
                 key = "wire", port, signal
-                row[self.at[signal]] = self._once(key, (gain,), number, lambda g=gain: self._value(g, number))
-        return matrix(len(W), len(self.outputs), [gain for row in W for gain in row])  # a list of no rows has no columns
+                row[self.at[signal]] = self._once(
+                    key, (gain,), number, lambda g=gain: self._value(g, number)
+                )
+        return matrix(
+            len(W), len(self.outputs), [gain for row in W for gain in row]
+        )  # a list of no rows has no columns
 
     def _tick(self, running, matrix, owners, W, A, B, C, D):
         states = len(owners)
         size = states + len(self.held)
-        places = {j: states + k for k, j in enumerate(self.held)}  # of held outputs among all that is remembered
+        places = {
+            j: states + k for k, j in enumerate(self.held)
+        }  # of held outputs among all that is remembered
 
         def padded(row):
             return [*row, *[0] * (size - len(row))]
@@ -224,7 +243,9 @@ class BallLoop:
         except ZeroDivisionError:
             return ball("nan")
 
-    def _once(self, name: tuple, trees: tuple[Tree, ...], number: Any, make: Callable[[], Any]) -> Any:
+    def _once(
+        self, name: tuple, trees: tuple[Tree, ...], number: Any, make: Callable[[], Any]
+    ) -> Any:
         """The result of `make`, kept for other values of the number if the trees do not read it."""
         if any(reads(tree, self.number) for tree in trees):
             return make()

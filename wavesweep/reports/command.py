@@ -32,7 +32,12 @@ FILE = "report.html"
 @overwriting("Replace a file that is no report of this spec.")
 @override
 def report(
-    spec: str, out: str | None, cut: str, for_hands: tuple[str, ...], overwrite: bool, overrides: tuple[str, ...]
+    spec: str,
+    out: str | None,
+    cut: str,
+    for_hands: tuple[str, ...],
+    overwrite: bool,
+    overrides: tuple[str, ...],
 ) -> None:
     """Write a report of a spec for a design review: one HTML file.
 
@@ -48,7 +53,12 @@ def report(
       wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
-    from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.program.cli.file_places import (
+        own_folder,
+        refuse_inputs,
+        refuse_other_things,
+        write_whole,
+    )
     from wavesweep.program.cli.messages import progress, say
     from wavesweep.program.plots import refuse_settings
     from wavesweep.program.results import refuse_unusable
@@ -61,11 +71,16 @@ def report(
     refuse_other_things(target)
     refuse_inputs(loaded.files, target)
     if target.exists() and not overwrite and not _is_report(target, loaded.name):
-        raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
+        raise UsageError(
+            f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite"
+        )
     refuse_settings()
     less = "fewer values in [sweep] take less"
     request = ReportRequest(
-        cut, for_hands, overrides, at_work=lambda title: progress(verbosity().quiet, f"at work on {title}", less)
+        cut,
+        for_hands,
+        overrides,
+        at_work=lambda title: progress(verbosity().quiet, f"at work on {title}", less),
     )
     text = report(loaded, request)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -77,8 +92,14 @@ def report(
 def _file(out: str) -> Path:
     """The file that --out names, or the one in the folder that it names."""
     path, page = Path(out), PurePath(out).suffix.lower() in (".html", ".htm")
-    if not out.strip() or out == "-" or (path.suffix[1:].isalpha() and not page and not path.exists()):
-        raise click.UsageError(f"--out {out}: expected a file whose name ends in .html, or a folder")
+    if (
+        not out.strip()
+        or out == "-"
+        or (path.suffix[1:].isalpha() and not page and not path.exists())
+    ):
+        raise click.UsageError(
+            f"--out {out}: expected a file whose name ends in .html, or a folder"
+        )
     return path if page and not path.is_dir() else path / FILE
 
 

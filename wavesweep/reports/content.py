@@ -31,10 +31,10 @@ MODEL = (
     "The proof is about the linear loop of the spec with its numbers as they are written, sampled and held at exactly its "
     "rates. Friction, saturation, the steps of an encoder and ticks that come late are not part of it."
 )
-VARYING = "Numbers and frames in [for_all] may be any of those named there; all others are as written."
-BEYOND = (
-    "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
+VARYING = (
+    "Numbers and frames in [for_all] may be any of those named there; all others are as written."
 )
+BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
     "wavesweep verify computes rows of the tables again, and proves certified intervals a second time, in ball arithmetic. The "
     "last command gives this file. On a processor of another type, or with another version of numpy, last digits may differ, "
@@ -78,15 +78,21 @@ def report(spec: Spec, asked: ReportRequest) -> str:
 
     Errors: UsageError for words that name no hands. What the spec does not allow is in the report, with the reason.
     """
-    name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(override)}" for override in asked.overrides)
+    name = quote(f"{spec.name}.toml") + "".join(
+        f" --set {quote(override)}" for override in asked.overrides
+    )
     sections: dict[str, ReportSection] = {}
     missing = []
     for title, (caption, command, make) in _tables(spec, asked).items():
         with asked.at_work(title.lower()) as watch:
             try:
-                sections[title] = _found(title, caption, make(watch), f"wavesweep {command.format(name)}")
+                sections[title] = _found(
+                    title, caption, make(watch), f"wavesweep {command.format(name)}"
+                )
             except WavesweepError as error:
-                text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
+                text = str(error).replace(
+                    str(spec.source), f"{spec.name}.toml"
+                )  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
         design_lines, certified = _own_lines(spec)
@@ -97,14 +103,25 @@ def report(spec: Spec, asked: ReportRequest) -> str:
         *_answer(spec, sections.get(INTERVALS), design_lines[0], certified),
         *_counterexamples(spec, sections.get(INTERVALS)),
     ]
-    body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(design_lines)]
+    body += [
+        html.element("h2", "The spec's own numbers"),
+        html.element("p", OWN, "small"),
+        html.listing(design_lines),
+    ]
     for number, section in enumerate(sections.values(), start=1):
         if section.known:
             caption = section.known + " Of the spec's own numbers." * bool(spec.for_all)
-            body += [html.element("h2", section.title), html.element("p", caption, "small"), html.listing(section.lines)]
+            body += [
+                html.element("h2", section.title),
+                html.element("p", caption, "small"),
+                html.listing(section.lines),
+            ]
             body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
-    return html.page(spec.name, [*body, *_verification(spec, sections.values(), name, asked), *_text(spec, asked)])
+    return html.page(
+        spec.name,
+        [*body, *_verification(spec, sections.values(), name, asked), *_text(spec, asked)],
+    )
 
 
 def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
@@ -120,7 +137,13 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Calla
     command = ("zwidth" if along_wall else "stability-region") + " {}" + _for_hands(asked)
     kind = command.partition(" ")[0] + ("-hands" if hands else "")
     tables = {
-        INTERVALS: ("", command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind))
+        INTERVALS: (
+            "",
+            command,
+            lambda watch: replace(
+                intervals.intervals(spec, hands=hands, progress=watch), kind=kind
+            ),
+        )
     }
     for part in sorted(modules("section"), key=lambda each: each.PLACE):
         said, make = part.section(spec, asked.cut)
@@ -138,9 +161,14 @@ def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
     from wavesweep.program.plots import drawn
     from wavesweep.program.tables import kind_named
 
-    kind, notices = kind_named(table.kind), [(str(notice), False) for notice in table.facts.get("notices", ())]
+    kind, notices = (
+        kind_named(table.kind),
+        [(str(notice), False) for notice in table.facts.get("notices", ())],
+    )
     tally = kind.tally(table)
-    csv, svg = results.pictured(drawn(table, lambda text: notices.append((text, False))).watched(tally.add))
+    csv, svg = results.pictured(
+        drawn(table, lambda text: notices.append((text, False))).watched(tally.add)
+    )
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
     return ReportSection(title, known, table, lines, svg, command, sha256(csv).hexdigest())
 
@@ -157,11 +185,19 @@ def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
         judged |= judging.further(spec, judged)
         lines += [line for _, line in judging.verdict_lines(spec, judged)]
     lines += [*unusual(spec), *over_preset(spec)]
-    marked = [(line, any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE"))) for line in lines]
+    marked = [
+        (
+            line,
+            any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE")),
+        )
+        for line in lines
+    ]
     return marked, any(limit["stable"] and limit["certified"] for limit in judged.get("limits", ()))
 
 
-def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: bool) -> Iterator[str]:
+def _answer(
+    spec: Spec, intervals: ReportSection | None, own: Line, certified: bool
+) -> Iterator[str]:
     """The certified numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
 
     own: the first line of the verdict; certified: whether it is that the loop is stable with its own numbers.
@@ -181,21 +217,36 @@ def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: b
     yield html.listing((line, False) for line in assumed)
 
 
-def _sweep_answer(spec: Spec, intervals: ReportSection, own: Line, certified: bool) -> Iterator[str]:
+def _sweep_answer(
+    spec: Spec, intervals: ReportSection, own: Line, certified: bool
+) -> Iterator[str]:
     """The certified intervals of the sweep; own and certified: see `_answer`."""
     rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
-    lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
+    lines = [
+        (text, warning)
+        for text, warning in intervals.lines
+        if warning or not (rows and text.startswith("  "))
+    ]
     of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
-    how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
+    how = (
+        "with its own numbers, certified"
+        if certified
+        else "with its own numbers, computed in double precision"
+    )
     said = ("Certified.", CERTIFIED * of_one)
-    if any(row_kind(word).vouched_for(intervals.table.columns) == "checked" for word in intervals.table.facts["methods"]):
+    if any(
+        row_kind(word).vouched_for(intervals.table.columns) == "checked"
+        for word in intervals.table.facts["methods"]
+    ):
         said = "Certified or checked, as each row says.", ""
     if doubtful and intervals.table.columns["certified"].all():
         said = "Certified, but not known everywhere.", "A line below says where."
     elif doubtful:
         said = "Not all of this is certified.", ""
     yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
-    yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
+    yield (
+        html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
+    )
     yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
 
 
@@ -207,12 +258,16 @@ def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[st
         yield html.table(("with", "value", "what makes it unstable"), rows)
 
 
-def _verification(spec: Spec, found: Iterable[ReportSection], name: str, asked: ReportRequest) -> Iterator[str]:
+def _verification(
+    spec: Spec, found: Iterable[ReportSection], name: str, asked: ReportRequest
+) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
     from wavesweep.program.platform_compat import versions
 
     found = list(found)
-    again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")
+    again = f"wavesweep report {name}{_for_hands(asked)}" + (
+        f" --cut {quote(asked.cut)}" if asked.cut else ""
+    )
     commands = [f"{entry.command} --out verified" for entry in found]
     yield html.element("h2", "How to verify this report")
     yield html.element("p", f"Save the spec below as {spec.name}.toml, and run:")
@@ -234,5 +289,7 @@ def _text(spec: Spec, asked: ReportRequest) -> Iterator[str]:
 
     yield html.element("h2", f"The spec, {spec.name}.toml")
     if asked.overrides:
-        yield html.element("p", f"With these keys set to other values: {', '.join(asked.overrides)}", "small")
+        yield html.element(
+            "p", f"With these keys set to other values: {', '.join(asked.overrides)}", "small"
+        )
     yield html.element("pre", spec.source_place.text or as_toml(spec.tables()))

@@ -10,7 +10,12 @@ from wavesweep.program.atomic_files import write_file
 from wavesweep.reports import content
 
 
-def report(source: Source, path: str | Path | None = None, cut: str = "", for_hands: str | Iterable[str] = ()) -> str:
+def report(
+    source: Source,
+    path: str | Path | None = None,
+    cut: str = "",
+    for_hands: str | Iterable[str] = (),
+) -> str:
     """The report of a spec, as `wavesweep report` writes it.
 
     Parameters

@@ -67,7 +67,9 @@ def page(name: str, body: Iterable[str]) -> str:
 
 def head(name: str) -> str:
     """The lines by which a report of a spec of this name is known."""
-    return f'<meta name="generator" content="wavesweep report">\n<title>{escape(name)}: report</title>'
+    return (
+        f'<meta name="generator" content="wavesweep report">\n<title>{escape(name)}: report</title>'
+    )
 
 
 def element(name: str, text: str, kind: str = "") -> str:
@@ -112,7 +114,9 @@ def _headings(lines: Iterable[tuple[str, bool]]) -> list[tuple[int, str, bool]]:
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of texts."""
     cells = [("th", head), *(("td", row) for row in rows)]
-    lines = "\n".join(f"<tr>{''.join(element(name, text) for text in row)}</tr>" for name, row in cells)
+    lines = "\n".join(
+        f"<tr>{''.join(element(name, text) for text in row)}</tr>" for name, row in cells
+    )
     return f'<div class="wide"><table>\n{lines}\n</table></div>'
 
 

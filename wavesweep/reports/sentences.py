@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 MOST_VALUES = 6  # of an axis that are named
 MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
-BEYOND = (1e-3, 1e-6, 1e-9)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
+BEYOND = (
+    1e-3,
+    1e-6,
+    1e-9,
+)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
 HEADS = {
     "guarantee": "for",
     "hand": "for",
@@ -42,7 +46,9 @@ def question(spec: Spec) -> str:
         along, other_axes = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
         return "Is the loop stable, and how far may each of its numbers go?"
-    asked_for = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
+    asked_for = (
+        f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
+    )
     text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {asked_for}"
     single = []
     several = []
@@ -114,7 +120,11 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     if whose:
         shown.append(whose)
     shown += ["low", "high", "low_hz", "high_hz"]
-    shown += [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
+    shown += [
+        name
+        for name in ("fails_below", "fails_from")
+        if name in columns and not np.isnan(columns[name]).all()
+    ]
     units = {field.name: field.unit for field in fields_of(table.kind, columns, table.facts)}
     titles = {**HEADS, "low": f"{columns['along'][0]} from"}
     head = []
@@ -184,7 +194,9 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
     return rows_found
 
 
-def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: float) -> Iterator[list[str]]:
+def _beyond(
+    spec: Spec, along: str, axes: dict[str, float], end: float, side: float
+) -> Iterator[list[str]]:
     """Yield the value next to an end with which the loop is unstable, and the eigenvalue that makes it so."""
     from wavesweep.program.analyses.poles import poles
 
@@ -213,7 +225,9 @@ def _telling(columns: Columns) -> Iterator[dict]:
     if len(rows) <= MOST_ROWS:
         yield from rows
         return
-    ended = sorted((row for row in rows if not np.isnan(row["high_omega"])), key=lambda row: row["high"])
+    ended = sorted(
+        (row for row in rows if not np.isnan(row["high_omega"])), key=lambda row: row["high"]
+    )
     yield from ended[-1:] + ended[:1]
 
 

@@ -14,7 +14,10 @@ from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import SETTLED, GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
-BY_DISCS, BY_GAIN = 0.1, 1.0  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
+BY_DISCS, BY_GAIN = (
+    0.1,
+    1.0,
+)  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
@@ -66,7 +69,9 @@ class Bound:
         if (radius < LEAST).any():
             frame = np.max(period)
             expected = f"at least {np.log(SETTLED) / np.log(LEAST) * frame:.3g} s where a frame takes {frame:.3g} s"
-            raise UsageError(f"sweep.require.settling: expected {expected}, found {self.settling:g}")
+            raise UsageError(
+                f"sweep.require.settling: expected {expected}, found {self.settling:g}"
+            )
         return radius
 
     def logarithms(self, period, omega) -> np.ndarray:
@@ -84,7 +89,9 @@ class Bound:
         place = RequiredCircle() if self.bounded else self.damped.spiral(period)
         return along_by_discs(frames, errors, span, columns, period, bounds, resolved, place)
 
-    def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
+    def within_gain(
+        self, loops, along: str, span, period, bounds, resolved, stable: Intervals
+    ) -> Intervals:
         """The intervals in which the gain is small enough, looked for where the loops may be stable."""
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.signals import routed
@@ -105,10 +112,25 @@ class Bound:
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
-        way = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
-        discs = DISCS.format("each other and the unit circle" if self.bounded else "the spiral of the damping ratio")
+        way = (
+            f"{of_size}; of frames over the required radius, whose unit circle is its circle"
+            if self.of_size
+            else ""
+        )
+        discs = DISCS.format(
+            "each other and the unit circle" if self.bounded else "the spiral of the damping ratio"
+        )
         modes = [discs if self.damped or self.bounded else "", way]
-        return "; and ".join(filter(None, [*modes, of_size if self.gain and not any(modes) else "", GAIN if self.gain else ""]))
+        return "; and ".join(
+            filter(
+                None,
+                [
+                    *modes,
+                    of_size if self.gain and not any(modes) else "",
+                    GAIN if self.gain else "",
+                ],
+            )
+        )
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError for a time to settle or the band of a gain, along a number that changes the time of a frame."""
@@ -120,8 +142,12 @@ class Bound:
         elif self.gain and self.gain.band_hz:
             refused, expected = "band_hz", "expected a gain at all frequencies"
         if refused:
-            instead = f"or list its values in [sweep] ({name} = [...]) and look along another number"
-            raise UsageError(f"{name} changes the time of a frame: {expected}, found {refused}; {instead}")
+            instead = (
+                f"or list its values in [sweep] ({name} = [...]) and look along another number"
+            )
+            raise UsageError(
+                f"{name} changes the time of a frame: {expected}, found {refused}; {instead}"
+            )
 
 
 def words_of(written: Mapping[str, object]) -> str:
@@ -131,16 +157,23 @@ def words_of(written: Mapping[str, object]) -> str:
         "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
         "bounded": "on the unit circle",
     }
-    modes = " and ".join(text.format(written[name]) for name, text in words.items() if name in written)
+    modes = " and ".join(
+        text.format(written[name]) for name, text in words.items() if name in written
+    )
     damped = ""
     if "damping_ratio" in written:
-        asked = Damped(written["damping_ratio"], written.get("modes", ALL_MODES), written.get("slower_than", 0.0))
+        asked = Damped(
+            written["damping_ratio"],
+            written.get("modes", ALL_MODES),
+            written.get("slower_than", 0.0),
+        )
         damped = asked.words()
     gain = written.get("gain")
     said = [
         f"every mode {modes}" if modes else "",
         damped or ("" if modes else "stability"),
-        gain and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
+        gain
+        and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
     ]
     return " and ".join(filter(None, said))
 

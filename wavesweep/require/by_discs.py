@@ -12,10 +12,21 @@ from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 MANY = 1024  # panels of a column that may be open
 LARGE = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
-TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
+TYPICAL = (
+    0.53,
+    0.37,
+    0.71,
+    0.13,
+    0.91,
+    1e-3,
+    0.0,
+    1.0,
+)  # of the span, where the structure of the frames is looked at
 
 
-def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | RequiredCircle) -> Intervals:
+def along_by_discs(
+    frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | RequiredCircle
+) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all eigenvalues are in their place, per column.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, of which the pivots are read. errors(column,

@@ -207,12 +207,16 @@ def _intervals(column, edges, label, judges, span, period, accuracy):
     intervals = []
     gaps = {}
     begun = False
-    for at, (low, high, verdict) in enumerate(zip(edges, [*edges[1:], span[1]], label, strict=True)):
+    for at, (low, high, verdict) in enumerate(
+        zip(edges, [*edges[1:], span[1]], label, strict=True)
+    ):
         sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
         if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
             if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
                 looked_at = low + (high - low) * LOOKED_AT
-                begun = all((judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging)
+                begun = all(
+                    (judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging
+                )
                 if begun:
                     continue
             if high - low > GAP * accuracy.of(high, width):

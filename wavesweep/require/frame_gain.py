@@ -27,7 +27,15 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import ROUNDING, MarginalModes, Ticks, inverse, on_circle, pole_inside, solve
+from wavesweep.engine.frames import (
+    ROUNDING,
+    MarginalModes,
+    Ticks,
+    inverse,
+    on_circle,
+    pole_inside,
+    solve,
+)
 from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
@@ -39,7 +47,9 @@ from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel
 
 POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an angle whatever rounding does
-ANGLES = 8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
+ANGLES = (
+    8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
+)
 
 
 def loops_between(loops, along, drift, route, number, p):

@@ -30,7 +30,15 @@ AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the 
 
 
 def along_gain(
-    loops: Loops, along: str, span, period, bounds, resolved, route, wanted: GainBound, stable: Intervals
+    loops: Loops,
+    along: str,
+    span,
+    period,
+    bounds,
+    resolved,
+    route,
+    wanted: GainBound,
+    stable: Intervals,
 ) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in which they may be stable.
 
@@ -48,7 +56,9 @@ def along_gain(
     port, _ = loops_between(loops, along, drift, route, number, p)
     if port.outputs > 1:
         output = route[1].removeprefix(OUTPUT)
-        raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {output}, which drifts")
+        raise UsageError(
+            f"sweep.require.gain.to: expected an output that comes to rest, found {output}, which drifts"
+        )
 
     ticks = port.kind.size
     of_sine = wanted.measure == BASE_BAND and ticks > 1
@@ -98,7 +108,9 @@ def _arc(wanted, ticks, step):
         folding = ""
         if ticks > 1 and wanted.measure != BASE_BAND:
             rate_of = "frames"
-            folding = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)'
+            folding = (
+                f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)'
+            )
         raise UsageError(
             f"sweep.require.gain.band_hz: expected frequencies up to {half_rate:g} Hz, half the "
             f"rate of the {rate_of}{folding}, found {wanted.band_hz[1]:g}"
@@ -117,5 +129,7 @@ def _attached(found, stable, nothing):
         near = (np.abs(end - stable_end) <= exact) & same_column
         nearest = near.argmax(-1)
         for name in (side, f"{side}_omega"):
-            ends[name] = np.where(near.any(-1), getattr(stable, name)[nearest], getattr(found, name))
+            ends[name] = np.where(
+                near.any(-1), getattr(stable, name)[nearest], getattr(found, name)
+            )
     return replace(found, **ends)

@@ -62,7 +62,11 @@ KEYS = Key.by_path(
             "no two equal",
         ),
         Key.word("sweep.require.gain.from", None, "input in [ports] of the gain that is bounded"),
-        Key.word("sweep.require.gain.to", None, "output in [ports] of the gain that is bounded, or a signal"),
+        Key.word(
+            "sweep.require.gain.to",
+            None,
+            "output in [ports] of the gain that is bounded, or a signal",
+        ),
         Key.positive(
             "sweep.require.gain.at_most",
             None,
@@ -71,7 +75,13 @@ KEYS = Key.by_path(
             "H-infinity norm, of all ticks of a frame",
             high=1e12,
         ),
-        Key("sweep.require.gain.band_hz", "list", None, "Hz", "lowest and highest frequency at which it has to be so"),
+        Key(
+            "sweep.require.gain.band_hz",
+            "list",
+            None,
+            "Hz",
+            "lowest and highest frequency at which it has to be so",
+        ),
         Key.word(
             "sweep.require.gain.measure",
             LIFTED,
@@ -107,7 +117,9 @@ class Require(TableValue):
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        table = {name: value for name, value in asdict(self).items() if value and value != ALL_MODES}
+        table = {
+            name: value for name, value in asdict(self).items() if value and value != ALL_MODES
+        }
         return table | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
@@ -123,7 +135,11 @@ class Require(TableValue):
         """The same for the search: bounds on the eigenvalues of the frames of a drawing."""
         from wavesweep.require.bound import Bound
 
-        damped = Damped(self.damping_ratio, self.modes, self.slower_than or 0.0) if self.damping_ratio else None
+        damped = (
+            Damped(self.damping_ratio, self.modes, self.slower_than or 0.0)
+            if self.damping_ratio
+            else None
+        )
         return Bound(self.radius or 1.0, self.settling or inf, damped, self.bounded, self.gain)
 
 
@@ -132,38 +148,60 @@ def build(request: Request) -> Require | None:
     leaves, mistakes = request.belongs.below(PATH), request.mistakes
     if (table := leaves.get("")) is not None:
         problem = "an empty table" if table.value == {} else show(table.value)
-        return mistakes.refuse(table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", problem, of_key=False)
-    if isinstance(getattr(leaves.get("gain"), "value", None), dict):  # as a call of the library gives it
+        return mistakes.refuse(
+            table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", problem, of_key=False
+        )
+    if isinstance(
+        getattr(leaves.get("gain"), "value", None), dict
+    ):  # as a call of the library gives it
         leaf = leaves.pop("gain")
         leaves |= {f"gain.{name}": Leaf(value, leaf.place) for name, value in leaf.value.items()}
     band = leaves.pop("gain.band_hz", None)
     numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
     if numbers.get("bounded") and len(numbers) > 1:
-        mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", "true alone", "other requirements as well", of_key=False)
+        mistakes.refuse(
+            leaves["bounded"],
+            f"{PATH}.bounded",
+            "true alone",
+            "other requirements as well",
+            of_key=False,
+        )
     for name in ("modes", "slower_than"):
         if name in numbers and "damping_ratio" not in numbers:
-            mistakes.refuse(leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False)
+            mistakes.refuse(
+                leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False
+            )
     gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
     _refuse_missing(mistakes, leaves, band)
     if band:
         gain["band_hz"] = _band(mistakes, band)
     _refuse_unknown_ports(request, leaves)
-    gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
+    gain = (
+        None
+        if {"from", "to", "at_most"} - gain.keys()
+        else GainBound(gain.pop("from"), gain.pop("to"), **gain)
+    )
     return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
 
 
 def _refuse_missing(mistakes, leaves, band):
     for name in NEEDED if band or leaves.keys() & {*OF_GAIN} else ():
         if name not in leaves:
-            first_leaf = band or next(leaf for name_of_leaf, leaf in leaves.items() if name_of_leaf in OF_GAIN)
-            mistakes.refuse(first_leaf, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}")
+            first_leaf = band or next(
+                leaf for name_of_leaf, leaf in leaves.items() if name_of_leaf in OF_GAIN
+            )
+            mistakes.refuse(
+                first_leaf, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}"
+            )
 
 
 def _band(mistakes, leaf) -> tuple:
     """The lowest and the highest frequency between which the gain is bounded (Hz)."""
     ends = tuple(mistakes.check_list(HZ, leaf, HZ.path, "[lowest, highest frequency]", count=2))
     if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
-        mistakes.refuse(leaf, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
+        mistakes.refuse(
+            leaf, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False
+        )
     return ends
 
 
@@ -171,10 +209,15 @@ def _refuse_unknown_ports(request, leaves):
     if not request.drawing:
         return
     hand = (request.drawing.hand or ())[:1]
-    for name, ports, columns_known in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
+    for name, ports, columns_known in (
+        ("gain.from", "inputs", hand),
+        ("gain.to", "outputs", ("x", "f_m") if hand else ()),
+    ):
         path = f"{PATH}.{name}"
         names = [leaves[name].value] if path in request.belongs.keys else []
-        request.refuse_unknown_ends(path, [name for name in names if name not in columns_known], ports)
+        request.refuse_unknown_ends(
+            path, [name for name in names if name not in columns_known], ports
+        )
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:
@@ -184,4 +227,6 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     return shapes.table(shapes_of | {"gain": shapes.table(gain)})
 
 
-TABLE = SpecTable(path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema)
+TABLE = SpecTable(
+    path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema
+)

@@ -79,7 +79,11 @@ def then(first: Joined, second: Joined) -> Joined:
     G = plus(second.G, times(times(A_2, spread), transposed(A_2)))
     Q = plus(first.Q, times(times(transposed(A_1), second.Q), plus((identity, 0.0), carried)))
     pivots = (*first.pivots, *second.pivots, np.linalg.det(star[0]))
-    below = first.below + second.below + _negative(first.G[0][:: first.points].real, second.Q[0][:: first.points].real)
+    below = (
+        first.below
+        + second.below
+        + _negative(first.G[0][:: first.points].real, second.Q[0][:: first.points].real)
+    )
     return Joined(E, _symmetric(G), _symmetric(Q), first.points, pivots, below)
 
 
@@ -164,14 +168,18 @@ class LongGain(BoundedGain):
 
     def _ticks(self, column, p):
         """E less identity, B, C and D of each kind of tick, in even units, the kinds, and pivots, `(points, k)`."""
-        port, pivots = loops_between(self.loops, self.along, self.drift, self.route, self.columns[column], p)
+        port, pivots = loops_between(
+            self.loops, self.along, self.drift, self.route, self.columns[column], p
+        )
         return _in_even_units(of_ticks(port, self.kept, p.shape)), port.kind.tolist(), pivots
 
     def _frame(self, level, column, p, points):
         """The frames of columns at values p, and pivots, `(points, k)`; points: of each panel."""
         ticks, kinds, pivots = self._ticks(column, p)
         with np.errstate(all="ignore"):
-            return in_a_row(kinds, [of_tick(*each, level**2, points) for each in ticks], then), pivots
+            return in_a_row(
+                kinds, [of_tick(*each, level**2, points) for each in ticks], then
+            ), pivots
 
     def _label(self, column, low, high, bounds):
         label, singular = self._at_level(self.level, column, low, high, bounds)
@@ -190,7 +198,10 @@ class LongGain(BoundedGain):
             if column.size == 1:
                 return np.full(1, OPEN), np.zeros(1, bool)
             halves = np.array_split(np.arange(column.size), 2)
-            parts = [self._at_level(level, column[half], low[half], high[half], bounds) for half in halves]
+            parts = [
+                self._at_level(level, column[half], low[half], high[half], bounds)
+                for half in halves
+            ]
             return tuple(map(np.concatenate, zip(*parts, strict=True)))
 
     def _labelled(self, level, column, low, high, bounds):

@@ -30,9 +30,14 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
     BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against it; of a controller's loop COLUMNS too.
     Errors: UsageError for other names.
     """
-    inputs = {name: wired for name, wired, _ in drawing.inputs} | {name: name for name in (drawing.hand or ())[:1]}
+    inputs = {name: wired for name, wired, _ in drawing.inputs} | {
+        name: name for name in (drawing.hand or ())[:1]
+    }
     outputs = _outputs(drawing)
-    for key, name, ports, port in (("from", source, inputs, "an input"), ("to", signal, outputs, "an output")):
+    for key, name, ports, port in (
+        ("from", source, inputs, "an input"),
+        ("to", signal, outputs, "an output"),
+    ):
         if name not in ports:
             named = [port for port in ports if "." not in port] if key == "to" else ports
             further = " or a signal BLOCK.PORT" if key == "to" else ""
@@ -42,7 +47,11 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
                 f"sweep.require.gain.{key}: expected {port} of the loop ({', '.join(named)}){further}, found {show(name)}{hint}"
             )
     drawing = replace(
-        drawing, outputs=(*(port for port in drawing.outputs if port[0] != signal), (signal, outputs[signal], ""))
+        drawing,
+        outputs=(
+            *(port for port in drawing.outputs if port[0] != signal),
+            (signal, outputs[signal], ""),
+        ),
     )
     return drawing, (inputs[source], OUTPUT + signal)
 
@@ -54,8 +63,15 @@ def _outputs(drawing: Drawing) -> dict[str, tuple]:
     outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
     columns = {}
     if drawing.hand:
-        columns = {name: terms for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True) if terms is not None}
+        columns = {
+            name: terms
+            for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True)
+            if terms is not None
+        }
         if not drawing.numbers:  # the loop of a controller
-            first = {name: next((output for output in names if output in outputs), None) for name, names in COLUMNS.items()}
+            first = {
+                name: next((output for output in names if output in outputs), None)
+                for name, names in COLUMNS.items()
+            }
             columns |= {name: outputs[output] for name, output in first.items() if output}
     return {**columns, **outputs}

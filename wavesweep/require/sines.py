@@ -28,7 +28,9 @@ AROUND = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
 WIDE = 0.2  # half width of the first arcs, of an angle of 1 in a frame
 MANY = 1000  # arcs that are looked at, beyond which the panel is halved
 AT_ONCE = 200_000  # values
-NARROWER = 9  # values of theta about the lowest one, between the neighbours of which the next ones are
+NARROWER = (
+    9  # values of theta about the lowest one, between the neighbours of which the next ones are
+)
 SMALLEST = 1e-3  # angle that is looked at, of that of the slowest mode
 TURNS = 14  # of narrowing
 LOWEST = 6  # of the angles, about which it is narrowed

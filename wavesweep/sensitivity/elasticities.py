@@ -15,7 +15,13 @@ from wavesweep.haptics.felt import feels, felt_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, keys_of, own_loop
-from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, EndCrossings, crossings_of, tracked_eigenvalue
+from wavesweep.sensitivity.sensitivity import (
+    SLOPPY,
+    STEP,
+    EndCrossings,
+    crossings_of,
+    tracked_eigenvalue,
+)
 
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
@@ -37,38 +43,65 @@ class _Ends:
     @classmethod
     def of(cls, found, axis):
         """Those of a table of intervals: with a frequency, or within the range, since knowledge may end there too."""
-        value, omega = (np.stack([found[f"{end}{suffix}"] for end in ("low", "high")], -1).ravel() for suffix in ("", "_omega"))
+        value, omega = (
+            np.stack([found[f"{end}{suffix}"] for end in ("low", "high")], -1).ravel()
+            for suffix in ("", "_omega")
+        )
         crossings = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
         return cls(crossings // 2, crossings % 2 == 1, value[crossings], omega[crossings])
 
 
-def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
+def elasticities(
+    grid: Grid, axis: Axis, found: Columns, names: Sequence[str]
+) -> dict[str, np.ndarray]:
     """How each end of intervals, and the stiffness felt there, moves with each number, for every combination of a grid.
 
     found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
     Errors: UsageError for a loop that varies smoothly with no other number, which has no such row.
     """
-    numbers = [path for path in _smooth(grid.spec, [each.path for each in grid.axes]) if path != axis.path]
+    numbers = [
+        path for path in _smooth(grid.spec, [each.path for each in grid.axes]) if path != axis.path
+    ]
     if not numbers:
         expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
-        raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
+        raise UsageError(
+            f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]"
+        )
     ends, batches = _Ends.of(found, axis), []
-    changes = {grid_axis.path: np.asarray(found[grid_axis.name])[ends.row] for grid_axis in grid.axes}
-    for members, several in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
+    changes = {
+        grid_axis.path: np.asarray(found[grid_axis.name])[ends.row] for grid_axis in grid.axes
+    }
+    for members, several in drawn_groups(
+        grid.spec, changes, ends.row.size, rates=True, along=axis.path
+    ):
         loops = _VariedLoops(grid.spec, axis, several.read, numbers)
         most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             batch = slice(start, start + most)
-            batches.append(_rows(replace(loops, loops=loops.loops.some(batch)), found, ends, members[batch]))
+            batches.append(
+                _rows(replace(loops, loops=loops.loops.some(batch)), found, ends, members[batch])
+            )
     names = ("at", *names)
-    kinds = dict.fromkeys(TEXTS, object) | {"interval": int, "crossing": int, "corner": bool, "certified": bool, "at": int}
+    kinds = dict.fromkeys(TEXTS, object) | {
+        "interval": int,
+        "crossing": int,
+        "corner": bool,
+        "certified": bool,
+        "at": int,
+    }
     joined_columns = {
-        n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(columns[n] for columns in batches)]) for n in names
+        n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(columns[n] for columns in batches)])
+        for n in names
     }
     order = np.argsort(joined_columns.pop("at"), kind="stable")
-    rows = ends.row[np.concatenate([np.zeros(0, int), *(columns["at"] for columns in batches)])[order]]
+    rows = ends.row[
+        np.concatenate([np.zeros(0, int), *(columns["at"] for columns in batches)])[order]
+    ]
     axes = {grid_axis.name: np.asarray(found[grid_axis.name])[rows] for grid_axis in grid.axes}
-    return axes | {name: column[order].astype(kinds.get(name, float)) for name, column in joined_columns.items()}
+    return axes | {
+        name: column[order].astype(kinds.get(name, float))
+        for name, column in joined_columns.items()
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +120,11 @@ class _VariedLoops:
 
     def with_end(self, p, each: int) -> Loops:
         """`each` copies of every loop; p: values of the axis, `(loops * each,)`."""
-        varied = {path: np.repeat(value, each) for path, value in self.loops.values.items() if np.ndim(value)}
+        varied = {
+            path: np.repeat(value, each)
+            for path, value in self.loops.values.items()
+            if np.ndim(value)
+        }
         return self.loops.changed({**varied, self.axis.path: np.where(p == 0, TINY, p)})
 
     def stepped(self, p, size) -> Loops:
@@ -96,7 +133,10 @@ class _VariedLoops:
         count = 1 + len(moving)
         step = STEP * 1j * np.tile(np.eye(count), (p.size, 1))
         varied = self.with_end(np.repeat(p, count) + step[:, 0] * np.repeat(size, count), count)
-        steps = {path: varied.values[path] * (1 + step[:, number]) for number, path in enumerate(moving, 1)}
+        steps = {
+            path: varied.values[path] * (1 + step[:, number])
+            for number, path in enumerate(moving, 1)
+        }
         return varied.changed(steps)
 
     def frames(self, varied, count) -> np.ndarray:
@@ -106,7 +146,9 @@ class _VariedLoops:
 
     def _drift(self):
         varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
-        return self.loops.changed({**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}).drift()
+        return self.loops.changed(
+            {**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}
+        ).drift()
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
@@ -115,8 +157,13 @@ class _VariedLoops:
         # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
         felts = []
         for share in (0, 1, -1, 2, -2):
-            stepped = {path: value for path, value in varied.values.items() if np.iscomplexobj(value)}
-            moved = {path: np.real(value) + np.imag(value) * (share * MOVED / STEP) for path, value in stepped.items()}
+            stepped = {
+                path: value for path, value in varied.values.items() if np.iscomplexobj(value)
+            }
+            moved = {
+                path: np.real(value) + np.imag(value) * (share * MOVED / STEP)
+                for path, value in stepped.items()
+            }
             felts.append(felt_of(varied.changed(moved), count))
         at_end, up, down, far_up, far_down = felts
         return at_end + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
@@ -125,7 +172,9 @@ class _VariedLoops:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
         drawn, drift = self.with_end(p, 1).drawn(), self._drift()
         labels = drawn.labels()
-        return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.remaining]
+        return np.real(drawn.period * drawn.ticks), [
+            labels[drift.states[index]] for index in drift.remaining
+        ]
 
 
 def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
@@ -137,14 +186,25 @@ def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
     deciding = {"rates.ratio"}
     if not spec.drawing and spec.builds(FAST, swept):
         deciding.add(FAST)
-    deciding |= {path_of(name) for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
-    return [path for path, value in values.items() if isinstance(value, float) and path not in deciding]
+    deciding |= {
+        path_of(name)
+        for path, tree in drawing.trees()
+        if decides(path)
+        for name, _ in names_in(tree)
+    }
+    return [
+        path for path, value in values.items() if isinstance(value, float) and path not in deciding
+    ]
 
 
 def without_derivatives(spec) -> list[str]:
     """Names of the numbers that the loop reads without being smooth in them."""
     smooth, read = _smooth(spec), keys_of(spec)
-    paths = [path for path, value in spec.values.items() if path in read and not isinstance(value, str) and path not in smooth]
+    paths = [
+        path
+        for path, value in spec.values.items()
+        if path in read and not isinstance(value, str) and path not in smooth
+    ]
     kept = "rates.slow_hz" if "rates.slow_hz" in spec.given else "the edges of a filter's band"
     return [_name(spec, path) + f" (the spec keeps {kept})" * (path == FAST) for path in paths]
 
@@ -152,7 +212,9 @@ def without_derivatives(spec) -> list[str]:
 def _name(spec, path):
     """The name that an axis of this key has: its symbol if there is one. A spec that gives the slow rate has no ratio."""
     path = "rates.slow_hz" if path == "rates.ratio" and "rates.slow_hz" in spec.given else path
-    return next((symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path)
+    return next(
+        (symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path
+    )
 
 
 def _rows(loops, found, ends, members) -> dict:
@@ -171,11 +233,16 @@ def _rows(loops, found, ends, members) -> dict:
     E = E.reshape(p.size, count, *E.shape[-2:])
     by_end = E.imag[:, 0] / STEP / size[:, None, None]
     by_number = E.imag[:, 1:] / STEP
-    crossings = crossings_of(E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper)
+    crossings = crossings_of(
+        E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper
+    )
     at = crossings.end
     certified = found["certified"][row][at]
     certain = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
-    states = [_states(share, labels) if ok else "" for share, ok in zip(crossings.share, certain, strict=True)]
+    states = [
+        _states(share, labels) if ok else ""
+        for share, ok in zip(crossings.share, certain, strict=True)
+    ]
     omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
     known_columns = {
         "at": members[at],
@@ -184,30 +251,42 @@ def _rows(loops, found, ends, members) -> dict:
         "crossing": crossings.number,
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
         "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
-        "damping_ratio": np.where(certain, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan),
+        "damping_ratio": np.where(
+            certain, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan
+        ),
         "states": np.array(states, object).reshape(at.size),
     }
     s = 1j * known_columns["omega"] * period[at]
     hz = lines_in_loops(loops.with_end(p, 1).some(at), s[:, None])
     known_columns |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
-    doubt = np.where(certified, np.where(crossings.defective, "defective", ""), found["doubt"][row][at].astype(str))
+    doubt = np.where(
+        certified,
+        np.where(crossings.defective, "defective", ""),
+        found["doubt"][row][at].astype(str),
+    )
     quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
     stiffness = loops.felt(varied, p.size * count)
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
         slope, error = _felt(stiffness.reshape(p.size, count)[at], felt_there, size[at], crossings)
-        if loops.axis.path not in loops.spec.wall:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
+        if (
+            loops.axis.path not in loops.spec.wall
+        ):  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
         else:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
-    value = np.stack([np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1)
+    value = np.stack(
+        [np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1
+    )
     tables = []
     for name, quantity in quantities.items():
         rows_of = _quantity(loops, known_columns, value, doubt, name, *quantity)
         known = ~np.isnan(rows_of["limit_value"])
         tables.append({name_of_column: column[known] for name_of_column, column in rows_of.items()})
-    joined_columns = {name: np.concatenate([rows_of[name] for rows_of in tables]) for name in tables[0]}
+    joined_columns = {
+        name: np.concatenate([rows_of[name] for rows_of in tables]) for name in tables[0]
+    }
     order = np.lexsort((joined_columns["crossing"], joined_columns["at"]))
     return {name: column[order] for name, column in joined_columns.items()}
 
@@ -229,7 +308,9 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings):
 def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
     """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way into a narrow one."""
     width = span[1] - span[0]
-    away = np.minimum(INSIDE * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(upper, -1, 1)
+    away = np.minimum(INSIDE * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(
+        upper, -1, 1
+    )
     steps = (p[:, None] + away[:, None] * (np.arange(1, STEPS + 1) / STEPS)).ravel()
     path, finite = eigenvalues(loops.frames(loops.with_end(steps, STEPS), steps.size))
     path = np.where(finite[:, None], path, np.nan).reshape(p.size, STEPS, -1)
@@ -238,7 +319,11 @@ def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
 
 def _states(share, labels) -> str:
     """The states that take part most, in per cent."""
-    order = [i for i in np.argsort(-share, kind="stable")[:NAMED] if share[i] >= LEAST and i < len(labels)]
+    order = [
+        i
+        for i in np.argsort(-share, kind="stable")[:NAMED]
+        if share[i] >= LEAST and i < len(labels)
+    ]
     return ", ".join(f"{labels[i]} {100 * share[i]:.0f} %" for i in order)
 
 
@@ -256,7 +341,9 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     bound = np.zeros(value.shape)
     bound[:, columns] = error
     with np.errstate(all="ignore"):
-        elasticity = np.where(value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None]))
+        elasticity = np.where(
+            value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None])
+        )
         slope = np.where(value == 0, np.nan, change / value)
     lost = ~(bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
     word = np.where((doubt == "")[:, None] & lost, "rounding", doubt[:, None])

@@ -8,20 +8,35 @@ import numpy as np
 
 from wavesweep.program.columns import Columns, axes_of
 from wavesweep.program.plots.labels import assumption, printed, symbol
-from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
+from wavesweep.program.plots.style import (
+    GRID,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    is_narrow,
+    note_below,
+)
 from wavesweep.program.tables.kind import plain
 from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8
 ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
-_BAR, _ROOM = 0.17, 0.95  # inches of the figure's height for a number, and for the title and the axis of a panel
+_BAR, _ROOM = (
+    0.17,
+    0.95,
+)  # inches of the figure's height for a number, and for the title and the axis of a panel
 _LETTERS = 46  # of a line above a panel
 _NARROW_LETTERS = 34  # the same of a narrow figure
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 _LOOKS = {  # of bars; the second is hatched, since its grey is much the same
     "end": {"facecolor": distinct_colour(0), "edgecolor": "white", "linewidth": 0},
-    "felt": {"facecolor": distinct_colour(1), "edgecolor": "white", "linewidth": 0, "hatch": "////"},
+    "felt": {
+        "facecolor": distinct_colour(1),
+        "edgecolor": "white",
+        "linewidth": 0,
+        "hatch": "////",
+    },
 }
 
 
@@ -33,7 +48,11 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
     heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
     with figure(TWO_COLUMNS, 0.5 + sum(heights)) as canvas:
-        grid = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel() if shown else ()
+        grid = (
+            canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel()
+            if shown
+            else ()
+        )
         for axes, panel in zip(grid, shown, strict=False):
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
@@ -49,28 +68,44 @@ def _add_legend(canvas: Any, shown: list[tuple[Columns, list[str], str]]) -> Non
     from matplotlib.patches import Patch
 
     if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
-        canvas.legend([Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2)
+        canvas.legend(
+            [Patch(**look) for look in _LOOKS.values()],
+            _QUANTITIES.values(),
+            loc="outside upper center",
+            ncols=2,
+        )
 
 
 def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:
     """Notes on the ends that have no bars, on how many are not drawn, and on a table without ends."""
-    notes = [*dict.fromkeys(f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars)][:PANELS]
+    notes = [
+        *dict.fromkeys(
+            f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars
+        )
+    ][:PANELS]
     drawn = sum(bool(bars) for _, bars, _ in panels)
     notes += [f"Shown: {PANELS} of {drawn} ends."] if drawn > PANELS else []
     if not panels:
         doubts = ", ".join(facts.get("doubts") or ())
         unknown = f"No end of an interval is known in the range searched ({doubts})."
-        notes += [unknown if doubts else "Stability sets no end of an interval in the range searched."]
+        notes += [
+            unknown if doubts else "Stability sets no end of an interval in the range searched."
+        ]
     return notes
 
 
 def _with_bars(rows: Columns) -> tuple[list[str], str]:
     """The numbers with bars, from the largest on, and a note on those that are left out."""
     largest: dict[str, float] = {}
-    for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
+    for number, elasticity in zip(
+        rows["number"].tolist(), rows["elasticity"].tolist(), strict=True
+    ):
         if not np.isnan(elasticity):
             largest[number] = max(largest.get(number, 0.0), abs(elasticity))
-    order = sorted((number for number, size in largest.items() if size > ROUNDED), key=lambda number: -largest[number])
+    order = sorted(
+        (number for number, size in largest.items() if size > ROUNDED),
+        key=lambda number: -largest[number],
+    )
     rest, missing = order[MOST:], len(set(rows["number"].tolist())) - len(largest)
     notes = [f"{len(rest)} more, each at most {largest[rest[0]]:.2g}"] if rest else []
     notes += [f"{still} without effect"] if (still := len(largest) - len(order)) else []
@@ -83,7 +118,11 @@ def _why_none(rows: Columns) -> str:
     if (rows["limit_value"] == 0).all():
         return "as a limit of 0 has no changes in per cent"
     missing = np.isnan(rows["elasticity"]).all()
-    return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
+    return (
+        f"since they are not known ({_why_missing(rows)})"
+        if missing
+        else "since no number moves it"
+    )
 
 
 def _why_missing(rows: Columns) -> str:
@@ -93,8 +132,15 @@ def _why_missing(rows: Columns) -> str:
 def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
     kinds = [quantity for quantity in _QUANTITIES if quantity in rows["quantity"].tolist()]
     for index, quantity in enumerate(kinds):
-        shown = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
-        at = [numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][shown].tolist()]
+        shown = (
+            (rows["quantity"] == quantity)
+            & np.isin(rows["number"].astype(str), numbers)
+            & ~np.isnan(rows["elasticity"])
+        )
+        at = [
+            numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4
+            for number in rows["number"][shown].tolist()
+        ]
         axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
     names = [symbol(number) + KEPT.get(number, "") for number in numbers]
     if is_narrow():  # what they keep stands below, as there is no room beside the bars
@@ -128,6 +174,8 @@ def _letters() -> int:
 
 
 def _end(rows: Columns) -> str:
-    of_end = int(np.argmax(rows["quantity"] == "end"))  # the other quantity is the stiffness felt there
+    of_end = int(
+        np.argmax(rows["quantity"] == "end")
+    )  # the other quantity is the stiffness felt there
     limit, unit = rows["limit_value"][of_end], printed(rows["unit"][of_end : of_end + 1])
     return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()

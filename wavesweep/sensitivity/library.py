@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 class LoopSensitivity(api.Loop):
     """Methods that `wavesweep.Loop` has in addition."""
 
-    def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
+    def sensitivity(
+        self, along: str | None = None, span: Span | None = None, **axes: Numbers
+    ) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number.
 
         Parameters

@@ -62,10 +62,18 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     balanced, units = balance(E)
     batches = []
     for number in range(order.shape[1]):
-        present = np.flatnonzero(np.isfinite(np.take_along_axis(far, order[:, number : number + 1], -1)[:, 0]))
+        present = np.flatnonzero(
+            np.isfinite(np.take_along_axis(far, order[:, number : number + 1], -1)[:, 0])
+        )
         chosen = delta[present, order[present, number]]
         crossing, near = _crossing(
-            balanced[present], units[present], dE_end[present], dE[present], chosen, size[present], rising[present]
+            balanced[present],
+            units[present],
+            dE_end[present],
+            dE[present],
+            chosen,
+            size[present],
+            rising[present],
         )
         batches.append(
             EndCrossings(present, np.full(present.size, number), *crossing).take(
@@ -91,7 +99,9 @@ def _crossing(E, units, dE_end, dE, delta, size, rising):
         near = np.abs(excess(delta)) <= CORNER * np.abs(F_end[:, 0]) * size
     share = np.abs(mode.left * mode.right)
     share /= np.maximum(share.sum(-1, keepdims=True), np.finfo(float).tiny)
-    wrong = ~near | ((F_end[:, 0] > 0) != rising)  # not the crossing that sets the end, as far as doubles tell
+    wrong = ~near | (
+        (F_end[:, 0] > 0) != rising
+    )  # not the crossing that sets the end, as far as doubles tell
     error = np.where(wrong[:, None] | ~np.isfinite(error), np.inf, error)
     return (delta, slope, error, share, np.abs(mode.overlap) < DEFECTIVE), near & ~wrong
 
@@ -130,7 +140,9 @@ def _mode(E, delta) -> _Mode:
     size = np.abs(E) + np.abs(delta)[:, None, None] * np.eye(n)
     off_right = noise * (np.abs(N) @ (size @ np.abs(right)))
     off_left = noise * ((np.abs(left) @ size) @ np.abs(N))
-    return _Mode(delta, left[:, 0], right[..., 0], (left @ right)[:, 0, 0], off_left[:, 0], off_right[..., 0])
+    return _Mode(
+        delta, left[:, 0], right[..., 0], (left @ right)[:, 0, 0], off_left[:, 0], off_right[..., 0]
+    )
 
 
 def _growth(dE, mode):

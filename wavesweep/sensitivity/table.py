@@ -15,7 +15,15 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.tables.interval_sentences import open_in_words
-from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
+from wavesweep.program.tables.kind import (
+    Line,
+    Numbers,
+    Recompute,
+    counted_doubts,
+    in_doubt,
+    plain,
+    whole_kind,
+)
 from wavesweep.program.tables.number_words import span_in_words
 from wavesweep.program.tables.table import Table, facts_of, held
 
@@ -48,7 +56,10 @@ def why(spec: Spec, along: str | None = None) -> Table:
     found = in_memory(job)
     columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
     certified = int(found["certified"].all())
-    notices = [f"{other_axis.name} is not swept here, {held(spec, other_axis.path)}" for other_axis in other_axes]
+    notices = [
+        f"{other_axis.name} is not swept here, {held(spec, other_axis.path)}"
+        for other_axis in other_axes
+    ]
     notices += _span_notices(spec, axis)
     if left_out := without_derivatives(spec):
         notices.append(
@@ -59,11 +70,26 @@ def why(spec: Spec, along: str | None = None) -> Table:
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, {"intervals": method(job.asked), "why": METHOD}, counts, timings, notices, [axis.path], nominal=True)
-    ends = zip(*(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True)
+    facts = facts_of(
+        spec,
+        {"intervals": method(job.asked), "why": METHOD},
+        counts,
+        timings,
+        notices,
+        [axis.path],
+        nominal=True,
+    )
+    ends = zip(
+        *(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True
+    )
     spans = [{"low": low, "high": high} for low, high in ends]
     doubts = counted_doubts(found["doubt"])
-    searched = {"name": axis.name, "unit": spec.names.keys[axis.path].unit, "from": axis.start, "to": axis.stop}
+    searched = {
+        "name": axis.name,
+        "unit": spec.names.keys[axis.path].unit,
+        "from": axis.start,
+        "to": axis.stop,
+    }
     open_ = [*filter(None, (open_places(found, row) for row in range(len(found["intervals"]))))]
     facts |= {"along": searched, "intervals": spans, "open": open_, "doubts": doubts}
     return Table.of("why", columns, facts)
@@ -71,10 +97,17 @@ def why(spec: Spec, along: str | None = None) -> Table:
 
 def _span_notices(spec: Spec, axis: Axis) -> list[str]:
     """Between which values an axis is searched that has no span in [sweep]."""
-    if any(swept.path == axis.path and not swept.values for swept in spec.sweep) or axis.path in spec.wall[:1]:
+    if (
+        any(swept.path == axis.path and not swept.values for swept in spec.sweep)
+        or axis.path in spec.wall[:1]
+    ):
         return []
     listed = any(swept.path == axis.path and swept.start < swept.stop for swept in spec.sweep)
-    said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
+    said = (
+        "has values in [sweep]: searched between their ends,"
+        if listed
+        else "has no span in [sweep]: searched"
+    )
     return [f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}"]
 
 
@@ -96,10 +129,18 @@ FIRST = 3  # numbers that are named
 LEAST = 5e-4  # an elasticity below which a number does not matter
 
 
-KEPT = {"rates.fast_hz": " (same ratio)", "rates.tick_hz": " (same periods in ticks)"}  # and what stays as it is beside it
+KEPT = {
+    "rates.fast_hz": " (same ratio)",
+    "rates.tick_hz": " (same periods in ticks)",
+}  # and what stays as it is beside it
 
 _MODE = ("crossing", "omega", "damping_ratio", "states", "corner", "second_hz")
-_OF_END = {"interval": "interval", "end": "side", **{name: name for name in _MODE}, "line_hz": "hz"}  # and their columns
+_OF_END = {
+    "interval": "interval",
+    "end": "side",
+    **{name: name for name in _MODE},
+    "line_hz": "hz",
+}  # and their columns
 
 
 def ends_of(columns: Columns) -> list[Columns]:
@@ -108,7 +149,10 @@ def ends_of(columns: Columns) -> list[Columns]:
     ends: dict[tuple, list[int]] = {}
     for row, key in enumerate(zip(*(columns[name].tolist() for name in names), strict=True)):
         ends.setdefault(key, []).append(row)
-    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in ends.values()]
+    return [
+        {name: np.asarray(column)[rows] for name, column in columns.items()}
+        for rows in ends.values()
+    ]
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -116,8 +160,14 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     ends = []
     for rows in ends_of(columns):
         of_quantity = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
-        limit, felt = (_limit({name: column[rows_of] for name, column in rows.items()}) for rows_of in of_quantity.values())
-        ends.append({name: plain(rows[column][0]) for name, column in _OF_END.items()} | {"limit": limit, "felt": felt})
+        limit, felt = (
+            _limit({name: column[rows_of] for name, column in rows.items()})
+            for rows_of in of_quantity.values()
+        )
+        ends.append(
+            {name: plain(rows[column][0]) for name, column in _OF_END.items()}
+            | {"limit": limit, "felt": felt}
+        )
     return {
         "along": dict(facts["along"]),
         "stable_intervals": [list(interval.values()) for interval in facts["intervals"]],
@@ -134,7 +184,9 @@ def _limit(rows: Columns) -> Numbers | None:
     """Value, unit, doubt, and elasticities, the largest first; None if there is no such limit."""
     if not len(rows["number"]):
         return None
-    order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[: min(FIRST, int((~np.isnan(rows["elasticity"])).sum()))]
+    order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[
+        : min(FIRST, int((~np.isnan(rows["elasticity"])).sum()))
+    ]
     return {
         "value": float(rows["limit_value"][0]),
         "unit": str(rows["unit"][0]),
@@ -149,12 +201,18 @@ def _lines(found: Numbers) -> Iterator[Line]:
     searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
     places = "".join(f", {open_in_words(place, unit)}" for place in found["open"])
     if spans:
-        yield f"{name}: stable from {' and '.join(span_in_words(*span) for span in spans)}{unit}{places}", False
+        yield (
+            f"{name}: stable from {' and '.join(span_in_words(*span) for span in spans)}{unit}{places}",
+            False,
+        )
     elif not found["doubts"]:
         yield f"{name}: no stable interval in {searched}", True
     if found["doubts"]:
         none = "" if spans else f", and no stable interval is known in {searched}{places}"
-        yield f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}", True
+        yield (
+            f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}",
+            True,
+        )
     if spans and not found["ends"]:
         yield f"stability sets no end of it in the range searched, {searched}", False
     for end in found["ends"]:
@@ -167,8 +225,15 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
     mode, image = mode_words(end["omega"], end["line_hz"], end["second_hz"])
     words_beside = " from frame to frame" if image else " beside it"
-    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{words_beside}"
-    yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
+    damped = (
+        ""
+        if end["damping_ratio"] is None
+        else f", damping ratio {end['damping_ratio']:.3g}{words_beside}"
+    )
+    yield (
+        f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
+        False,
+    )
     if end["states"]:
         yield f"  states that take part: {end['states']}", False
     yield _moves(limit)
@@ -176,35 +241,54 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
         line, warning = _moves(felt)
         said = felt["value"] == limit["value"] == 0  # a limit of 0 has no changes in per cent
         warning = warning and not said
-        yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
+        yield (
+            f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}",
+            warning,
+        )
 
 
 def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> tuple[str, bool]:
     """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is an image of that per frame."""
     if omega is None or hz is None:
         return "a mode that is not known", False
-    image, second = not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9), f" and {second_hz:.4g} Hz" if second_hz else ""
+    image, second = (
+        not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9),
+        f" and {second_hz:.4g} Hz" if second_hz else "",
+    )
     if image:
         once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
         return f"an oscillation of {hz:.4g} Hz{second} within the frame ({once})", True
     if not omega:
-        return f"a mode without oscillation from frame to frame{second and f', with one of{second[4:]} within it'}", False
+        return (
+            f"a mode without oscillation from frame to frame{second and f', with one of{second[4:]} within it'}",
+            False,
+        )
     return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{second})", False
 
 
 def _moves(limit: Numbers) -> Line:
     """The sentence about the numbers that matter most."""
-    moved = {number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST}
+    moved = {
+        number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST
+    }
     if moved:
-        moves = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
+        moves = [
+            f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()
+        ]
         verbs = ["moves it ", *[""] * len(moves)]
         named = [number + KEPT.get(number, "") for number in moved]
-        sentences = [f"1 % more {number} {verb}{move}" for number, verb, move in zip(named, verbs, moves, strict=False)]
+        sentences = [
+            f"1 % more {number} {verb}{move}"
+            for number, verb, move in zip(named, verbs, moves, strict=False)
+        ]
         return f"  {', '.join(sentences)}", False
     if limit["doubts"]:
         return f"  no elasticities ({', '.join(limit['doubts'])})", True
     if limit["value"] == 0:
-        return "  the limit is 0, which has no changes in per cent; the column slope has its derivatives", False
+        return (
+            "  the limit is 0, which has no changes in per cent; the column slope has its derivatives",
+            False,
+        )
     return "  no number of the loop moves it", False
 
 
@@ -219,4 +303,13 @@ def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
     return Recompute(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
-KINDS = (whole_kind("why", _numbers, _lines, "wavesweep.sensitivity.figure.why", again=_again, vouched=("limit_value",)),)
+KINDS = (
+    whole_kind(
+        "why",
+        _numbers,
+        _lines,
+        "wavesweep.sensitivity.figure.why",
+        again=_again,
+        vouched=("limit_value",),
+    ),
+)

@@ -58,7 +58,9 @@ class Body(NamedTuple):
     friction: float
 
 
-def slide(body: Body, x: float, v: float, f: float, length: float, plant: Sequence[float] | None) -> tuple[float, float]:
+def slide(
+    body: Body, x: float, v: float, f: float, length: float, plant: Sequence[float] | None
+) -> tuple[float, float]:
     """Move the body for `length` seconds under the held force ``f`` (N) and friction; returns position and velocity.
 
     In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. If the velocity reaches 0
@@ -91,7 +93,9 @@ def rest_time(body: Body, x: float, v: float, f: float) -> float:
     """
     c = body.damping / (2 * body.mass)
     w = (body.stiffness * x - f) / body.mass + c * v
-    v, w = (v, w) if v > 0.0 else (-v, -w) if v < 0.0 else (0.0, -abs(w))  # which sets off, and swings for half a turn
+    v, w = (
+        (v, w) if v > 0.0 else (-v, -w) if v < 0.0 else (0.0, -abs(w))
+    )  # which sets off, and swings for half a turn
     square = body.stiffness / body.mass - c * c
     if square > 0.0:
         omega = math.sqrt(square)

@@ -8,7 +8,11 @@ from wavesweep.program.tables.fields import columns_beside
 _GROUPS, _BODE = columns_beside(__file__), OF_CORE["bode"]
 TICKS = _GROUPS["ticks"]
 _LINEAR = [
-    replace(column, name=f"linear_{column.name}", description=f"{column.description}, of the linear loop")
+    replace(
+        column,
+        name=f"linear_{column.name}",
+        description=f"{column.description}, of the linear loop",
+    )
     for column in (*_BODE[4:12], *_BODE[14:16])
 ]
 COLUMNS = {

@@ -43,4 +43,10 @@ def simulate(spec: str, options: Options) -> None:
     from wavesweep.simulation import table as simulation
 
     kinds = ["simulate", "simulate-response"]
-    produce(kinds, [spec], options, lambda specs, **_: simulation.simulate(*specs), asked=lambda spec: spec.asking("simulate"))
+    produce(
+        kinds,
+        [spec],
+        options,
+        lambda specs, **_: simulation.simulate(*specs),
+        asked=lambda spec: spec.asking("simulate"),
+    )

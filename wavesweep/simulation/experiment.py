@@ -68,27 +68,42 @@ def linear_loop(spec: Spec) -> dict[str, Any]:
     return {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
 
 
-def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
+def seen_response(
+    spec: Spec, simulation: Simulation, tones: Sequence[Tone]
+) -> dict[str, np.ndarray]:
     """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy.
 
     If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
     """
-    signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
+    signals = {
+        "f_device": simulation.signals["f_h"],
+        **simulation.signals,
+    }  # without a reaction it is that of the whole port
     estimated = estimate(signals, tones, spec.tick_hz, simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
     estimated["omega_Ts"] = 2 * np.pi * estimated["frequency_hz"] * ratio / spec.tick_hz
     radius = radius_of(spec)
     stable = radius < 1
-    columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
+    columns = {
+        name: np.full(len(tones), word, dtype=object)
+        for name, word in (("spec", spec.name), ("controller", spec.kind))
+    }
     columns |= estimated
     loop = loop_at_hand(spec)
     linear = respond(loop, estimated["frequency_hz"])
-    columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns("linear_impedance", linear.impedance)
+    columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns(
+        "linear_impedance", linear.impedance
+    )
     errors = (linear.admittance_error, linear.impedance_error)
-    columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
+    columns |= {
+        f"linear_{name}_error": error
+        for name, error in zip(("admittance", "impedance"), errors, strict=True)
+    }
     if not stable:
-        columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
+        columns |= {
+            name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")
+        }
     # What is beyond double precision is missing.
     columns = {
         name: column if column.dtype == object else np.where(np.isinf(column), np.nan, column)

@@ -49,7 +49,11 @@ _AT_THE_HAND = (  # panel and its unit; column, label and number of the colour o
     ("energy", "J", "energy_device", "taken by motors", 0, False),
     ("energy", "J", "energy_hand", "given by hand", 2, False),
 )
-_DRAWN = {"device": "hand", "asked for": "against the hand", "taken by motors": "taken by this force"}  # in a drawn loop
+_DRAWN = {
+    "device": "hand",
+    "asked for": "against the hand",
+    "taken by motors": "taken by this force",
+}  # in a drawn loop
 
 
 def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -63,19 +67,30 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """
     spans = _spans(columns, facts)
     frames = _frames(facts)
-    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *frames, *_messages(columns, facts)]
+    rows = [
+        *_ports(columns, facts),
+        *_at_the_hand(columns, facts),
+        *frames,
+        *_messages(columns, facts),
+    ]
     columns = {**columns, FRAME: _lengths(columns)} if frames else columns
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
-                wall = facts["spec"]["simulate"].get("wall") if title.startswith("position") else None
-                _draw_panel(axes, {name: column[span] for name, column in columns.items()}, signals, wall)
+                wall = (
+                    facts["spec"]["simulate"].get("wall") if title.startswith("position") else None
+                )
+                _draw_panel(
+                    axes, {name: column[span] for name, column in columns.items()}, signals, wall
+                )
             row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
-            grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0)
+            grid[0, 0].axvspan(
+                *columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0
+            )
             if is_narrow():
                 grid[-1, 1].set_xlabel("shaded time (s)")
             else:
@@ -104,28 +119,48 @@ def _draw_legend(canvas: Any, row: Any) -> None:
     from matplotlib.transforms import blended_transform_factory
 
     handles, labels = row[-1].get_legend_handles_labels()
-    place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
+    place = {
+        "loc": "center left",
+        "bbox_to_anchor": (1.0, 0.5),
+        "handlelength": 1.2,
+        "borderpad": 0.2,
+    }
     if is_narrow():
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         row[0].set_title("\n".join([" "] * -(-len(labels) // across)))  # room for the legend
         left = blended_transform_factory(canvas.transFigure, row[0].transAxes)
-        place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": across, "columnspacing": 0.8}
+        place |= {
+            "loc": "lower left",
+            "bbox_to_anchor": (0.0, 0.98),
+            "ncols": across,
+            "columnspacing": 0.8,
+        }
         place |= {"bbox_transform": left}
         for axes in row:  # no power of ten above the panel, where the legend is
             if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
                 axes.yaxis.set_major_formatter("{x:g}")
     if handles:
-        row[0 if is_narrow() else -1].legend(handles, labels, fontsize=7, **place).set_in_layout(not is_narrow())
+        row[0 if is_narrow() else -1].legend(handles, labels, fontsize=7, **place).set_in_layout(
+            not is_narrow()
+        )
 
 
 def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
     """Yield the panels of what a simulation with a hand has."""
     left_out = () if "max_force" in facts["spec"]["simulate"] else ("f_device",)
     words = _DRAWN if "block" in facts["spec"] else {}
-    left_out = {*left_out, *(name for name in ("f_h", "energy_hand") if name in columns and not columns[name].any())}
-    present = (signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out)
+    left_out = {
+        *left_out,
+        *(name for name in ("f_h", "energy_hand") if name in columns and not columns[name].any()),
+    }
+    present = (
+        signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out
+    )
     for (title, unit), signals in groupby(present, key=lambda signal: signal[:2]):
-        named = [(name, words.get(said, said), distinct_colour(n), held) for *_, name, said, n, held in signals]
+        named = [
+            (name, words.get(said, said), distinct_colour(n), held)
+            for *_, name, said, n, held in signals
+        ]
         yield at_hand(title, "", unit, facts), named
 
 
@@ -135,9 +170,14 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     Outputs of one unit and about one size share a panel, with the inputs that are like them.
     """
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
-    sizes = {name: np.abs(columns[name]).max(initial=0.0, where=np.isfinite(columns[name])) for name in units}
+    sizes = {
+        name: np.abs(columns[name]).max(initial=0.0, where=np.isfinite(columns[name]))
+        for name in units
+    }
     ports = facts["spec"].get("ports", {})
-    entries, outputs = ([run_column(side, name) for name in ports.get(side, {})] for side in ("inputs", "outputs"))
+    entries, outputs = (
+        [run_column(side, name) for name in ports.get(side, {})] for side in ("inputs", "outputs")
+    )
     inputs = [name for name in entries if name in units and columns[name].any()]
     outputs = [name for name in outputs if name in units]
     unlisted = [name for name in units if name not in (*entries, *outputs)]
@@ -148,7 +188,9 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
     panels: list[list[str]] = []
     for name in outputs:
-        with_those = next((panel for panel in panels if all(alike(name, shown) for shown in panel)), None)
+        with_those = next(
+            (panel for panel in panels if all(alike(name, shown) for shown in panel)), None
+        )
         panels += [[name]] if with_those is None else []
         if with_those is not None:
             with_those.append(name)
@@ -162,8 +204,18 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     ]
     return [
         (
-            "\n".join(wrap(with_unit(title, "" if names is unlisted else printed([units[names[0]] or "1"])), _TITLE)),
-            [(name, name, IDEAL if name in inputs else distinct_colour(n), True) for n, name in enumerate(names)],
+            "\n".join(
+                wrap(
+                    with_unit(
+                        title, "" if names is unlisted else printed([units[names[0]] or "1"])
+                    ),
+                    _TITLE,
+                )
+            ),
+            [
+                (name, name, IDEAL if name in inputs else distinct_colour(n), True)
+                for n, name in enumerate(names)
+            ],
         )
         for title, names in named
     ]
@@ -171,7 +223,11 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
 def _frames(facts: Mapping[str, Any]) -> list[Panel]:
     """The panel of the lengths of frames, if these were drawn or measured."""
-    return [("frame (ticks)", [(FRAME, "frame", distinct_colour(0), True)])] if "frames" in facts else []
+    return (
+        [("frame (ticks)", [(FRAME, "frame", distinct_colour(0), True)])]
+        if "frames" in facts
+        else []
+    )
 
 
 def _lengths(columns: Columns) -> np.ndarray:
@@ -184,11 +240,23 @@ def _lengths(columns: Columns) -> np.ndarray:
 
 def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     """The panel of how late messages or slow results come, if some do and it is known of which channel."""
-    channels = [name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"]
+    channels = [
+        name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"
+    ]
     if "late" not in columns or not columns["late"].any() or len(channels) > 1:
         return []
     return [
-        ("late (ticks)", [("late", f"messages of {channels[0]}" if channels else "slow results", distinct_colour(0), False)])
+        (
+            "late (ticks)",
+            [
+                (
+                    "late",
+                    f"messages of {channels[0]}" if channels else "slow results",
+                    distinct_colour(0),
+                    False,
+                )
+            ],
+        )
     ]
 
 
@@ -199,7 +267,11 @@ def _in_turn(facts: Mapping[str, Any]) -> str:
     frames, begin = facts["spec"]["simulate"].get("frames"), ""
     if isinstance(frames, str):
         seed = facts["spec"]["simulate"]["seed"]
-        begin = f"Frames at random, seed {seed}. " if frames == RANDOM else f"Frames as they were measured, {frames}. "
+        begin = (
+            f"Frames at random, seed {seed}. "
+            if frames == RANDOM
+            else f"Frames as they were measured, {frames}. "
+        )
     said = [
         f"{name} {', '.join(each if isinstance(each, str) else words.get(each, f'{each} ticks late') for each in late)}"
         for name, late in patterns
@@ -209,9 +281,14 @@ def _in_turn(facts: Mapping[str, Any]) -> str:
 
 def _unstable(facts: Mapping[str, Any]) -> str:
     """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
-    linear, stopped = facts.get("linear_loop", {"stable": True}), facts.get("ticks", {}).get("stopped")
+    linear, stopped = (
+        facts.get("linear_loop", {"stable": True}),
+        facts.get("ticks", {}).get("stopped"),
+    )
     radius = linear.get("spectral_radius")
-    said = ["unstable" + (f": spectral radius {radius:.6g} per frame" if radius is not None else "")] * (not linear["stable"])
+    said = [
+        "unstable" + (f": spectral radius {radius:.6g} per frame" if radius is not None else "")
+    ] * (not linear["stable"])
     return "; ".join([*said, *([f"stopped, {stopped}"] if stopped else [])])
 
 
@@ -237,15 +314,25 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
         later = changes[changes >= rows // 2]
         return int(later[0] if len(later) else changes[-1])
     options = facts["spec"]["simulate"]
-    return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
+    return (
+        int(np.searchsorted(columns["time_s"], options["at_s"]))
+        if options["input"] in ("step", "pulse")
+        else rows
+    )
 
 
-def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool, alone: bool) -> None:
+def _draw_signal(
+    axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool, alone: bool
+) -> None:
     """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps.
 
     How late messages are is drawn as a dot in each tick. alone: whether no other signal is in the panel.
     """
-    times, values, style = columns["time_s"], columns[name] * (1e3 if name in ("x", "x_s") else 1), {}
+    times, values, style = (
+        columns["time_s"],
+        columns[name] * (1e3 if name in ("x", "x_s") else 1),
+        {},
+    )
     if np.isnan(values).all():
         return
     if held and 1 < len(values) <= POINTS_OF_A_LINE:  # the last value is held for a tick as well
@@ -253,15 +340,21 @@ def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str
         style = {"drawstyle": "steps-post"}
     before = len(axes.get_lines())
     style |= {"marker": "."} if len(values) == 1 else {}
-    below = not before and not held and not alone  # wide and pale, so that an energy on another is seen
+    below = (
+        not before and not held and not alone
+    )  # wide and pale, so that an energy on another is seen
     if name == "late":
-        axes.plot(*extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label)
+        axes.plot(
+            *extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label
+        )
         most = max(int(values.max()), 0)
         ticks = [*[-1] * bool((values < 0).any()), *range(0, most + 1, max(1, round(most / 4)))]
         axes.set_yticks(ticks, ["lost" if tick < 0 else f"{tick}" for tick in ticks])
         return
     style |= {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
-    axes.plot(*extremes(times, values), color=paler(colour, 0.5 if below else 1), label=label, **style)
+    axes.plot(
+        *extremes(times, values), color=paler(colour, 0.5 if below else 1), label=label, **style
+    )
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -275,21 +368,40 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from wavesweep.program.plots.response_figures import Curve, at_both_ports, draw_curves
 
     spec, frequency_hz = spec_of(facts), columns["frequency_hz"]
-    linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
-    linear, look = linear | {"frequency_hz": frequency_hz}, {"marker": "_", "markersize": 14, "linestyle": "none"}
+    linear = {
+        name.removeprefix("linear_"): column
+        for name, column in columns.items()
+        if name.startswith("linear_")
+    }
+    linear, look = (
+        linear | {"frequency_hz": frequency_hz},
+        {"marker": "_", "markersize": 14, "linestyle": "none"},
+    )
     if spec is not None and not np.isnan(linear["admittance_abs"]).all():
-        band = np.geomspace(frequency_hz.min() / 2, min(2 * frequency_hz.max(), spec.tick_hz / 2), _LINEAR_POINTS)
+        band = np.geomspace(
+            frequency_hz.min() / 2, min(2 * frequency_hz.max(), spec.tick_hz / 2), _LINEAR_POINTS
+        )
         frequency, look = np.unique(np.concatenate([band, frequency_hz])), {}
         response = respond(loop_at_hand(spec), frequency)
-        linear = {"frequency_hz": frequency, **complex_columns("admittance", response.admittance.ravel())}
+        linear = {
+            "frequency_hz": frequency,
+            **complex_columns("admittance", response.admittance.ravel()),
+        }
         linear |= complex_columns("impedance", response.impedance.ravel())
     slow, curves = float(np.median(columns["omega_Ts"] / frequency_hz)), []
     for values, name, style in (
         (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **look}),
-        (columns, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
+        (
+            columns,
+            "simulated",
+            {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"},
+        ),
     ):
         count = len(values["frequency_hz"])
-        marks = {"omega_Ts": slow * values["frequency_hz"], "admittance_abs": 1e3 * values["admittance_abs"]}
+        marks = {
+            "omega_Ts": slow * values["frequency_hz"],
+            "admittance_abs": 1e3 * values["admittance_abs"],
+        }
         marks |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
         marks |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
         curves.append(Curve({**values, **marks}, name, style))

@@ -31,14 +31,25 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     a force that is not a vector of finite numbers, an option that does not exist or is out of range, or frames that the loop
     cannot have.
     """
-    effect_names, units = [field.name for field in fields(Effects)], (spec.at_port("m"), spec.at_port("N"))
+    effect_names, units = (
+        [field.name for field in fields(Effects)],
+        (spec.at_port("m"), spec.at_port("N")),
+    )
     if unknown := [name for name in changes if name not in effect_names]:
-        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name")
+        raise UsageError(
+            f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name"
+        )
     effects = replace(effects_of(spec), **changes)
-    force = hand_force(spec.asking("simulate"), effects.seed).force if force is None else inputs.given(force).force
+    force = (
+        hand_force(spec.asking("simulate"), effects.seed).force
+        if force is None
+        else inputs.given(force).force
+    )
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
     described = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
-    return simulate(spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"])
+    return simulate(
+        spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"]
+    )
 
 
 def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...]:
@@ -52,8 +63,12 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
     if frames != RANDOM:
         module = offered("frames")
         if module is None:
-            raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {frames}, found that it is not there")
-        return tuple(map(Frame, module.read_run(beside(spec, frames), spec.tick_hz).lengths.tolist()))
+            raise UsageError(
+                f"{FRAMES}: expected the capability frame_times, which reads {frames}, found that it is not there"
+            )
+        return tuple(
+            map(Frame, module.read_run(beside(spec, frames), spec.tick_hz).lengths.tolist())
+        )
     for_all, frames_run, length, ticks = spec.for_all, [], 0, 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
     for axis in for_all.changing:
@@ -83,7 +98,9 @@ def run_in_words(spec: Spec) -> RunWords:
             said = ", ".join(each if isinstance(each, str) else _late(each) for each in turns)
             messages.append(f"messages of {block.name} in turn {said}{rest}")
         elif block.loses_at_random:
-            messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
+            messages.append(
+                f"messages of {block.name} lost at random, seed {spec.simulate['seed']}"
+            )
     return RunWords(_frames_in_words(spec.simulate), "; ".join(messages) or IN_TIME.messages)
 
 
@@ -98,7 +115,11 @@ def _frames_in_words(experiment: Mapping[str, Any]) -> str:
     """The frames of an experiment in words; empty if they are those of the rates."""
     frames = experiment["frames"] or ()
     if isinstance(frames, str):
-        return f"frames at random, seed {experiment['seed']}" if frames == RANDOM else f"the frames of {frames}"
+        return (
+            f"frames at random, seed {experiment['seed']}"
+            if frames == RANDOM
+            else f"the frames of {frames}"
+        )
     if not frames:
         return ""
     lengths = ", ".join(f"{frame.ticks}" for frame in frames[:MOST_SHOWN])
@@ -112,7 +133,11 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     values = axis.values or range(int(axis.start), int(axis.stop) + 1)
     if spec.drawing is None:
         return list(values) if axis.path == "rates.ratio" else []
-    every = next(block.every for block in spec.drawing.blocks if name_of(axis.path) in {n for n, _ in names_in(block.every)})
+    every = next(
+        block.every
+        for block in spec.drawing.blocks
+        if name_of(axis.path) in {n for n, _ in names_in(block.every)}
+    )
     return [int(value_of(every, scalars({**spec.values, axis.path: value}))) for value in values]
 
 
@@ -125,11 +150,19 @@ def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
         return None
     delay = spec.values.get("environment.delay", 0)
     usual = [frame.ticks if spec.delay_of_frame else delay for frame in given]
-    delays = [usual if frame.delay is None else frame.delay for frame, usual in zip(given, usual, strict=True)]
+    delays = [
+        usual if frame.delay is None else frame.delay
+        for frame, usual in zip(given, usual, strict=True)
+    ]
     nominal = spec.values["rates.ratio"] if spec.step == "nominal" else None
     ticks, lost = tuple(frame.ticks for frame in given), [frame.lost for frame in given]
     return FrameClock(
-        ticks, tuple(None if gone else delay_of_result for gone, delay_of_result in zip(lost, delays, strict=True)), nominal
+        ticks,
+        tuple(
+            None if gone else delay_of_result
+            for gone, delay_of_result in zip(lost, delays, strict=True)
+        ),
+        nominal,
     )
 
 
@@ -142,16 +175,27 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
     """Return the force of the hand over the simulated time of the spec; seed: of noise, by default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
-    frequencies, settle, key = values["frequency_hz"], values["settle_s"], "tick_hz" if spec.drawing else "fast_hz"
+    frequencies, settle, key = (
+        values["frequency_hz"],
+        values["settle_s"],
+        "tick_hz" if spec.drawing else "fast_hz",
+    )
     makers = {
         "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
         "stepped-sine": lambda: inputs.stepped_sine(
-            fast_hz, frequencies, size, settle, values["periods"], most=math.inf if seconds is None else seconds
+            fast_hz,
+            frequencies,
+            size,
+            settle,
+            values["periods"],
+            most=math.inf if seconds is None else seconds,
         ),
         "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
         "step": lambda: inputs.pulse(fast_hz, size, seconds, at, seconds),
         "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
-        "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"] if seed is None else int(seed)),
+        "noise": lambda: inputs.noise(
+            fast_hz, size, seconds, values["seed"] if seed is None else int(seed)
+        ),
         "record": lambda: inputs.read_force(record_path(spec), fast_hz, f"rates.{key}"),
     }
     record = makers[values["input"]]()

@@ -56,7 +56,10 @@ class Effects:
             value = getattr(self, field.name)
             if not (value is None and field.default is None):
                 try:
-                    check(KEYS[f"simulate.{field.name}"], value.item() if isinstance(value, np.generic) else value)
+                    check(
+                        KEYS[f"simulate.{field.name}"],
+                        value.item() if isinstance(value, np.generic) else value,
+                    )
                 except Rejected as error:
                     raise UsageError(f"option {field.name}: {error}") from None
 
@@ -65,7 +68,9 @@ def encoder(resolution: float) -> Callable[[float], float]:
     """Return a function of the position (m) that gives the nearest step of the encoder."""
     if resolution == 0.0:
         return lambda x: x
-    return lambda x: resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
+    return lambda x: (
+        resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
+    )
 
 
 def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
@@ -78,12 +83,16 @@ def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
 
 def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
     """Return the ticks by which each slow result is late, None for one that is lost; others: a number of another slow loop."""
-    late = _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
+    late = (
+        _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
+    )
     lost = _source(effects, 2, *others).uniform(size=results) < effects.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
 
 
-def losses(effects: Effects, keys: Mapping[str, float], messages: int, *others: int) -> list[int | None]:
+def losses(
+    effects: Effects, keys: Mapping[str, float], messages: int, *others: int
+) -> list[int | None]:
     """Return what happens to each message of a channel with these keys: 0, or None for one that is lost at random; others: a
     number of another channel."""
     changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
@@ -99,7 +108,10 @@ def random_frames(effects: Effects) -> Callable[[Sequence[float]], int]:
     source = _source(effects, 4)
 
     def drawn(chances: Sequence[float]) -> int:
-        return min(bisect_right(list(accumulate(chances)), source.uniform() * sum(chances)), len(chances) - 1)
+        return min(
+            bisect_right(list(accumulate(chances)), source.uniform() * sum(chances)),
+            len(chances) - 1,
+        )
 
     return drawn
 

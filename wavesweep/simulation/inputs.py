@@ -13,7 +13,9 @@ from wavesweep.program.csv_files import read_csv
 from wavesweep.program.spec.studies import apart
 from wavesweep.simulation.keys import MOST_TICKS
 
-MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
+MOST_BYTES = (
+    40 * MOST_TICKS
+)  # of a record; times and forces with all their digits take 40 bytes a row
 _MOST = 2.0**53  # ticks; more cannot be counted by doubles
 _TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
@@ -39,16 +41,26 @@ class Input:
         self.force.flags.writeable = False
 
 
-def sine(fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0) -> Input:
+def sine(
+    fast_hz: float,
+    frequency_hz: float,
+    amplitude: float = 1.0,
+    seconds: float = 4.0,
+    settle: float = 2.0,
+) -> Input:
     """Return ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
 
     Errors: `UsageError` for a frequency out of range.
     """
     settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
     _check(fast_hz, frequency_hz)
-    periods = max(0, int((ticks - settled) * frequency_hz / fast_hz + 1e-9))  # a last period is whole in spite of rounding
+    periods = max(
+        0, int((ticks - settled) * frequency_hz / fast_hz + 1e-9)
+    )  # a last period is whole in spite of rounding
     force = amplitude * np.sin(2 * np.pi * frequency_hz / fast_hz * np.arange(ticks))
-    tone = Tone(frequency_hz, settled, settled + (round(periods * fast_hz / frequency_hz) if periods else 0))
+    tone = Tone(
+        frequency_hz, settled, settled + (round(periods * fast_hz / frequency_hz) if periods else 0)
+    )
     return Input(force, (tone,) if periods else ())
 
 
@@ -82,20 +94,36 @@ def stepped_sine(
         phase += 2 * np.pi * frequency / fast_hz * (last - first)
         tones.append(Tone(frequency, settled, last))
         first = last
-    return Input(amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones))
+    return Input(
+        amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones)
+    )
 
 
-def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0) -> Input:
+def chirp(
+    fast_hz: float,
+    start_hz: float = 0.1,
+    stop_hz: float = 50.0,
+    amplitude: float = 1.0,
+    seconds: float = 20.0,
+) -> Input:
     """Return a sine whose frequency rises logarithmically from `start_hz` to `stop_hz` (both above 0)."""
     if start_hz <= 0 or stop_hz <= 0:
-        raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")
+        raise UsageError(
+            f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}"
+        )
     t = np.arange(_ticks(fast_hz, seconds)) / fast_hz
     octaves = np.log(stop_hz / start_hz) / seconds if len(t) else 0.0
     turns = start_hz * (np.expm1(octaves * t) / octaves if octaves else t)
     return Input(amplitude * np.sin(2 * np.pi * turns))
 
 
-def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1, width: float = 0.05) -> Input:
+def pulse(
+    fast_hz: float,
+    amplitude: float = 1.0,
+    seconds: float = 2.0,
+    at: float = 0.1,
+    width: float = 0.05,
+) -> Input:
     """Return a force that lasts from `at` seconds for `width` seconds."""
     force = np.zeros(_ticks(fast_hz, seconds))
     first = _ticks(fast_hz, at)
@@ -112,11 +140,15 @@ def given(force) -> Input:
     """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a vector of finite numbers."""
     numbers = real_numbers(force)
     if numbers is None:
-        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}")
+        raise UsageError(
+            f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}"
+        )
     force = numbers.astype(float)
     if force.ndim != 1 or not np.isfinite(force).all():
         problem = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
-        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {problem}")
+        raise UsageError(
+            f"force: expected a row of finite numbers, one per fast tick, found {problem}"
+        )
     return Input(force)
 
 
@@ -130,7 +162,9 @@ def lasting(record: Input, ticks: int) -> Input:
 def _check(fast_hz: float, frequency_hz: float) -> None:
     """Reject a frequency that the fast rate cannot represent."""
     if not 0.0 < frequency_hz < fast_hz / 2:
-        raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency_hz} Hz")
+        raise UsageError(
+            f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency_hz} Hz"
+        )
 
 
 def _ticks(fast_hz: float, seconds: float) -> int:
@@ -156,11 +190,17 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         cells = lines[0].split(",") if file.names else []
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
         problem = file.listed if table else "text that is no table of numbers"
-        raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {problem}")
+        raise UsageError(
+            f"{path}:1: expected one column force_N and at most one time_s in the header, found {problem}"
+        )
     if len(lines) > MOST_TICKS:
-        raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
+        raise UsageError(
+            f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more"
+        )
     names = ["force_N", *["time_s"] * ("time_s" in file.names)]
-    if blank := [number for number, line in enumerate(lines, start=2) if not line.strip() and len(lines) > 1]:
+    if blank := [
+        number for number, line in enumerate(lines, start=2) if not line.strip() and len(lines) > 1
+    ]:
         raise UsageError(f"{path}:{blank[0]}: force_N: expected a number, found nothing")
     force, *times = file.numbers(names).T
     if times:

@@ -45,15 +45,36 @@ INPUTS = {
 KEYS = Key.by_path(
     [
         Key.word(
-            "simulate.input", "sine", "force of the hand, or signal of another input; without a hand a step by default", INPUTS
+            "simulate.input",
+            "sine",
+            "force of the hand, or signal of another input; without a hand a step by default",
+            INPUTS,
         ),
-        Key.word(FROM, None, "input of a drawn loop that it is fed to; by default the hand, or the first input"),
+        Key.word(
+            FROM,
+            None,
+            "input of a drawn loop that it is fed to; by default the hand, or the first input",
+        ),
         Key.number(
-            "simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"
+            "simulate.amplitude",
+            1.0,
+            "N",
+            "size of the force, or of the input in its unit; of noise its standard deviation",
         ),
-        Key.positive(FREQUENCIES, None, "Hz", "of the sine; of the stepped sine, in turn; both ends of the chirp"),
+        Key.positive(
+            FREQUENCIES,
+            None,
+            "Hz",
+            "of the sine; of the stepped sine, in turn; both ends of the chirp",
+        ),
         Key.gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
-        Key.whole("simulate.periods", 5, "least number of whole periods in which a stepped sine is measured", 1, 10_000),
+        Key.whole(
+            "simulate.periods",
+            5,
+            "least number of whole periods in which a stepped sine is measured",
+            1,
+            10_000,
+        ),
         Key.gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
         Key.gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
         Key.word(
@@ -61,9 +82,19 @@ KEYS = Key.by_path(
             None,
             "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
         ),
-        Key.gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
+        Key.gain(
+            "simulate.duration_s",
+            None,
+            "s",
+            "simulated time; by default 10 s, or what the steps or the record take",
+        ),
         Key.whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
-        Key.number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+        Key.number(
+            "simulate.wall",
+            None,
+            "m",
+            "where a one-sided wall begins; absent: the linear wall on both sides of 0",
+        ),
         Key(
             "simulate.pulls",
             "boolean",
@@ -75,9 +106,24 @@ KEYS = Key.by_path(
         HARDWARE_KEYS["simulate.resolution"],
         HARDWARE_KEYS["simulate.max_force"],
         HARDWARE_KEYS["simulate.friction"],
-        Key.gain("simulate.jitter", 0.0, "1", "largest share of a tick by which a tick is shorter or longer", high=0.9),
-        Key.whole("simulate.late", 0, "largest number of ticks by which a slow result is late", 0, 1_000_000, "tick"),
-        Key.gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
+        Key.gain(
+            "simulate.jitter",
+            0.0,
+            "1",
+            "largest share of a tick by which a tick is shorter or longer",
+            high=0.9,
+        ),
+        Key.whole(
+            "simulate.late",
+            0,
+            "largest number of ticks by which a slow result is late",
+            0,
+            1_000_000,
+            "tick",
+        ),
+        Key.gain(
+            "simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0
+        ),
         Key(
             SHOW,
             "list",
@@ -108,8 +154,12 @@ KEYS = Key.by_path(
 IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
     "ticks": Key.whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
-    "delay": Key.whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
-    "lost": Key("lost", "boolean", False, "", "whether its slow result never comes; the last one is held"),
+    "delay": Key.whole(
+        "delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"
+    ),
+    "lost": Key(
+        "lost", "boolean", False, "", "whether its slow result never comes; the last one is held"
+    ),
 }
 
 
@@ -166,23 +216,33 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
     for index, item in enumerate(leaf.value):
         path = f"{FRAMES}[{index}]"
         if isinstance(item, dict):
-            frame_keys = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path)
+            frame_keys = mistakes.read(
+                FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path
+            )
             if "ticks" not in item:
                 mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
         else:
-            frame_keys = {"ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)}
+            frame_keys = {
+                "ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)
+            }
         if frame_keys.get("ticks"):
             frames.append(Frame(**frame_keys))
             if frame_keys.get("delay", 0) > frame_keys["ticks"]:
                 expected = f"a whole number <= {frame_keys['ticks']}, the ticks of the frame"
-                mistakes.refuse(leaf, f"{path}.delay", expected, show(frame_keys["delay"]), of_key=False)
+                mistakes.refuse(
+                    leaf, f"{path}.delay", expected, show(frame_keys["delay"]), of_key=False
+                )
     ticks = sum(map(attrgetter("ticks"), frames))
     if ticks > LONGEST_FRAME:
-        mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
+        mistakes.refuse(
+            leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False
+        )
     return tuple(frames) if len(mistakes) == before else None
 
 
-def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, tuple[int | None, ...]]:
+def build_messages(
+    given: Mapping[str, Leaf], mistakes: Mistakes
+) -> dict[str, tuple[int | None, ...]]:
     """Return the ticks by which each message of a channel is late, None if it is lost, by channel, and add mistakes.
 
     given: the lists by path.
@@ -193,7 +253,12 @@ def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, t
         late: list[int | None] = []
         for item in leaf.value if isinstance(leaf.value, list) and leaf.value else [leaf.value]:
             lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
-            ticks = leaf.value != item and isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
+            ticks = (
+                leaf.value != item
+                and isinstance(item, int)
+                and not isinstance(item, bool)
+                and 0 <= item <= MOST_LATE
+            )
             late += [None] * int(lost[1] or 1) if lost else [item] * ticks
             if not (lost or ticks):
                 mistakes.refuse(leaf, path, expected, show(item), of_key=False)
@@ -204,7 +269,11 @@ def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, t
 def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
     """Return the ticks by which messages are late in turn, and the words for those that are lost, as a spec could give them."""
     runs = [(ticks_late, len(list(run))) for ticks_late, run in groupby(late)]
-    return [item for ticks_late, count in runs for item in ([f"{count} lost"] if ticks_late is None else [ticks_late] * count)]
+    return [
+        item
+        for ticks_late, count in runs
+        for item in ([f"{count} lost"] if ticks_late is None else [ticks_late] * count)
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +305,9 @@ class Experiment(TableValue):
     @property
     def hardware(self) -> Mapping[str, Any]:
         """Friction, resolution and largest force of the device."""
-        return {name: self.values[name] for name in (path.rpartition(".")[2] for path in HARDWARE_KEYS)}
+        return {
+            name: self.values[name] for name in (path.rpartition(".")[2] for path in HARDWARE_KEYS)
+        }
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
@@ -245,34 +316,63 @@ class Experiment(TableValue):
             del present["pulls"]
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         frames = present.get("frames", "")
-        frames = {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}
+        frames = (
+            {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}
+        )
         shown = {"show": list(present["show"])} if "show" in present else {}
-        messages = {name: written_messages(late) for name, late in present.get("messages", {}).items()}
+        messages = {
+            name: written_messages(late) for name, late in present.get("messages", {}).items()
+        }
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
 
     def on(self, device: HapticDevice | None) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
         numbers = device.simulation() if device else {}
-        missing = {name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given}
+        missing = {
+            name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given
+        }
         return replace(self, values=self.values | missing) if missing else self
 
     def unread(self) -> list[str]:
         """Return the keys that are given, and not as their defaults, and that the input does not read."""
-        settings = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
-        paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
-        return [name for name, path in paths.items() if path in settings and settings[path] != KEYS[path].default]
+        settings = {path: leaf.value for path, leaf in self.given.items()} | {
+            FREQUENCIES: self.frequencies
+        }
+        paths = {
+            name: f"simulate.{name}"
+            for name, inputs in READ_BY.items()
+            if self.values["input"] not in inputs
+        }
+        return [
+            name
+            for name, path in paths.items()
+            if path in settings and settings[path] != KEYS[path].default
+        ]
 
     def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
         """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
         half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
-        kind, sets_in, width, lasts = (self.values[name] for name in ("input", "at_s", "width_s", "duration_s"))
-        seconds, stop = self._seconds(), self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0
-        late = kind in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
+        kind, sets_in, width, lasts = (
+            self.values[name] for name in ("input", "at_s", "width_s", "duration_s")
+        )
+        seconds, stop = (
+            self._seconds(),
+            self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0,
+        )
+        late = (
+            kind in ("step", "pulse")
+            and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
+        )
         long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
         table = next((leaf.place.parent() for leaf in self.given.values()), Place())
         for name, wrong, expected, problem in (
             ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
-            ("frequency_hz" if lasts is None else "duration_s", seconds > most, long, f"{seconds:g} s"),
+            (
+                "frequency_hz" if lasts is None else "duration_s",
+                seconds > most,
+                long,
+                f"{seconds:g} s",
+            ),
             ("duration_s", lasts is not None and 0 < seconds * fast_hz <= 0.5, tick, show(seconds)),
             ("at_s", late, f"a number < {seconds!r} (simulate.duration_s)", show(sets_in)),
             ("width_s", kind == "pulse" and width * fast_hz <= 0.5, tick, show(width)),
@@ -285,7 +385,9 @@ class Experiment(TableValue):
         values, frequencies = self.values, self.values["frequency_hz"] or ()
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        return sum(step_seconds(tone, values["settle_s"], values["periods"]) for tone in frequencies)
+        return sum(
+            step_seconds(tone, values["settle_s"], values["periods"]) for tone in frequencies
+        )
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
@@ -297,14 +399,22 @@ def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict
     """The leaves of [simulate] without those of messages, and the values of all; adds their mistakes."""
     leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
-    checked = mistakes.read(KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)})
+    checked = mistakes.read(
+        KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)}
+    )
     checked[MESSAGES] = build_messages(of_messages, mistakes) or None
     if FRAMES in leaves:
         checked[FRAMES] = build_frames(leaves[FRAMES], mistakes)
     if SHOW in leaves:
         checked[SHOW] = names_in_list(leaves[SHOW]) or None
         if not checked[SHOW]:
-            mistakes.refuse(leaves[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(leaves[SHOW].value), of_key=False)
+            mistakes.refuse(
+                leaves[SHOW],
+                SHOW,
+                "a list of signals, BLOCK.PORT",
+                show(leaves[SHOW].value),
+                of_key=False,
+            )
     return leaves, checked
 
 
@@ -312,7 +422,9 @@ def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis 
     """The axis of frequencies that is given for an input, None without; a single number becomes a list in its leaf."""
     if "" in leaves and isinstance(leaves[""].value, (int, float)):
         leaves[""] = replace(leaves[""], value=[leaves[""].value])
-    nothing = "" in leaves and leaves[""].value == [] and kind not in INPUT_FREQUENCIES  # as `Experiment.written` has it
+    nothing = (
+        "" in leaves and leaves[""].value == [] and kind not in INPUT_FREQUENCIES
+    )  # as `Experiment.written` has it
     if not leaves or nothing:
         return None
     return build_axis("simulate", "frequency_hz", leaves, mistakes)
@@ -333,13 +445,17 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         values["duration_s"] = SECONDS
     if kind == "record" and values["record"] is None:
         expected = "the name of a CSV file for this input"
-        mistakes.refuse(leaves["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
+        mistakes.refuse(
+            leaves["simulate.input"], "simulate.record", expected, "nothing", of_key=False
+        )
     if frequency_leaves:
         leaves[FREQUENCIES] = Leaf(None, axis_place(frequency_leaves))
     return Experiment(values, axis, leaves)
 
 
-def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...]:
+def _frequencies(
+    kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes
+) -> tuple[float, ...]:
     """Return the frequencies of this input; too many of them, or only a span, are a mistake."""
     if kind not in INPUT_FREQUENCIES:
         return ()
@@ -365,8 +481,12 @@ def build(request: Request) -> Experiment:
     experiment = build_experiment(belongs, "step" if request.stepped else "sine", mistakes)
     if request.hz and experiment.given:  # defaults are not checked, since `simulate` may never run
         experiment.refuse_beyond_limits(request.hz, request.rate, mistakes)
-    request.refuse_unknown_ends(FROM, [belongs.keys[FROM].value] if FROM in belongs.keys else (), "inputs")
-    request.refuse_unknown_ends(SHOW, names_in_list(belongs.keys[SHOW]) if SHOW in belongs.keys else (), "outputs")
+    request.refuse_unknown_ends(
+        FROM, [belongs.keys[FROM].value] if FROM in belongs.keys else (), "inputs"
+    )
+    request.refuse_unknown_ends(
+        SHOW, names_in_list(belongs.keys[SHOW]) if SHOW in belongs.keys else (), "outputs"
+    )
     if request.drawing or not request.drawn:
         refuse_unknown_channels(belongs, request.drawing, mistakes)
     return experiment
@@ -379,13 +499,17 @@ def refuse_unknown_channels(belongs: Sorted, drawing: Drawing | None, mistakes: 
         if path not in channels:
             expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"
             problem = path or show(leaf.value), nearest(path, channels)
-            mistakes.refuse(leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *problem, of_key=False)
+            mistakes.refuse(
+                leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *problem, of_key=False
+            )
 
 
 def demand(spec: Spec) -> None:
     """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from."""
     mistakes = Mistakes()
-    spec.simulate.refuse_beyond_limits(spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes)
+    spec.simulate.refuse_beyond_limits(
+        spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes
+    )
     if spec.simulate["frames"] == RANDOM and not (spec.for_all and spec.for_all.at_random):
         expected = "shares of the lengths of frames in [for_all], by which they are drawn"
         mistakes.append(spec.mistake(FRAMES, expected, "none"))
@@ -408,13 +532,19 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
     keys = {path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()}
     frequency = KEYS[FREQUENCIES]
-    keys["frequency_hz"] = {"anyOf": [keys["frequency_hz"], shapes.axis(frequency), {"type": "array", "maxItems": 0}]}
+    keys["frequency_hz"] = {
+        "anyOf": [keys["frequency_hz"], shapes.axis(frequency), {"type": "array", "maxItems": 0}]
+    }
     keys["show"]["items"] = {"type": "string"}
-    frame = shapes.table({name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"])
+    frame = shapes.table(
+        {name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"]
+    )
     keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
     keys["frames"] = {"anyOf": [keys["frames"], {"type": "string", "minLength": 1}]}
     late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
-    return shapes.table(keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])})
+    return shapes.table(
+        keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])}
+    )
 
 
 TABLE = SpecTable(

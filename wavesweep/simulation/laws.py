@@ -42,7 +42,10 @@ def mass(period: float, mass: float, damping: float, stiffness: float) -> Law:
     a, b, c, d, e, g = zero_order_hold(mass, damping, stiffness, period).tolist()
     places = {"x": ((1.0, "position"),), "v": ((1.0, "velocity"),)}
     moved = {"position": ((a, "position"), (b, "velocity"), (c, "f"), (1.0, "position"))}
-    return Law(places, moved | {"velocity": ((d, "position"), (e, "velocity"), (g, "f"), (1.0, "velocity"))})
+    return Law(
+        places,
+        moved | {"velocity": ((d, "position"), (e, "velocity"), (g, "f"), (1.0, "velocity"))},
+    )
 
 
 def inertia(period: float, inertia: float, damping: float, stiffness: float) -> Law:
@@ -71,9 +74,15 @@ def _of_axes(axes, mass, damping, stiffness, through):
 
     def at_axes(rows):
         matrix = np.array(rows) if rows else np.zeros((len(axes_at_port), len(axes_at_port)))
-        return axes_at_port.T @ (np.diag(matrix[0]) if len(matrix) < len(axes_at_port) else matrix) @ axes_at_port
+        return (
+            axes_at_port.T
+            @ (np.diag(matrix[0]) if len(matrix) < len(axes_at_port) else matrix)
+            @ axes_at_port
+        )
 
-    slowed = np.linalg.solve(at_axes(mass), np.hstack([-at_axes(stiffness), -at_axes(damping), np.eye(n)]))
+    slowed = np.linalg.solve(
+        at_axes(mass), np.hstack([-at_axes(stiffness), -at_axes(damping), np.eye(n)])
+    )
     still = np.zeros((n, n))
     return LawMatrices(
         np.vstack([np.hstack([still, np.eye(n)]), slowed[:, : 2 * n]]),
@@ -90,7 +99,9 @@ def spring(period: float, k: float, d: float) -> Law:
     return Law({"f1": pull, "f2": tuple((-gain, name) for gain, name in pull)})
 
 
-def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str], *, discrete: bool) -> Law:
+def ss(
+    period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str], *, discrete: bool
+) -> Law:
     """State-space model, rows of numbers; the inputs of a continuous one are held over the period: exact."""
     n, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs]
     D = D or [[0.0] * len(inputs) for _ in outputs]
@@ -99,8 +110,17 @@ def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str],
         matrix = np.zeros((len(names), len(names)))
         matrix[:n] = changes
         changes = exponential_minus_one(matrix * period)[:n].tolist()
-    keeps = {name: _sum(row, names) + (() if discrete else ((1.0, name),)) for name, row in zip(names, changes, strict=False)}
-    return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)}, keeps)
+    keeps = {
+        name: _sum(row, names) + (() if discrete else ((1.0, name),))
+        for name, row in zip(names, changes, strict=False)
+    }
+    return Law(
+        {
+            name: _sum([*c, *d], names)
+            for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)
+        },
+        keeps,
+    )
 
 
 def _numbered(members, side):
@@ -109,7 +129,15 @@ def _numbered(members, side):
     return {port: i for i, port in enumerate(ports)}
 
 
-def continuous(period: float, members, gains: Mapping[tuple[str, str], float], inputs, outputs, arriving=(), sensed=()) -> Law:
+def continuous(
+    period: float,
+    members,
+    gains: Mapping[tuple[str, str], float],
+    inputs,
+    outputs,
+    arriving=(),
+    sensed=(),
+) -> Law:
     """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside that are held: exact.
 
     members: name, type, keys, input and output ports of each. gains: of a port and an output. inputs, outputs: port -> its name
@@ -125,12 +153,25 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
     K = np.zeros((len(ports), len(shown)))
     for (port, name), gain in gains.items():
         K[ports[port], shown[name]] = gain
-    through = np.linalg.solve(np.eye(len(shown)) - D @ K, np.hstack([C, D]))  # all outputs of states and inputs from outside
+    through = np.linalg.solve(
+        np.eye(len(shown)) - D @ K, np.hstack([C, D])
+    )  # all outputs of states and inputs from outside
     moved = np.hstack([A, B]) + B @ K @ through
     into, out = [ports[name] for name in inputs], [shown[name] for name in outputs]
-    matrices = moved[:, :order], moved[:, order:][:, into], through[out, :order], through[out, order:][:, into]
+    matrices = (
+        moved[:, :order],
+        moved[:, order:][:, into],
+        through[out, :order],
+        through[out, order:][:, into],
+    )
     if not (arriving or sensed):
-        return ss(period, *(matrix.tolist() for matrix in matrices), [*inputs.values()], [*outputs.values()], discrete=False)
+        return ss(
+            period,
+            *(matrix.tolist() for matrix in matrices),
+            [*inputs.values()],
+            [*outputs.values()],
+            discrete=False,
+        )
     arrivals = [(list(inputs).index(port), name, at) for port, name, at in arriving]
     read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
     return _within_tick(period, *matrices, [*inputs.values()], [*outputs.values()], arrivals, read)
@@ -138,8 +179,13 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
 
 def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
     """A continuous model from instant to instant of a tick; arriving, sensed: see `continuous`, with indices of ports."""
-    order, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs, *(name for _, name, _ in arriving)]
-    state = np.eye(order, len(names))  # the state and the inputs at an instant, of those at the tick
+    order, names = (
+        len(A),
+        [*(f"state {i}" for i in range(len(A))), *inputs, *(name for _, name, _ in arriving)],
+    )
+    state = np.eye(
+        order, len(names)
+    )  # the state and the inputs at an instant, of those at the tick
     pushed = np.eye(len(inputs), len(names), order)
     shown, now = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}, 0.0
     events = [(at, 0, port, order + len(inputs) + k) for k, (port, _, at) in enumerate(arriving)]
@@ -153,14 +199,21 @@ def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
         elif kind == 1:
             shown[place] = C[port] @ state + D[port] @ pushed
     gives = {name: _sum(row.tolist(), names) for name, row in shown.items()}
-    return Law(gives, {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)})
+    return Law(
+        gives, {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)}
+    )
 
 
 def _matrices(kind, keys, inputs, outputs):
     """A, B, C and D of a continuous block with so many ports."""
     if TYPES[kind].body:
         m, d, k = keys.values()
-        rows = [[0.0, 1.0], [-k / m, -d / m]], [[0.0], [1 / m]], [[1.0, 0.0], [0.0, 1.0]], [[0.0], [0.0]]
+        rows = (
+            [[0.0, 1.0], [-k / m, -d / m]],
+            [[0.0], [1 / m]],
+            [[1.0, 0.0], [0.0, 1.0]],
+            [[0.0], [0.0]],
+        )
     elif kind == "mass_matrix":
         rows = _of_axes(**keys)
     elif kind == "spring":
@@ -173,7 +226,8 @@ def _matrices(kind, keys, inputs, outputs):
     A, B, C, D = map(np.array, rows)
     shapes = (len(A), len(A)), (len(A), inputs), (outputs, len(A)), (outputs, inputs)
     return [
-        matrix.reshape(shape) if matrix.size else np.zeros(shape) for matrix, shape in zip((A, B, C, D), shapes, strict=True)
+        matrix.reshape(shape) if matrix.size else np.zeros(shape)
+        for matrix, shape in zip((A, B, C, D), shapes, strict=True)
     ]
 
 
@@ -181,9 +235,15 @@ def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: b
     """Transfer function from coefficients of descending powers of s or z, in direct or in controllable form."""
     if not discrete:
         return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
-    a, b = [coefficient / den[0] for coefficient in den], [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
+    a, b = (
+        [coefficient / den[0] for coefficient in den],
+        [0.0] * (len(den) - len(num)) + [each / den[0] for each in num],
+    )
     past = tuple(f"w{i}" for i in range(1, len(den)))
-    gives = {"w0": ((1.0, "u"), *_sum([-coefficient for coefficient in a[1:]], past)), "y": _sum(b, ("w0", *past))}
+    gives = {
+        "w0": ((1.0, "u"), *_sum([-coefficient for coefficient in a[1:]], past)),
+        "y": _sum(b, ("w0", *past)),
+    }
     return Law(gives, moves=(("w0", past),) if past else ())
 
 
@@ -191,7 +251,10 @@ def _controllable(num, den):
     """A, B, C and D of a transfer function from coefficients of descending powers of s."""
     n, a = len(den) - 1, [coefficient / den[0] for coefficient in den]
     b = [0.0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
-    A = [[-coefficient for coefficient in a[1:]], *([1.0 * (i == j) for j in range(n)] for i in range(n - 1))][:n]
+    A = [
+        [-coefficient for coefficient in a[1:]],
+        *([1.0 * (i == j) for j in range(n)] for i in range(n - 1)),
+    ][:n]
     C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a[1:], strict=True)]
     return LawMatrices(A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]])
 
@@ -234,7 +297,10 @@ def dead_time(ticks: int) -> Law:
 
 def difference(period: float) -> Law:
     """Change of `u` since the last run, over the period."""
-    return Law({"change": ((1.0, "u"), (-1.0, "before")), "y": ((1.0 / period, "change"),)}, {"before": ((1.0, "u"),)})
+    return Law(
+        {"change": ((1.0, "u"), (-1.0, "before")), "y": ((1.0 / period, "change"),)},
+        {"before": ((1.0, "u"),)},
+    )
 
 
 def saturation(period: float, high: float, low: float | None = None) -> Law:
@@ -245,7 +311,9 @@ def saturation(period: float, high: float, low: float | None = None) -> Law:
 def integrator(period: float, method: str, **limits) -> Law:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
     total, keeps = _integral("sum", "u", period, method)
-    return _within_limits(Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps), period, 1.0, **limits)
+    return _within_limits(
+        Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps), period, 1.0, **limits
+    )
 
 
 def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tracking_s=None):
@@ -263,7 +331,9 @@ def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tra
     elif anti_windup == "back-calculation" and float(ki):
         back = period / (ki * tracking_s)
         keeps["sum"] = (*keeps["sum"], (back, "y"), (-back, "free"))
-    return law._replace(gives=gives, keeps=keeps, limits={"y": (-high if low is None else low, high)}, stops=stops)
+    return law._replace(
+        gives=gives, keeps=keeps, limits={"y": (-high if low is None else low, high)}, stops=stops
+    )
 
 
 def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
@@ -290,7 +360,9 @@ def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law
     edge, gives, keeps, into = math.tan(math.pi * cutoff_hz * period), {}, {}, "u"
     for k in range((order + 1) // 2):
         real, out = 2 * k + 1 == order, "y" if 2 * k + 2 >= order else f"y{k}"
-        p, g, r, d = _section(passes, edge * cmath.exp(1j * math.pi * (2 * k + order + 1) / (2 * order)), real=real)
+        p, g, r, d = _section(
+            passes, edge * cmath.exp(1j * math.pi * (2 * k + order + 1) / (2 * order)), real=real
+        )
         a, b = f"q{k}", f"q{k}_im"
         second = () if real else ((-r.imag, b),)
         gives[out] = ((r.real, a), *second, (d, into))
@@ -316,7 +388,9 @@ def _section(passes, s, *, real):
     p = (1 + s) / (1 - s)
     to_one, to_minus_one = -2 * s / (1 - s), 2 / (1 - s)  # 1 - p and 1 + p, without cancelling
     at_gain, at_zero = (to_one, to_minus_one) if passes == "low" else (to_minus_one, -to_one)
-    g = abs(to_one) ** 0.5  # input and output of like size: the state stays of the size of the signal
+    g = (
+        abs(to_one) ** 0.5
+    )  # input and output of like size: the state stays of the size of the signal
     if real:
         d = at_gain / 2
         return FilterSection(p, g, d * at_zero / g, d)
@@ -327,19 +401,30 @@ def _section(passes, s, *, real):
 def lowpass(period: float, a: float = 0.0, cutoff_hz: float = 0.0) -> Law:
     """`y += a (u - y)`; a cutoff gives `a = dt/(dt + RC)`, `RC = 1/(2 pi cutoff)`."""
     a = a or period / (period + 1 / (2 * math.pi * cutoff_hz))
-    return Law({"step": ((1.0, "u"), (-1.0, "before")), "y": ((1.0, "before"), (a, "step"))}, {"before": ((1.0, "y"),)})
+    return Law(
+        {"step": ((1.0, "u"), (-1.0, "before")), "y": ((1.0, "before"), (a, "step"))},
+        {"before": ((1.0, "y"),)},
+    )
 
 
 def pi(period: float, kp: float, ki: float, method: str, **limits) -> Law:
     """`y = kp u + ki integral of u`."""
     total = integrator(period, method)
-    return _within_limits(Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps), period, ki, **limits)
+    return _within_limits(
+        Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps),
+        period,
+        ki,
+        **limits,
+    )
 
 
 def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str, **limits) -> Law:
     """The same and `kd slope`, `slope = (tau last slope + change of u)/(tau + T)`."""
     most, share = pi(period, kp, ki, method), 1 / (tau + period)
-    slope = {"change": ((1.0, "u"), (-1.0, "before")), "slope": ((tau * share, "last"), (share, "change"))}
+    slope = {
+        "change": ((1.0, "u"), (-1.0, "before")),
+        "slope": ((tau * share, "last"), (share, "change")),
+    }
     gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
     law = Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
     return _within_limits(law, period, ki, **limits)
@@ -347,7 +432,10 @@ def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str,
 
 def lead(period: float, zero_hz: float, pole_hz: float) -> Law:
     """`(1 + s/z)/(1 + s/p)` by the bilinear transform, each corner prewarped."""
-    num, den = ([1 + 1 / w, 1 - 1 / w] for w in (math.tan(math.pi * hz * period) for hz in (zero_hz, pole_hz)))
+    num, den = (
+        [1 + 1 / w, 1 - 1 / w]
+        for w in (math.tan(math.pi * hz * period) for hz in (zero_hz, pole_hz))
+    )
     return tf(period, num, den, discrete=True)
 
 
@@ -355,7 +443,12 @@ def notch(period: float, frequency_hz: float, q: float, depth: float) -> Law:
     """The notch of R. Bristow-Johnson's cookbook, of which a part of the frequency may be left."""
     angle = 2 * math.pi * frequency_hz * period
     alpha, middle = math.sin(angle) / (2 * q), -2 * math.cos(angle)
-    return tf(period, [1 + depth * alpha, middle, 1 - depth * alpha], [1 + alpha, middle, 1 - alpha], discrete=True)
+    return tf(
+        period,
+        [1 + depth * alpha, middle, 1 - depth * alpha],
+        [1 + alpha, middle, 1 - alpha],
+        discrete=True,
+    )
 
 
 def biquad(period: float, b0: float, b1: float, b2: float, a1: float, a2: float) -> Law:
@@ -379,7 +472,9 @@ def wave(period: float, b: float, gives: str) -> Law:
     del period
     impedance, admittance = root(2 * b), root(2 / b)
     if gives == "force":
-        return Law({"force": ((b, "v"), (-impedance, "in")), "out": ((impedance, "v"), (-1.0, "in"))})
+        return Law(
+            {"force": ((b, "v"), (-impedance, "in")), "out": ((impedance, "v"), (-1.0, "in"))}
+        )
     return Law({"v": ((admittance, "in"), (-1 / b, "f")), "out": ((1.0, "in"), (-admittance, "f"))})
 
 
@@ -402,11 +497,18 @@ def avatar(period: float, b: float, integration: str) -> Law:
 def local_model(period: float, b: float, K: float, B: float, integration: str) -> Law:
     """A spring K and a damper B behind a wave port: the avatar's equations with `f = K x_spring + B v`, solved for v."""
     moved, keeps = _integral("before", "speed", period, integration)
-    still = ((1.0, "before"),) if integration == "explicit" else tuple(term for term in moved if term[1] != "speed")
+    still = (
+        ((1.0, "before"),)
+        if integration == "explicit"
+        else tuple(term for term in moved if term[1] != "speed")
+    )
     ahead = sum(factor for factor, name in moved if name == "speed" and integration != "explicit")
     total = b + B + K * ahead
     gives = {
-        "speed": ((root(2 * b) / total, "in"), *((-K * factor / total, name) for factor, name in still)),
+        "speed": (
+            (root(2 * b) / total, "in"),
+            *((-K * factor / total, name) for factor, name in still),
+        ),
         "pull": (*((K * factor, name) for factor, name in still), (K * ahead + B, "speed")),
         "out": ((1.0, "in"), (-root(2 / b), "pull")),
     }
@@ -420,14 +522,30 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
 
 
-def in_delta_form(E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]) -> Law:
+def in_delta_form(
+    E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> Law:
     """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`."""
     names = [*(f"state {state}" for state in states), *inputs]
     keeps = {}
     for i, (name, e, b) in enumerate(zip(names, E.tolist(), B.tolist(), strict=False)):
-        last = (1.0, name) if e[i] != -1.0 else (0.0, name)  # a state that does not depend on itself gets a new value
-        keeps[name] = (*_sum([*(0.0 if last[0] == 0.0 and j == i else entry for j, entry in enumerate(e)), *b], names), last)
-    return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C.tolist(), D.tolist(), strict=True)}, keeps)
+        last = (
+            (1.0, name) if e[i] != -1.0 else (0.0, name)
+        )  # a state that does not depend on itself gets a new value
+        keeps[name] = (
+            *_sum(
+                [*(0.0 if last[0] == 0.0 and j == i else entry for j, entry in enumerate(e)), *b],
+                names,
+            ),
+            last,
+        )
+    return Law(
+        {
+            name: _sum([*c, *d], names)
+            for name, c, d in zip(outputs, C.tolist(), D.tolist(), strict=True)
+        },
+        keeps,
+    )
 
 
 def _sum(factors, names) -> Sum:
@@ -454,7 +572,20 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
                 difference,
                 integrator,
             ),
-            *(butterworth, wave, avatar, local_model, lowpass, pi, pid, lead, notch, biquad, fir, mean),
+            *(
+                butterworth,
+                wave,
+                avatar,
+                local_model,
+                lowpass,
+                pi,
+                pid,
+                lead,
+                notch,
+                biquad,
+                fir,
+                mean,
+            ),
         )
     }
 )

@@ -54,7 +54,9 @@ class LoopSimulation(api.Loop):
         """
         return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
 
-    def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
+    def plot_simulate(
+        self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None
+    ) -> Figure:
         """The figure of a simulation, as `wavesweep simulate` draws it.
 
         Parameters
@@ -70,9 +72,13 @@ class LoopSimulation(api.Loop):
         """
         tables = self.spec.asking("simulate").tables()
         off = [name for name, value in options.items() if value is None]
-        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
+        keys = {
+            name: value for name, value in (tables["simulate"] | options).items() if name not in off
+        }
         used = load(tables | {"simulate": keys}).asking("simulate")
-        return figure_from(ax, "simulate", self.simulate(force, **options), used, run=run_in_words(used))
+        return figure_from(
+            ax, "simulate", self.simulate(force, **options), used, run=run_in_words(used)
+        )
 
 
 class DrawnLoopSimulation(drawn_loop.DrawnLoop):
@@ -101,7 +107,11 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
         from pandas import DataFrame
 
         drawn, arrays = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
-        rows = {name: row.astype(float) for name, row in arrays.items() if row is not None and row.ndim == 1}
+        rows = {
+            name: row.astype(float)
+            for name, row in arrays.items()
+            if row is not None and row.ndim == 1
+        }
         names = _signal_names(drawn)
         unknown = [name for name in signals if name not in names]
         if drawn_loop.is_batch(drawn):
@@ -112,7 +122,9 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
                 f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {problem}"
             )
         if len(rows) < len(arrays) or len(set(map(len, rows.values()))) > 1:
-            raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
+            raise UsageError(
+                "simulate: expected as many numbers for each input, one per tick, found others"
+            )
         with drawn.naming_blocks():
             self.drift.closed_frame(drawn)
         marched = run_drawn(drawn, rows, tuple(signals))

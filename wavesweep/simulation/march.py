@@ -37,7 +37,9 @@ from wavesweep.simulation.running_blocks import (
 from wavesweep.simulation.tick_sums import TickSums, actual, arrived, besides, keep, run
 
 Messages = Mapping[str, Sequence[int | None]]
-SLOW_ALONE = MappingProxyType({"rates.ratio": 2, "environment.delay": 0})  # draw a slow environment without its timing
+SLOW_ALONE = MappingProxyType(
+    {"rates.ratio": 2, "environment.delay": 0}
+)  # draw a slow environment without its timing
 FARTHEST = 1e3  # m
 STRONGEST = 1e6  # N
 """A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
@@ -73,9 +75,9 @@ def simulate(
     if frames and drawing is None:
         values = {**values, **SLOW_ALONE}
     loop = loop_of(loop_drawing(values) if drawing is None else drawing, values, frames)
-    return March(loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}).under(
-        np.asarray(force, dtype=float), x, units
-    )
+    return March(
+        loop, effects, entry=entry, drawn=drawing is not None, messages=messages or {}
+    ).under(np.asarray(force, dtype=float), x, units)
 
 
 class MarchedRows(NamedTuple):
@@ -138,7 +140,9 @@ def results_of(loop: MarchedLoop) -> list[Results]:
     for block in loop.blocks:
         if block.name in channels:
             becomes_zero = channels[block.name]["missing"] == "zero"
-            messages.append(Results(((block.rhythm, 0),), False, block.name, becomes_zero, [f"{block.name}.y"]))
+            messages.append(
+                Results(((block.rhythm, 0),), False, block.name, becomes_zero, [f"{block.name}.y"])
+            )
         if block.rhythm.slow:
             for port in block.outputs:
                 slow[f"{block.name}.{port}"] = block
@@ -207,7 +211,9 @@ class March:
         moved_here = {loop.device} if loop.device else set()
         self.ticks = TickSums(loop, moved_here, delayed)
 
-    def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
+    def under(
+        self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")
+    ) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`, from rest at x (m)."""
         loop = self.loop
         lengths = tick_lengths(self.effects, loop.tick, len(force))
@@ -226,7 +232,9 @@ class March:
             signals[name] = column.copy()
         if "f_m" in signals:
             most = self.effects.max_force
-            signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
+            signals["f_device"] = (
+                signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
+            )
         signals["touching"] = np.array(touched, dtype=bool)
         moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(count)
         late = np.array(late, int)
@@ -239,7 +247,9 @@ class March:
         shown = (*dict(loop.entries), *seen)
         starts = loop.frames.starts if loop.frames else (0,)
         energy = energies(loop, signals, moved)
-        return Simulation(signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts)
+        return Simulation(
+            signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts
+        )
 
     def _lacking(self) -> frozenset[str] | None:
         """The columns that say nothing about a loop that a spec draws; None for a controller, whose table has all."""
@@ -258,7 +268,9 @@ class March:
         Delays of frames come on top of these. -1 is for a result that is lost. The last entry of all is for a result after the
         last tick.
         """
-        drawn: dict[Rhythm, list[int | None]] = {}  # of slow results; those of a loop are late together
+        drawn: dict[
+            Rhythm, list[int | None]
+        ] = {}  # of slow results; those of a loop are late together
         for result in self.results:
             origin = result.origin
             if result.channel:
@@ -266,7 +278,9 @@ class March:
                 continue
             if origin not in drawn:
                 stream = (len(drawn),) if drawn else ()
-                ticks_late = lateness(self.effects, origin.count(count - 1) if count else 0, *stream)
+                ticks_late = lateness(
+                    self.effects, origin.count(count - 1) if count else 0, *stream
+                )
                 pairs = zip([*ticks_late, 0], cycle(self.loop.delays), strict=False)
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
@@ -281,12 +295,16 @@ class March:
         number = [*self.loop.channels].index(channel)
         return losses(self.effects, self.loop.channels[channel], most, number)
 
-    def _first_lateness(self, count: int, drawn: Mapping[Rhythm, list[int | None]]) -> tuple[list[int], np.ndarray]:
+    def _first_lateness(
+        self, count: int, drawn: Mapping[Rhythm, list[int | None]]
+    ) -> tuple[list[int], np.ndarray]:
         """The ticks by which results of the first slow blocks are late, and which is last in each tick."""
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
         frames, ticks = np.divmod(np.arange(count), origin.every)
-        numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
+        numbers = (
+            frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
+        )
         if first is None:
             late = [0] * (origin.count(count) + 1)
         elif first.channel:
@@ -295,7 +313,9 @@ class March:
             late = drawn[origin]
         return [-1 if ticks is None else ticks for ticks in late], numbers
 
-    def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]) -> MarchedRows:
+    def _rows(
+        self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]
+    ) -> MarchedRows:
         """Run the ticks under these forces."""
         loop = self.loop
         ticks = self.ticks
@@ -312,7 +332,9 @@ class March:
         by_hand = self.entry == loop.hand
         share = 0
         if by_hand:
-            share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand)
+            share = sum(
+                factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand
+            )
         measure = encoder(self.effects.resolution)
         most = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
@@ -344,7 +366,9 @@ class March:
                 stopped = f"the hand's position exceeds {FARTHEST:g} {units[0]}"
                 return MarchedRows(rows, touched, z[position], stopped)
             if not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
-                return MarchedRows(rows, touched, z[position], f"a force exceeds {STRONGEST:g} {units[1]}")
+                return MarchedRows(
+                    rows, touched, z[position], f"a force exceeds {STRONGEST:g} {units[1]}"
+                )
             rows.append(shown(z)[:-1])
             touched.append(running.touching)
             if device:
@@ -378,13 +402,22 @@ class Running:
     wall: where it begins if it is one-sided. late: whether results may be late.
     """
 
-    def __init__(self, loop: MarchedLoop, ticks: TickSums, results: Sequence[Results], wall: float | None, late: bool) -> None:
+    def __init__(
+        self,
+        loop: MarchedLoop,
+        ticks: TickSums,
+        results: Sequence[Results],
+        wall: float | None,
+        late: bool,
+    ) -> None:
         one_sided = wall is not None
         self.ticks = ticks
         self.late = late
         self.z = [0.0] * len(ticks.places)
         self.results = results if one_sided or late else ()
-        self.shown = [[result for result in self.results if result.shown(k)] for k in range(loop.frame)]
+        self.shown = [
+            [result for result in self.results if result.shown(k)] for k in range(loop.frame)
+        ]
         self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
         self.places = {}
         if late:
@@ -425,7 +458,9 @@ class Running:
         """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
         for result in self.results:
             self._receive(result, k)
-        in_time = [(result, number) for result, number in shown if number < 0 or result.late[number] == 0]
+        in_time = [
+            (result, number) for result, number in shown if number < 0 or result.late[number] == 0
+        ]
         for result, number in in_time:
             if result.touches and 0 <= number < len(self.contacts):  # computed in a tick before
                 self.touching = self.contacts[number]
@@ -456,40 +491,77 @@ class Running:
 
 def refuse(loop: MarchedLoop, effects: Effects) -> None:
     """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
-    effects_asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
-    wall, late = ["wall"] * (effects.wall is not None), [name for name in ("late", "dropped") if getattr(effects, name)]
+    effects_asked = [
+        name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)
+    ]
+    wall, late = (
+        ["wall"] * (effects.wall is not None),
+        [name for name in ("late", "dropped") if getattr(effects, name)],
+    )
     plants = [block.name for block in loop.blocks if block.plant and block.name != loop.device]
     slow = [result for result in results_of(loop) if not result.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
     between = (
-        "one that dead times read or move between ticks" if any(block.type == "dead time" for block in loop.blocks) else "none"
+        "one that dead times read or move between ticks"
+        if any(block.type == "dead time" for block in loop.blocks)
+        else "none"
     )
     for names, met, expected, problem in (
-        (effects_asked, loop.device, "a device, the only block of type mass that the hand's force acts on", between),
+        (
+            effects_asked,
+            loop.device,
+            "a device, the only block of type mass that the hand's force acts on",
+            between,
+        ),
         (
             effects_asked[:1] * bool(effects.max_force),
             REACTION in loop.wires,
             "ports.hand.reaction, the force of the motors",
             "none",
         ),
-        (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
-        (["jitter"] * bool(effects.jitter), not loop.late[0], "forces that change at ticks", f"the dead time {loop.late[0]}"),
+        (
+            ["jitter"] * bool(effects.jitter),
+            not plants,
+            "no plant besides the device",
+            ", ".join(plants),
+        ),
+        (
+            ["jitter"] * bool(effects.jitter),
+            not loop.late[0],
+            "forces that change at ticks",
+            f"the dead time {loop.late[0]}",
+        ),
         (wall, loop.wall, linear, "none"),
-        (["pulls"] * (not effects.pulls), wall, "simulate.wall, where a one-sided wall begins", "none"),
-        (late + ["frames"] * loop.waits, slow, "slow blocks (every > 1) that others read, or a wall", "none"),
+        (
+            ["pulls"] * (not effects.pulls),
+            wall,
+            "simulate.wall, where a one-sided wall begins",
+            "none",
+        ),
+        (
+            late + ["frames"] * loop.waits,
+            slow,
+            "slow blocks (every > 1) that others read, or a wall",
+            "none",
+        ),
     ):
         if names and not met:
             raise UsageError(f"option {', '.join(names)}: expected {expected}, found {problem}")
 
 
-def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]) -> dict[str, np.ndarray]:
+def run_drawn(
+    drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]
+) -> dict[str, np.ndarray]:
     """Run the blocks of a drawing made in Python (a `MultirateLoop`) from rest and record signals, `(ticks,)` each.
 
     inputs: the value of each input from outside in every tick. The rows end before a signal is not finite.
     """
     ticks = TickSums(loop := loop_of_blocks(drawn, signals))
     running, rows = Running(loop, ticks, (), None, late=False), []
-    input_places, places = [running.place(name) for name in inputs], [running.place(name) for name in signals]
+    input_places, places = (
+        [running.place(name) for name in inputs],
+        [running.place(name) for name in signals],
+    )
     for k, row in enumerate(zip(*(column.tolist() for column in inputs.values()), strict=True)):
         for place, number in zip(input_places, row, strict=True):
             running.z[place] = number
@@ -497,4 +569,6 @@ def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[st
         rows.append([running.z[place] for place in places])
     array = np.array(rows).reshape(-1, len(places))
     finite = np.isfinite(array).all(axis=1)
-    return dict(zip(signals, array[: len(array) if finite.all() else int(finite.argmin())].T, strict=True))
+    return dict(
+        zip(signals, array[: len(array) if finite.all() else int(finite.argmin())].T, strict=True)
+    )

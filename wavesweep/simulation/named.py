@@ -76,9 +76,14 @@ def again(value: float, numbers: Mapping[str, float], seen: dict[int | str, floa
         return seen.setdefault(value.made, numbers[value.made])
     if id(value) not in seen:
         sign, first, *operands = (
-            operand if isinstance(operand, str) else again(operand, numbers, seen) for operand in value.made
+            operand if isinstance(operand, str) else again(operand, numbers, seen)
+            for operand in value.made
         )
         seen[id(value)] = (
-            -first if sign == "negative" else math.sqrt(first) if sign == "sqrt" else _SIGNS[sign](first, *operands)
+            -first
+            if sign == "negative"
+            else math.sqrt(first)
+            if sign == "sqrt"
+            else _SIGNS[sign](first, *operands)
         )
     return seen[id(value)]

@@ -77,7 +77,10 @@ def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.nda
     changes = any(name in late for _, name in loop.wires.get(REACTION, ()))  # between two ticks
     names = signals.keys() - ({"f_device"} if changes else ())
     with np.errstate(over="ignore", invalid="ignore"):
-        hand, device = (np.cumsum(signals[name] * moved) if name in names else None for name in ("f_h", "f_device"))
+        hand, device = (
+            np.cumsum(signals[name] * moved) if name in names else None
+            for name in ("f_h", "f_device")
+        )
         if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
         user = np.cumsum(loop.tick * power("u_m", "v_m"))
@@ -86,7 +89,9 @@ def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.nda
         periods = np.zeros(len(moved))
         periods[updates] = np.resize(rhythm.lasting(loop.tick), np.count_nonzero(updates))
         slow = np.cumsum(np.where(updates, periods * power("u_s", "v_s"), 0.0))
-        local = np.cumsum(loop.tick * power("u_h", "v_l")) if "u_h" in signals else np.zeros_like(user)
+        local = (
+            np.cumsum(loop.tick * power("u_h", "v_l")) if "u_h" in signals else np.zeros_like(user)
+        )
         return Energy(hand, device, user, slow, local, user - slow - local)
 
 
@@ -113,13 +118,21 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
         energy = getattr(simulation.energy, name)
         columns[f"energy_{name}"] = missing if energy is None else energy
     if simulation.lacking is not None:
-        columns = {k: column for k, column in columns.items() if column is not missing and k not in simulation.lacking}
-    finite = np.all([np.isfinite(column) for column in columns.values() if column is not missing], axis=0)
+        columns = {
+            k: column
+            for k, column in columns.items()
+            if column is not missing and k not in simulation.lacking
+        }
+    finite = np.all(
+        [np.isfinite(column) for column in columns.values() if column is not missing], axis=0
+    )
     finite_rows = len(ticks) if finite.all() else int(finite.argmin())
     return {name: column[:finite_rows] for name, column in columns.items()}
 
 
-def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
+def estimate(
+    signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int
+) -> dict[str, np.ndarray]:
     """Estimate the transmitted admittance ``x/f_h`` and impedance ``f_device/x`` at each tone's frequency.
 
     A multirate loop responds to a sine also at its images ``f + n·f_slow``, which would leak into the component at the
@@ -136,18 +149,24 @@ def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: 
     Accuracy: rounding, once the loop has settled. At multiples of half the slow rate the sine is its own image: there a
     single record depends on the phase of the sine against the slow clock, in an experiment as here.
     """
-    amplitudes = np.array([components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
+    amplitudes = np.array(
+        [components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex
+    ).reshape(-1, 3)
     f_h, x, f_device = amplitudes.T
     frequency = np.array([tone.frequency_hz for tone in tones])
     columns = {"frequency_hz": frequency, "omega_Ts": 2 * np.pi * frequency * ratio / fast_hz}
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing moved, or nothing pushed: NaN says so
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # nothing moved, or nothing pushed: NaN says so
         responses = {"admittance": x / f_h, "impedance": f_device / x}
     for name, response in responses.items():
         columns |= complex_columns(name, response)
     return columns
 
 
-def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, frame: int) -> list[complex]:
+def components(
+    signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, frame: int
+) -> list[complex]:
     """Complex amplitudes of `f_h`, `x` and `f_device` at a tone's frequency; see `record.estimate`.
 
     Each phase of the frame sees a sine, with an amplitude of its own, and a constant. The amplitudes are fitted phase by phase,
@@ -162,14 +181,18 @@ def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, fr
         )
     omega = 2 * np.pi * tone.frequency_hz / tick_hz
     rows = slice(tone.first, tone.first + frames * frame)
-    measured = np.concatenate([signals[name][rows].reshape(frames, frame) for name in ("f_h", "x", "f_device")], axis=1)
+    measured = np.concatenate(
+        [signals[name][rows].reshape(frames, frame) for name in ("f_h", "x", "f_device")], axis=1
+    )
     turn = omega * frame * np.arange(frames)
     alone = own_image(omega * frame)  # each phase sees one number, or two in turn
     basis = [np.cos(turn)] if alone else [np.cos(turn), np.sin(turn)]
     basis += [] if alone and np.cos(omega * frame) > 0 else [np.ones(frames)]
     coefficients = np.linalg.lstsq(np.stack(basis, axis=1), measured, rcond=None)[0]
     amplitudes = 2 * coefficients[0] if alone else coefficients[0] - 1j * coefficients[1]
-    return list((amplitudes.reshape(3, frame) * np.exp(-1j * omega * np.arange(frame))).mean(axis=1))
+    return list(
+        (amplitudes.reshape(3, frame) * np.exp(-1j * omega * np.arange(frame))).mean(axis=1)
+    )
 
 
 def own_image(angle: float) -> bool:

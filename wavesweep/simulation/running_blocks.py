@@ -15,15 +15,30 @@ from wavesweep.engine.drawing import AT, TYPES, Drawing, scalars, without_rule
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import degree, names_in, value_of
 from wavesweep.program.columns import run_column
-from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
+from wavesweep.simulation.laws import (
+    LAWS,
+    Law,
+    Sum,
+    continuous,
+    dead_time,
+    in_delta_form,
+    local_model_away,
+)
 
-FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
+FORCE = (
+    "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
+)
 DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply
 REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
 LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
-LOCAL = ("local_model.K_LM", "local_model.B_LM")  # of a controller's wires: a model of the contact, absent without one
+LOCAL = (
+    "local_model.K_LM",
+    "local_model.B_LM",
+)  # of a controller's wires: a model of the contact, absent without one
 SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
-ROUNDED = 1e-11  # of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
+ROUNDED = (
+    1e-11  # of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
+)
 SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
@@ -278,11 +293,15 @@ class MarchedLoop:
 
 def _only(blocks, kind, port=""):
     """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
-    names = [block.name for block in blocks if block.type == kind and (not port or port in block.outputs)]
+    names = [
+        block.name for block in blocks if block.type == kind and (not port or port in block.outputs)
+    ]
     return names[0] if len(names) == 1 else ""
 
 
-def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None = None) -> MarchedLoop:
+def loop_of(
+    drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None = None
+) -> MarchedLoop:
     """Return the loop that a drawing with these numbers (flat keys) is.
 
     frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they cannot have.
@@ -292,7 +311,9 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
         _refuse(frames, [(block, *_schedule(block, numbers)) for block in drawing.alone])
     rate = float(value_of(drawing.tick_hz, numbers))
     tick = 1.0 / rate
-    waits = {name: divided(value_of(tree, numbers) * rate) for name, tree in drawing.dead_times.items()}
+    waits = {
+        name: divided(value_of(tree, numbers) * rate) for name, tree in drawing.dead_times.items()
+    }
     blocks = _blocks(drawing, numbers, tick, frames, waits)
     terms = _terms(drawing)
     wall = None
@@ -346,7 +367,11 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
         late=late,
         wall=wall,
         walled=bool(drawing.wall),
-        entries=tuple((run_column("inputs", name), signal) for name, signal, _ in drawing.inputs if signal != hand),
+        entries=tuple(
+            (run_column("inputs", name), signal)
+            for name, signal, _ in drawing.inputs
+            if signal != hand
+        ),
         frames=frames,
         channels={block.name: _numbers(block, numbers) for block in drawing.senders},
     )
@@ -354,11 +379,15 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
 
 def _blocks(drawing, numbers, tick, frames, waits):
     """The blocks of a drawing with their laws: those by themselves, plants, and dead times. waits: of the last, in ticks."""
-    blocks = [_part(block, numbers, tick, frames) for block in drawing.alone if block.name not in waits]
+    blocks = [
+        _part(block, numbers, tick, frames) for block in drawing.alone if block.name not in waits
+    ]
     blocks += [_plant(plant, drawing, numbers, tick, waits) for plant in drawing.plants]
     for name, (ticks, _) in waits.items():
         law = dead_time(ticks)
-        blocks.append(RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law))
+        blocks.append(
+            RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law)
+        )
     return tuple(blocks)
 
 
@@ -429,7 +458,12 @@ def _velocity(drawing, hand, wires):
 def _device_of(drawing, hand, blocks, wires):
     """The mass that the hand's force moves, if it is a single one by itself; else empty."""
     moved = []
-    plants = {f"{block.name}.{port}": block.name for block in blocks if block.plant for port in block.inputs}
+    plants = {
+        f"{block.name}.{port}": block.name
+        for block in blocks
+        if block.plant
+        for port in block.inputs
+    }
     for port, sum_ in wires.items():
         if port in plants and any(name == hand for _, name in sum_):
             moved.append(plants[port])
@@ -440,7 +474,9 @@ def _device_of(drawing, hand, blocks, wires):
 
 def _about_to_change(wires, name):
     """What a dead time is about to bring to the reaction of the motors."""
-    return tuple((gain, f"{name}.next") for gain, signal in wires.get(REACTION, ()) if signal == f"{name}.y")
+    return tuple(
+        (gain, f"{name}.next") for gain, signal in wires.get(REACTION, ()) if signal == f"{name}.y"
+    )
 
 
 def _refuse(frames, schedules):
@@ -448,15 +484,23 @@ def _refuse(frames, schedules):
     slow = [schedule for schedule in schedules if schedule[1] > 1]
     for ticks, delay in zip(frames.ticks, frames.delays, strict=True):
         if (delay or 0) > ticks:
-            raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
+            raise UsageError(
+                f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}"
+            )
     if not slow:
-        raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
+        raise UsageError(
+            "simulate.frames: expected a slow environment, or blocks with `every` above 1, found none"
+        )
     everys = sorted({every for _, every, _ in slow})
     latest = max(phases[-1] for _, _, phases in slow)
     if len(everys) > 1:
-        raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
+        raise UsageError(
+            f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}"
+        )
     if latest >= min(frames.ticks):
-        raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
+        raise UsageError(
+            f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}"
+        )
     unruled = without_rule(block for block, *_ in slow if block.type != "channel")
     if unruled and len({*frames.rhythm(0).periods}) > 1:
         raise UsageError(
@@ -485,7 +529,9 @@ def _numbers(block, known):
 def _read_key(kind, value, known):
     """The value of a key of a type: of expressions, and of lists and rows of them."""
     if kind == "number":
-        return 1.0 * value_of(value, known)  # unlike `float`, this leaves a number with a name as it is
+        return 1.0 * value_of(
+            value, known
+        )  # unlike `float`, this leaves a number with a name as it is
     if kind == "integer":
         return int(value_of(value, known))
     if kind == "list":
@@ -510,7 +556,9 @@ def _part(block, known, tick, frames):
             continue
         law = LAWS[block.type](period, **keys)
         away = local_model_away(period, **keys) if block.type == "local_model" else law
-        by_period[period] = RunningBlock(block.name, block.type, *block.ports, rhythm, law, away, block.plant)
+        by_period[period] = RunningBlock(
+            block.name, block.type, *block.ports, rhythm, law, away, block.plant
+        )
     first = by_period[periods[0]]
     if len(by_period) == 1:
         return first
@@ -535,19 +583,25 @@ def _within_ticks(name, drawing, wires):
                 read[inside[signal]] = f"{inside[signal]}{AT}{name}"
     terms = wires[f"{name}.u"]
     wires[f"{name}.u"] = tuple(term for term in terms if term[1] not in read)
-    wires[f"{name}.sensed"] = tuple((gain, read[signal]) for gain, signal in terms if signal in read)
+    wires[f"{name}.sensed"] = tuple(
+        (gain, read[signal]) for gain, signal in terms if signal in read
+    )
     for plant in drawing.plants:
         for port, dead_time_name in plant.arriving:
             if dead_time_name != name:
                 continue
             arrives = wires[inside[port]]
-            soon = tuple((gain, f"{name}.next") for gain, signal in arrives if signal == f"{name}.y")
+            soon = tuple(
+                (gain, f"{name}.next") for gain, signal in arrives if signal == f"{name}.y"
+            )
             wires[f"{inside[port]}{AT}{name}"] = soon
 
 
 def _plant(plant, drawing, known, tick, waits):
     """A plant of several blocks; its inputs are those that a wire from outside leads to. waits: of dead times, in ticks."""
-    members = [(block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members]
+    members = [
+        (block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members
+    ]
     gains = {}
     for port, terms in plant.couplings:
         for gain, name in _valued(terms, known):
@@ -565,7 +619,9 @@ def _plant(plant, drawing, known, tick, waits):
         whole_ticks, share = waits[name]
         if whole_ticks:
             arriving.append((port, f"{inputs[port]}{AT}{name}", 1.0 - share))
-    sensed = [(signal, f"{outputs[signal]}{AT}{name}", waits[name][1]) for signal, name in plant.sensed]
+    sensed = [
+        (signal, f"{outputs[signal]}{AT}{name}", waits[name][1]) for signal, name in plant.sensed
+    ]
     law = continuous(tick, members, gains, inputs, outputs, arriving, sensed)
     into = (*inputs.values(), *(name for _, name, _ in arriving))
     out = (*outputs.values(), *(name for _, name, _ in sensed))
@@ -594,7 +650,9 @@ def _wall_of(drawing, terms, known):
             continue
         lead = next(iter(factors.values()))
         if factors_of_wall is None:
-            factors_of_wall = {place: value if lead > 0 else -value for place, value in factors.items()}
+            factors_of_wall = {
+                place: value if lead > 0 else -value for place, value in factors.items()
+            }
         share = lead / next(iter(factors_of_wall.values()))
         if not _is_multiple(factors, share, factors_of_wall):
             return None, {}
@@ -639,7 +697,9 @@ def _wall_factors(names, terms, known):
         rest = value_of(gain, none)
         slopes = [value_of(gain, none | {name: 1.0}) - rest for name in names]
         both = value_of(gain, none | dict.fromkeys(names, 1.0))
-        if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
+        if any(degree(gain, name) > 1 for name in read) or abs(
+            both - sum(slopes) - rest
+        ) > SAME * abs(both):
             return None
         for number, slope in enumerate(slopes):
             if slope:
@@ -664,8 +724,12 @@ def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
     blocks = []
     for placed_block in drawn.placed:
         block = placed_block.block
-        phases = placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,)
-        law = in_delta_form(block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs)
+        phases = (
+            placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,)
+        )
+        law = in_delta_form(
+            block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs
+        )
         rhythm = Rhythm(placed_block.every, phases)
         blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, rhythm, law, law))
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]

@@ -14,7 +14,15 @@ import numpy as np
 
 from wavesweep.program.columns import Columns, run_column
 from wavesweep.program.reading.keys import DEVICES
-from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
+from wavesweep.program.tables.kind import (
+    Line,
+    Numbers,
+    Recompute,
+    counted_doubts,
+    in_doubt,
+    plain,
+    whole_kind,
+)
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import RANDOM, entry_of
@@ -25,7 +33,9 @@ if TYPE_CHECKING:
 SHOWN = 5  # frequencies that a notice names
 WITHIN = 0.02  # share of its final value within which an output counts as settled
 SETTLED = 0.01  # share of the slowest mode that may be left where a sine is measured
-METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
+METHODS = {
+    "simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"
+}
 RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
     "linear_admittance": "resolvent of the frame, component at the force's own frequency",
@@ -40,14 +50,21 @@ def _at_hand(spec):
 def _frame_lengths(simulation, columns):
     """How many of the frames begun have each length, ticks."""
     begun = int(columns["frame"].max(initial=-1)) + 1
-    lengths = np.diff([*simulation.starts, simulation.frame])[np.arange(begun) % len(simulation.starts)]
+    lengths = np.diff([*simulation.starts, simulation.frame])[
+        np.arange(begun) % len(simulation.starts)
+    ]
     values, counts = np.unique(lengths, return_counts=True)
     return dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
 
 
 def simulate(spec: Spec) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from it."""
-    from wavesweep.simulation.experiment import linear_loop, seen_response, settled_values, simulation_of
+    from wavesweep.simulation.experiment import (
+        linear_loop,
+        seen_response,
+        settled_values,
+        simulation_of,
+    )
     from wavesweep.simulation.from_spec import hand_force
     from wavesweep.simulation.march import FARTHEST, STRONGEST
     from wavesweep.simulation.record import recorded
@@ -58,19 +75,27 @@ def simulate(spec: Spec) -> list[Table]:
     columns = recorded(simulation)
     simulated_at, linear = time.perf_counter(), linear_loop(spec)
     seconds = {"march_s": simulated_at - started}
-    facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
+    facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {
+        "linear_loop": linear
+    }
     rows = len(columns["tick"])
     stopped = simulation.stopped or ("numbers overflow" if rows < len(hand.force) else "")
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": stopped}
     if spec.drawing:  # whose rate may be an expression
         facts["tick_s"] = 1 / spec.tick_hz
     late = simulation.late
-    facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
+    facts["slow_results"] = {
+        "results": len(late),
+        "late": int((late > 0).sum()),
+        "lost": int((late < 0).sum()),
+    }
     if isinstance(spec.simulate["frames"], str):
         facts["frames"] = _frame_lengths(simulation, columns)
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
-    alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
+    alike = not (
+        spec.simulate["frames"] or spec.simulate["messages"] or at_random
+    )  # as those of the linear loop
     ends = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
     facts["settles_at"] = ends if alike else _reached(ends, columns)
     tables = [Table.of("simulate", columns, facts)]
@@ -112,7 +137,11 @@ def _unlike_the_linear(spec, linear, tones, frame):
     from wavesweep.simulation.record import own_image
 
     tick = 1 / spec.tick_hz
-    images = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
+    images = [
+        f"{tone.frequency_hz:g}"
+        for tone in tones
+        if own_image(2 * np.pi * tone.frequency_hz * tick * frame)
+    ]
     if images and frame > 1:
         image = "a sine is its own image: the response seen depends on its phase"
         yield f"at {', '.join(images)} Hz, a multiple of half the frame's rate, {image}"
@@ -127,7 +156,9 @@ def _unlike_the_linear(spec, linear, tones, frame):
         )
 
 
-def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
+def _facts(
+    spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
+) -> dict[str, Any]:
     from wavesweep.simulation.from_spec import beside, record_path, run_in_words
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
@@ -136,7 +167,9 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
     if spec.simulate["input"] == "record":
         facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
     if spec.simulate.frames_file:
-        facts["frames_sha256"] = hashlib.sha256(beside(spec, spec.simulate.frames_file).read_bytes()).hexdigest()
+        facts["frames_sha256"] = hashlib.sha256(
+            beside(spec, spec.simulate.frames_file).read_bytes()
+        ).hexdigest()
     return facts
 
 
@@ -152,10 +185,14 @@ def _notices(spec: Spec) -> Iterator[str]:
         yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
     if spec.preset:
-        beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
+        beyond = [
+            f"{name} = {value:g}" for name, value in limits if value and options[name] == value
+        ]
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
-        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.values.items()})
+        yield from over_preset(
+            spec, {f"simulate.{name}": value for name, value in options.values.items()}
+        )
     if options["resolution"] and spec.values.get("device.velocity") == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
 
@@ -165,7 +202,9 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     spec, options = facts["spec"], facts["spec"]["simulate"]
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows = len(columns["tick"])
-    motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
+    motors = (
+        np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
+    )
     ports, touching = spec.get("ports", {}), columns.get("touching", np.zeros(1, bool))
     entry = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
     frames, at_random = facts.get("frames"), options.get("frames") == RANDOM
@@ -184,11 +223,17 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "rest_s": _rest(columns) if options.get("friction") and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
-        "frames": {"frames": sum(frames.values()), "lengths": frames, "seed": seed} if rows and frames else None,
-        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped") or lost) and rows else None,
+        "frames": {"frames": sum(frames.values()), "lengths": frames, "seed": seed}
+        if rows and frames
+        else None,
+        "slow_results": facts["slow_results"]
+        if (options.get("late") or options.get("dropped") or lost) and rows
+        else None,
         "energy": _energy(columns) if rows and "energy_hand" in columns else None,
         "outputs": {
-            name: _stepped(columns, name, final, options["at_s"]) for name, final in facts.get("settles_at", {}).items() if rows
+            name: _stepped(columns, name, final, options["at_s"])
+            for name, final in facts.get("settles_at", {}).items()
+            if rows
         },
     }
 
@@ -216,11 +261,18 @@ def _rest(columns: Columns) -> float | None:
     """The time (s) from which on friction holds the device to the end, for more than a frame; None if it does not."""
     moved = np.flatnonzero(np.diff(columns["x"]))
     first = int(moved[-1]) + 1 if moved.size else 0
-    return float(columns["time_s"][first]) if columns["frame"][-1] - columns["frame"][first] > 1 else None
+    return (
+        float(columns["time_s"][first])
+        if columns["frame"][-1] - columns["frame"][first] > 1
+        else None
+    )
 
 
 def _energy(columns: Columns) -> Numbers:
-    last = {name: columns.get(f"energy_{name}", np.full(1, np.nan))[-1] for name in ("hand", "device", "channel")}
+    last = {
+        name: columns.get(f"energy_{name}", np.full(1, np.nan))[-1]
+        for name in ("hand", "device", "channel")
+    }
     least = {"channel_least": np.min(columns.get("energy_channel", np.nan))}
     return {name: plain(value) for name, value in (last | least).items()}
 
@@ -231,9 +283,15 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
     if not found["linear_loop"]["stable"]:
         yield unstable(found["linear_loop"]), True
     entry = f"{found['from']}:" if found["from"] else "force of the hand"
-    yield f"{found['controller']}, {entry} {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s", False
+    yield (
+        f"{found['controller']}, {entry} {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s",
+        False,
+    )
     if found["stopped"]:
-        yield f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it", True
+        yield (
+            f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it",
+            True,
+        )
     if ticks == 0:
         return
     if found["contact"]:
@@ -250,15 +308,26 @@ def _result_lines(found: Numbers) -> Iterator[Line]:
         yield f"came to rest at {found['rest_s']:.4g} s, and friction holds it to the end", False
     if found["share_at_max_force"] is not None:
         share = 100 * found["share_at_max_force"]
-        yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
+        yield (
+            f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time",
+            False,
+        )
     if found["frames"]:
         yield _frames_line(**found["frames"]), False
     if timing := found["slow_results"]:
-        yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
+        yield (
+            f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost",
+            False,
+        )
     for name, output in found["outputs"].items() if not found["stopped"] else ():
         yield _output_line(name, output), False
     if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
-        yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
+        yield (
+            _energy_line(
+                found["energy"], "force against it" if found["controller"] == "drawn" else "motors"
+            ),
+            False,
+        )
 
 
 def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> str:
@@ -283,7 +352,9 @@ def unstable(linear: Numbers) -> str:
     """The sentence about a linear loop that is not stable."""
     radius = linear["spectral_radius"]
     if radius is None:
-        return "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+        return (
+            "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+        )
     if radius == 1:
         return "the linear loop is not known to be stable (spectral radius 1 per frame, but for rounding)"
     return f"UNSTABLE: the linear loop diverges (spectral radius {radius:.6g} per frame)"
@@ -302,24 +373,42 @@ def _energy_line(energy: Numbers, taker: str) -> str:
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """Largest relative difference between the simulated response and that of the linear loop, None without one."""
     stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
-    off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
+    off = {
+        f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")
+    }
     verdict = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
     doubts = counted_doubts(columns["doubt"][columns["doubt"] != "unstable"])
-    return {"frequencies": len(columns["frequency_hz"]), "doubts": doubts, **verdict, **(off if stable else dict.fromkeys(off))}
+    return {
+        "frequencies": len(columns["frequency_hz"]),
+        "doubts": doubts,
+        **verdict,
+        **(off if stable else dict.fromkeys(off)),
+    }
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
-    where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    where = (
+        f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    )
     yield from in_doubt(found["doubts"], found["frequencies"], "without a reliable value")
     if found["undecided"]:
-        yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True
+        yield (
+            f"{where}: the loop is not known to be stable, and may have no steady response to compare it with",
+            True,
+        )
         return
     if not found["stable"]:
-        yield f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)", True
+        yield (
+            f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)",
+            True,
+        )
         return
     off = [found[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
     if None in off:
-        yield f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?", True
+        yield (
+            f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?",
+            True,
+        )
         return
     yield (
         f"{where}: differs from the linear loop by at most {off[0]:.2g} (admittance) and {off[1]:.2g} (impedance), relative",
@@ -329,9 +418,13 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 def _off(columns: Columns, name: str) -> float | None:
     """Largest relative difference over the frequencies at which both are known; None without such a frequency."""
-    response, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
+    response, linear = (
+        columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_")
+    )
     off = np.abs(response - linear) / np.abs(linear)
-    return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
+    return (
+        float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
+    )
 
 
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:

@@ -12,7 +12,17 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.simulation.laws import Sum
-from wavesweep.simulation.running_blocks import DEPTH, FORCE, POSITION, SPEED, VELOCITY, MarchedLoop, Rhythm, RunningBlock, Wall
+from wavesweep.simulation.running_blocks import (
+    DEPTH,
+    FORCE,
+    POSITION,
+    SPEED,
+    VELOCITY,
+    MarchedLoop,
+    Rhythm,
+    RunningBlock,
+    Wall,
+)
 
 Line = tuple[int, tuple[tuple[float, int], ...]]
 """A place, and the factors and places of the sum that is put there."""
@@ -41,11 +51,18 @@ class Meeting(NamedTuple):
         """
         gap = depth if self.position is None else depth - self.position
         if not self.pulls:
-            force = (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows)
+            force = (self.K * gap + self.B * speed) / (
+                1.0 - self.K * self.yields - self.B * self.slows
+            )
             return (force, True) if force > 0.0 else (0.0, False)
-        if self.position is not None and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0:
+        if (
+            self.position is not None
+            and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0
+        ):
             return (-gap / self.yields, True) if gap > 0.0 and self.yields < 0.0 else (0.0, False)
-        return (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows), True
+        return (self.K * gap + self.B * speed) / (
+            1.0 - self.K * self.yields - self.B * self.slows
+        ), True
 
 
 class Program(NamedTuple):
@@ -115,7 +132,9 @@ class TickSums:
     host: plants that are moved by somebody else. late: signals that are read by others as they have arrived, see `arrived`.
     """
 
-    def __init__(self, loop: MarchedLoop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
+    def __init__(
+        self, loop: MarchedLoop, host: Collection[str] = (), late: Collection[str] = ()
+    ) -> None:
         self.loop = loop
         self.host = host
         self.late = frozenset(late)
@@ -176,14 +195,27 @@ class TickSums:
         for name in self.loop.signals:
             sums[name] = self._read(wires[name], slow=False)
             if name in (POSITION, VELOCITY):
-                sums[name] = tuple((gain, actual(s) if s.rpartition(".")[0] in self.host else s) for gain, s in wires[name])
+                sums[name] = tuple(
+                    (gain, actual(s) if s.rpartition(".")[0] in self.host else s)
+                    for gain, s in wires[name]
+                )
         for name in sorted(arriving):
             sums[arrived(name)] = ((1.0, name),)
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         first, met, second = self._ordered(running, sums, limits)
         limits = {self.at(name): pair for name, pair in limits.items()}
-        stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
-        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
+        stops = [
+            (line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops
+        ]
+        return Program(
+            self.lines(first),
+            met,
+            self.lines(second),
+            self.lines(keeps.items()),
+            moves,
+            limits,
+            stops,
+        )
 
     def _add_pushed_apart(self, sums, wires):
         """Let inputs of plants read what comes from outside apart from the rest."""
@@ -202,7 +234,9 @@ class TickSums:
     def _ordered(self, running, sums, limits):
         """The sums in the order in which they can be computed, before and behind the wall's force if it is computed then."""
         wall = self.loop.wall
-        if wall and {Rhythm(), *(block.rhythm for block in running)}.intersection(self.loop.readers(FORCE)):
+        if wall and {Rhythm(), *(block.rhythm for block in running)}.intersection(
+            self.loop.readers(FORCE)
+        ):
             slow = self.loop.wall_rhythm.slow
             sums = sums | {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
             _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
@@ -217,7 +251,10 @@ class TickSums:
 
     def lines(self, sums: Iterable[tuple[str, Sum]]) -> list[Line]:
         """The sums with places in place of names, without products with zero."""
-        return [(self.at(name), tuple((gain, self.at(source)) for gain, source in terms if gain)) for name, terms in sums]
+        return [
+            (self.at(name), tuple((gain, self.at(source)) for gain, source in terms if gain))
+            for name, terms in sums
+        ]
 
 
 def _named(part, terms):
@@ -242,7 +279,9 @@ def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
         graph = {}
         for name, terms in sums.items():
             if name not in torn:
-                graph[name] = [source for _, source in terms if source in sums and source not in torn]
+                graph[name] = [
+                    source for _, source in terms if source in sums and source not in torn
+                ]
         try:
             return torn, list(TopologicalSorter(graph).static_order()), graph
         except CycleError as error:
@@ -283,7 +322,10 @@ def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
     # A single one may be made from numbers with names.
     inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
     sources = [source for source, _ in alone]
-    return [(name, tuple(zip(row, sources, strict=True))) for name, row in zip(torn, inverse, strict=True)]
+    return [
+        (name, tuple(zip(row, sources, strict=True)))
+        for name, row in zip(torn, inverse, strict=True)
+    ]
 
 
 def _around(sums: Sums, wall: Wall):
@@ -315,10 +357,16 @@ def _around(sums: Sums, wall: Wall):
     settled = before - (changed - {DEPTH, SPEED})
     again = {name: terms for name, terms in sums.items() if name not in settled}
     zero = [(FORCE, ())] * (len(changed) > 1)
-    return [*zero, *up], Meeting(wall.K, wall.B, yields, slows, wall.position, wall.pulls), straight(again)[0]
+    return (
+        [*zero, *up],
+        Meeting(wall.K, wall.B, yields, slows, wall.position, wall.pulls),
+        straight(again)[0],
+    )
 
 
-def evaluated(lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()) -> dict[str, float]:
+def evaluated(
+    lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()
+) -> dict[str, float]:
     """The numbers of lines with these given and all others zero; kept: numbers that lines do not change."""
     values = dict(given)
     for name, terms in lines:

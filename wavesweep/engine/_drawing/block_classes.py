@@ -28,7 +28,12 @@ def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
     placed = {path: leaf for path, leaf in leaves.items() if path[0] != "type"}
     used = set()
     for path, leaf in leaves.items():
-        if path[0] == "block" and path[2:] == ("type",) and isinstance(leaf.value, str) and leaf.value in classes:
+        if (
+            path[0] == "block"
+            and path[2:] == ("type",)
+            and isinstance(leaf.value, str)
+            and leaf.value in classes
+        ):
             used.add(leaf.value)
             placed = _Instance(path[1], classes[leaf.value], placed, mistakes).expanded(leaf)
     for path, leaf in list(placed.items()):
@@ -50,14 +55,18 @@ def _classes(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[str, dict[
     return classes
 
 
-def _refuse_classes(classes: Mapping[str, Mapping[Path, Leaf]], used: set[str], mistakes: Mistakes) -> None:
+def _refuse_classes(
+    classes: Mapping[str, Mapping[Path, Leaf]], used: set[str], mistakes: Mistakes
+) -> None:
     """Add the mistakes of classes by themselves. used: names of those that a block has."""
     for name, leaves in classes.items():
         place = next(iter(leaves.values())).place.under(("type", name))
         if name in TYPES:
             mistakes.refuse(place, f"type.{name}", "a name that no type of block has", show(name))
         elif name not in used:
-            mistakes.refuse(place, f"type.{name}", "a type that a block has", "one that no block has")
+            mistakes.refuse(
+                place, f"type.{name}", "a type that a block has", "one that no block has"
+            )
         for path, leaf in leaves.items():
             _refuse_part(f"type.{name}", path, leaf, mistakes)
 
@@ -78,10 +87,21 @@ def _refuse_part(of_class: str, path: Path, leaf: Leaf, mistakes: Mistakes) -> N
 
 def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
     """Return the path at which a block gives each number of its class, by the name that the number has in the block."""
-    numbers = [(path[1], path[3]) for path in leaves if path[0] == "type" and path[2:3] == ("numbers",) and len(path) > 3]
-    blocks = [(path[1], leaf.value) for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)]
+    numbers = [
+        (path[1], path[3])
+        for path in leaves
+        if path[0] == "type" and path[2:3] == ("numbers",) and len(path) > 3
+    ]
+    blocks = [
+        (path[1], leaf.value)
+        for path, leaf in leaves.items()
+        if path[0] == "block" and path[2:] == ("type",)
+    ]
     return {
-        f"{block}_{name}": f"block.{block}.{name}" for block, kind in blocks for of_type, name in numbers if of_type == kind
+        f"{block}_{name}": f"block.{block}.{name}"
+        for block, kind in blocks
+        for of_type, name in numbers
+        if of_type == kind
     }
 
 
@@ -91,7 +111,9 @@ def _ascending(runs: list[Any]) -> bool:
     return bool(runs) and numbers == sorted(numbers)
 
 
-def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+def _in_series(
+    name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], mistakes: Mistakes
+) -> dict[Path, Leaf]:
     """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay that has taps."""
     keys_of_delay = {
         path[2:]: leaf
@@ -101,10 +123,20 @@ def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], m
     placed = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
     runs, place = taps.value if isinstance(taps.value, list) else [], taps.place
     if wrong := not _ascending(runs):
-        expected, text = "a list of runs of the block in ascending order, such as [2, 5]", ", ".join(map(str, runs))
-        mistakes.refuse(taps, f"block.{name}.taps", expected, text or show(taps.value), of_key=False)
+        expected, text = (
+            "a list of runs of the block in ascending order, such as [2, 5]",
+            ", ".join(map(str, runs)),
+        )
+        mistakes.refuse(
+            taps, f"block.{name}.taps", expected, text or show(taps.value), of_key=False
+        )
     for key in keys_of_delay.keys() & {("steps",), ("seconds",)}:
-        mistakes.refuse(keys_of_delay.pop(key), f"block.{name}.{key[0]}", "either steps, seconds or taps", f"taps and {key[0]}")
+        mistakes.refuse(
+            keys_of_delay.pop(key),
+            f"block.{name}.{key[0]}",
+            "either steps, seconds or taps",
+            f"taps and {key[0]}",
+        )
     series: dict[Path, Leaf] = {("ports", "inputs"): Leaf(["u"], place)}
     before, last = "u", 0
     for i, run in enumerate(runs, 1):
@@ -120,11 +152,16 @@ def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], m
 class _Instance:
     """One block of a class, which takes its own leaves out of the others and puts those of its blocks in."""
 
-    def __init__(self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: Mistakes) -> None:
+    def __init__(
+        self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: Mistakes
+    ) -> None:
         self.name, self.parts, self.mistakes = name, parts, mistakes
         self.own = {path[2:]: leaf for path, leaf in leaves.items() if path[:2] == ("block", name)}
         self.rest = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
-        named = {table: {path[1] for path in parts if path[:1] == (table,) and len(path) > 1} for table in PARTS}
+        named = {
+            table: {path[1] for path in parts if path[:1] == (table,) and len(path) > 1}
+            for table in PARTS
+        }
         self.numbers, self.blocks, self.signals = named["numbers"], named["block"], named["signals"]
         inputs = parts.get(("ports", "inputs"))
         self.inputs = inputs.value if inputs and isinstance(inputs.value, list) else []
@@ -134,12 +171,22 @@ class _Instance:
             expected = f"at most {MOST_PLACED} keys with those of all classes"
             self.mistakes.refuse(kind, f"block.{self.name}.type", expected, "more", of_key=False)
             return self.rest
-        placed = {new: own_leaf for path, leaf in self.parts.items() for new, own_leaf in self.placed(path, leaf)}
+        placed = {
+            new: own_leaf
+            for path, leaf in self.parts.items()
+            for new, own_leaf in self.placed(path, leaf)
+        }
         for port in map(str, self.inputs):
             wire = self.rest.pop(("wire", self.name, port), None)
             if wire is None:
                 expected = f'a wire to this input, "{self.name}.{port}" = "..." in [wire]'
-                self.mistakes.refuse(kind, f"block.{self.name}.{port}", expected, "none (0 leaves it at rest)", of_key=False)
+                self.mistakes.refuse(
+                    kind,
+                    f"block.{self.name}.{port}",
+                    expected,
+                    "none (0 leaves it at rest)",
+                    of_key=False,
+                )
             placed["signals", f"{self.name}.{port}"] = wire or Leaf("0", kind.place)
         keys = ("type", *sorted(self.numbers), *sorted(self.blocks))
         for path, leaf in self.own.items():
@@ -147,7 +194,13 @@ class _Instance:
                 placed["block", f"{self.name}.{path[0]}", *path[1:]] = leaf
             elif path != ("type",):
                 expected, suggestion = "one of " + ", ".join(keys), nearest(path[0], keys)
-                self.mistakes.refuse(leaf, ".".join(("block", self.name, *path)), expected, "an unknown key", suggestion)
+                self.mistakes.refuse(
+                    leaf,
+                    ".".join(("block", self.name, *path)),
+                    expected,
+                    "an unknown key",
+                    suggestion,
+                )
         for path in placed.keys() & self.rest.keys():
             expected = f"another name than that of a part of {self.name}"
             self.mistakes.refuse(self.rest[path], ".".join(path), expected, show(path[1]))
@@ -161,7 +214,10 @@ class _Instance:
             yield ("numbers", f"{self.name}_{rest[0]}", *rest[1:]), value or self.renamed(leaf)
         elif table == "block" and rest:
             value = self.own.pop(rest, None)
-            yield ("block", f"{self.name}.{rest[0]}", *rest[1:]), value or (leaf if rest[-1] in WORDS else self.renamed(leaf))
+            yield (
+                ("block", f"{self.name}.{rest[0]}", *rest[1:]),
+                value or (leaf if rest[-1] in WORDS else self.renamed(leaf)),
+            )
         elif table in ("signals", "wire") and rest:
             yield (table, *".".join((self.name, *rest)).rsplit(".", 1)), self.renamed(leaf)
         elif path[:2] == ("ports", "outputs") and len(path) > 2:
@@ -170,14 +226,30 @@ class _Instance:
     def renamed(self, leaf: Leaf) -> Leaf:
         """The leaf with the names of this block in place of those of the class."""
         value = self._renamed(leaf.value)
-        return leaf if value == leaf.value else replace(leaf, value=value, place=replace(leaf.place, exact=False))
+        return (
+            leaf
+            if value == leaf.value
+            else replace(leaf, value=value, place=replace(leaf.place, exact=False))
+        )
 
     def _renamed(self, value: object) -> object:
         if isinstance(value, list):
             return [self._renamed(item) for item in value]
-        return re.sub(r"(?<![\w.])[A-Za-z_][\w.]*", self._name, value) if isinstance(value, str) else value
+        return (
+            re.sub(r"(?<![\w.])[A-Za-z_][\w.]*", self._name, value)
+            if isinstance(value, str)
+            else value
+        )
 
     def _name(self, match: re.Match[str]) -> str:
         name: str = match[0]
-        inside = name.partition(".")[0] in self.blocks or name in self.signals or name in self.inputs
-        return f"{self.name}_{name}" if name in self.numbers else f"{self.name}.{name}" if inside else name
+        inside = (
+            name.partition(".")[0] in self.blocks or name in self.signals or name in self.inputs
+        )
+        return (
+            f"{self.name}_{name}"
+            if name in self.numbers
+            else f"{self.name}.{name}"
+            if inside
+            else name
+        )

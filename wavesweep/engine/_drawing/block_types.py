@@ -63,7 +63,9 @@ class BlockType:
         return not keys["discrete"] if self.plant == "continuous" else bool(self.plant)
 
 
-def _number(name: str, unit: str, description: str, default: float | None = None, **ends: Any) -> Key:
+def _number(
+    name: str, unit: str, description: str, default: float | None = None, **ends: Any
+) -> Key:
     return Key.number(name, default, unit, description, required=default is None, **ends)
 
 
@@ -75,12 +77,22 @@ def _other(name: str, kind: str, description: str, default: Any = None) -> Key:
     return Key(name, kind, default, "", description, required=default is None)
 
 
-_DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, a plant", False)
+_DISCRETE = _other(
+    "discrete",
+    "boolean",
+    "whether it is a difference equation; otherwise continuous, a plant",
+    False,
+)
 _B = _positive("b", "N*s/m", "wave impedance")
 _INTEGRATION = Key.word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
 _U_Y = (("u",), ("y",))
 _SHARE = {"low": 0.0, "high": 1.0}
-_METHOD = Key.word("method", "implicit", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS)
+_METHOD = Key.word(
+    "method",
+    "implicit",
+    "integral by rectangles from the left, from the right, or trapezia",
+    INTEGRATIONS,
+)
 _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
@@ -143,10 +155,22 @@ TYPES = MappingProxyType(
             "coordinates such as joints and links, mass, damping and stiffness are those of these: M = through' mass through",
             (("fx", "fy"), ("x", "y", "vx", "vy")),
             _other("axes", "ports", "names of the axes, at most 3", ("x", "y")),
-            _other("mass", "rows", "mass matrix, symmetric, a list of rows; a single row is a diagonal"),
+            _other(
+                "mass", "rows", "mass matrix, symmetric, a list of rows; a single row is a diagonal"
+            ),
             _other("damping", "rows", "damping matrix; zeros if absent", ()),
-            _other("stiffness", "rows", "stiffness matrix of springs to the ground; zeros if absent", ()),
-            _other("through", "rows", "motion of each further coordinate for one of each axis, a row each", ()),
+            _other(
+                "stiffness",
+                "rows",
+                "stiffness matrix of springs to the ground; zeros if absent",
+                (),
+            ),
+            _other(
+                "through",
+                "rows",
+                "motion of each further coordinate for one of each axis, a row each",
+                (),
+            ),
             plant=True,
         ),
         "spring": _type(
@@ -165,7 +189,12 @@ TYPES = MappingProxyType(
             _other("B", "rows", "input matrix", ()),
             _other("C", "rows", "output matrix", ()),
             _other("D", "rows", "direct terms; zeros if absent", ()),
-            _other("inputs", "ports", "names of the input ports; none for a recursion by itself", ("u",)),
+            _other(
+                "inputs",
+                "ports",
+                "names of the input ports; none for a recursion by itself",
+                ("u",),
+            ),
             _other("outputs", "ports", "names of the output ports", ("y",)),
             _DISCRETE,
             plant="continuous",
@@ -197,7 +226,13 @@ TYPES = MappingProxyType(
             _U_Y,
             Key.whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
             Key.number("seconds", None, "s", "in place of steps: dead time", low=0.0),
-            Key("taps", "list", None, "", "in place of steps: runs of the block, in ascending order, one for each output"),
+            Key(
+                "taps",
+                "list",
+                None,
+                "",
+                "in place of steps: runs of the block, in ascending order, one for each output",
+            ),
             steps=_SAME,
             settles=True,
             either=("steps", "seconds"),
@@ -213,18 +248,40 @@ TYPES = MappingProxyType(
             "intervals and responses have all of them in time",
             _U_Y,
             Key.whole(
-                "late", 0, "most ticks by which a message comes late, each by its own number from 0 on", 0, MOST_LATE, "tick"
+                "late",
+                0,
+                "most ticks by which a message comes late, each by its own number from 0 on",
+                0,
+                MOST_LATE,
+                "tick",
             ),
             Key.whole("lost", 0, "most messages in a row that are lost", 0, MOST_LOST),
             Key.word(
-                "missing", "held", "y without a message: the last one, or zero from a run of the block on", ("held", "zero")
+                "missing",
+                "held",
+                "y without a message: the last one, or zero from a run of the block on",
+                ("held", "zero"),
             ),
             _number(
-                "loss", "1", "probability that a message is lost, of itself; outside of bursts if there are such", 0.0, **_SHARE
+                "loss",
+                "1",
+                "probability that a message is lost, of itself; outside of bursts if there are such",
+                0.0,
+                **_SHARE,
             ),
-            _number("burst", "1", "probability that a burst of losses begins with a message", 0.0, **_SHARE),
-            _number("burst_end", "1", "probability that a burst ends with a message", 1.0, **_SHARE),
-            _number("burst_loss", "1", "probability that a message is lost in a burst", 1.0, **_SHARE),
+            _number(
+                "burst",
+                "1",
+                "probability that a burst of losses begins with a message",
+                0.0,
+                **_SHARE,
+            ),
+            _number(
+                "burst_end", "1", "probability that a burst ends with a message", 1.0, **_SHARE
+            ),
+            _number(
+                "burst_loss", "1", "probability that a message is lost in a burst", 1.0, **_SHARE
+            ),
             settles=True,
         ),
         "difference": _type(
@@ -236,7 +293,12 @@ TYPES = MappingProxyType(
         "integrator": _type(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
-            Key.word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
+            Key.word(
+                "method",
+                "explicit",
+                "rectangles from the left, from the right, or trapezia",
+                INTEGRATIONS,
+            ),
             *_LIMITS,
             limits=_BEYOND,
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
@@ -281,19 +343,26 @@ TYPES = MappingProxyType(
             _KP,
             _KI,
             _number("kd", "", "gain of the derivative, in the unit of kp times s", 0.0),
-            _number("tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0),
+            _number(
+                "tau", "s", "time constant of the derivative's filter; 0 for none", 0.0, low=0.0
+            ),
             _METHOD,
             *_LIMITS,
             limits=_BEYOND,
             steps="y[j] = kp u[j] + ki i[j] + kd d[j], i as in pi, d[j] = (tau d[j-1] + u[j] - u[j-1])/(tau + h[j])",
-            formula=((f"{_P}*(T + tau) + kd", f"{_P}*T + ki*T*(T + tau)", "ki*T**2"), ("T + tau", "T", "0")),
+            formula=(
+                (f"{_P}*(T + tau) + kd", f"{_P}*T + ki*T*(T + tau)", "ki*T**2"),
+                ("T + tau", "T", "0"),
+            ),
             stepwise=_PID,
         ),
         "lead": _type(
             "(1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) by the bilinear transform, each corner prewarped",
             _U_Y,
             _positive("zero_hz", "Hz", "corner of the numerator, below half the block's own rate"),
-            _positive("pole_hz", "Hz", "corner of the denominator, below half the block's own rate"),
+            _positive(
+                "pole_hz", "Hz", "corner of the denominator, below half the block's own rate"
+            ),
             below_half=("zero_hz", "pole_hz"),
             settles=True,
             formula=(("1 + 1/tan(pi*zero_hz*T)", "2"), ("1 + 1/tan(pi*pole_hz*T)", "2")),
@@ -301,7 +370,9 @@ TYPES = MappingProxyType(
         "notch": _type(
             "(s^2 + depth w s/q + w^2)/(s^2 + w s/q + w^2), w = 2 pi frequency_hz, by the bilinear transform prewarped there",
             _U_Y,
-            _positive("frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate"),
+            _positive(
+                "frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate"
+            ),
             _positive("q", "", "quality: the frequency over the width between the -3 dB points"),
             _number("depth", "", "gain that is left at the frequency", 0.0, low=0.0),
             below_half=("frequency_hz",),
@@ -314,7 +385,10 @@ TYPES = MappingProxyType(
         "biquad": _type(
             "(b0 + b1/z + b2/z^2)/(1 + a1/z + a2/z^2)",
             _U_Y,
-            *(_number(name, "", "coefficient of the numerator", float(name == "b0")) for name in ("b0", "b1", "b2")),
+            *(
+                _number(name, "", "coefficient of the numerator", float(name == "b0"))
+                for name in ("b0", "b1", "b2")
+            ),
             *(_number(name, "", "coefficient of the denominator", 0.0) for name in ("a1", "a2")),
             steps=_SAME,
             formula=(("b0", "b1", "b2"), ("1", "a1", "a2")),
@@ -360,7 +434,11 @@ TYPES = MappingProxyType(
             _INTEGRATION,
             steps="v[j] = (sqrt(2b) in[j] - f[j])/b, f[j] = K x_spring[j] + B v[j], out[j] = in[j] - sqrt(2/b) f[j], x and "
             "x_spring as in avatar",
-            stepwise=("1 - T/2*K*g; T/2 - T/2*K*T/2*g; T/2*r*g", "-K*g; -K*T/2*g; r*g", "-r*K*g; -r*K*T/2*g; r*r*g - 1"),
+            stepwise=(
+                "1 - T/2*K*g; T/2 - T/2*K*T/2*g; T/2*r*g",
+                "-K*g; -K*T/2*g; r*g",
+                "-r*K*g; -r*K*T/2*g; r*r*g - 1",
+            ),
         ),
     }
 )
@@ -368,9 +446,15 @@ TYPES = MappingProxyType(
 
 def without_rule(blocks: Iterable[Any]) -> list[str]:
     """Return names and types of those of some drawn blocks that have no rule for steps that vary, see `BlockType.steps`."""
-    return [f"{block.name} ({block.type})" for block in blocks if not (TYPES[block.type].steps or block.in_time)]
+    return [
+        f"{block.name} ({block.type})"
+        for block in blocks
+        if not (TYPES[block.type].steps or block.in_time)
+    ]
 
 
-EVERY = Key.whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
+EVERY = Key.whole(
+    "every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick"
+)
 PHASE = Key.whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
 TICK_HZ = _positive("tick_hz", "Hz", "rate of the common tick; each block runs every so many ticks")

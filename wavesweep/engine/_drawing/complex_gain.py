@@ -42,7 +42,10 @@ def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
 
 def _inside(wires: Sequence[tuple[str, Terms]], names: set[str]) -> dict[str, Terms]:
     """The wires without signals from outside."""
-    return {port: tuple(term for term in terms if term[0].rpartition(".")[0] in names) for port, terms in wires}
+    return {
+        port: tuple(term for term in terms if term[0].rpartition(".")[0] in names)
+        for port, terms in wires
+    }
 
 
 def _twins(wires: Mapping[str, Terms]) -> dict[str, Terms]:
@@ -52,4 +55,7 @@ def _twins(wires: Mapping[str, Terms]) -> dict[str, Terms]:
         block, _, port = signal.rpartition(".")
         return f"{block}{TWIN}.{port}"
 
-    return {twin(port): tuple((twin(name), gain) for name, gain in terms) for port, terms in wires.items()}
+    return {
+        twin(port): tuple((twin(name), gain) for name, gain in terms)
+        for port, terms in wires.items()
+    }

@@ -28,40 +28,72 @@ class Condition:
     """
 
     def __init__(self, holds, expected, subject, *others):
-        self.path, self.reads, self.holds, self.expected = subject[0], (subject, *others), holds, expected
+        self.path, self.reads, self.holds, self.expected = (
+            subject[0],
+            (subject, *others),
+            holds,
+            expected,
+        )
         self.names = frozenset(name for _, tree in self.reads for name, _ in names_in(tree))
 
 
 @lru_cache(maxsize=64)
 def conditions(drawing: Drawing) -> tuple[Condition, ...]:
     """What the numbers of a drawing have to fulfil, those of a key by itself first."""
-    rate, *other_trees = ((path, tree) for path, tree in drawing.trees() if not path.startswith("block."))
+    rate, *other_trees = (
+        (path, tree) for path, tree in drawing.trees() if not path.startswith("block.")
+    )
     alone = [Condition(partial(_within, TICK_HZ), expectation(TICK_HZ), rate)]
     alone += [Condition(lambda value: True, "", number) for number in other_trees]  # noqa: ARG005 - any finite number will do
-    return (*alone, *(condition for block in drawing.blocks for condition in _conditions(block, *rate)))
+    return (
+        *alone,
+        *(condition for block in drawing.blocks for condition in _conditions(block, *rate)),
+    )
 
 
 def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Condition]:
     """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the tick's rate."""
-    kind, start, tick, keys = TYPES[block.type], f"block.{block.name}.", (rate, tick_hz), keys_of_block(block.type)
-    numbers = [(name, (start + name, tree)) for name, tree in (*block.trees(), *block.limit_trees())]
+    kind, start, tick, keys = (
+        TYPES[block.type],
+        f"block.{block.name}.",
+        (rate, tick_hz),
+        keys_of_block(block.type),
+    )
+    numbers = [
+        (name, (start + name, tree)) for name, tree in (*block.trees(), *block.limit_trees())
+    ]
     by_name = dict(reversed(numbers))  # of a list the first number
     for name, number in numbers:
         yield Condition(partial(_within, keys[name]), partial(expectation, keys[name]), number)
     if block.plant or block.dead_time:
         noun = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
-        yield Condition(lambda ticks: ticks == 1, f"1, since {noun} runs in every tick", by_name["every"])
+        yield Condition(
+            lambda ticks: ticks == 1, f"1, since {noun} runs in every tick", by_name["every"]
+        )
     else:
-        yield Condition(operator.lt, lambda _, every: f"a whole number < every = {every:g}", by_name["phase"], by_name["every"])
+        yield Condition(
+            operator.lt,
+            lambda _, every: f"a whole number < every = {every:g}",
+            by_name["phase"],
+            by_name["every"],
+        )
     for name in kind.below_half:
         reads = by_name[name], tick, by_name["every"], by_name.get("order", ("", ONE))
-        yield Condition(lambda hz, rate, every, order: (hz < rate / every / 2) | (order == 0), _below_half, *reads)
+        yield Condition(
+            lambda hz, rate, every, order: (hz < rate / every / 2) | (order == 0),
+            _below_half,
+            *reads,
+        )
     if "low" in by_name:
-        yield Condition(operator.gt, lambda _, low: f"a number > low = {low:g}", by_name["high"], by_name["low"])
+        yield Condition(
+            operator.gt, lambda _, low: f"a number > low = {low:g}", by_name["high"], by_name["low"]
+        )
     elif "high" in by_name:
         yield Condition(lambda high: high > 0, "a number > 0, as low is -high", by_name["high"])
     for name in ("late", "lost") if block.loses_at_random else ():
-        expected = "0 beside loss or burst, since messages are lost either at random or by any pattern"
+        expected = (
+            "0 beside loss or burst, since messages are lost either at random or by any pattern"
+        )
         yield Condition(lambda number: number == 0, expected, by_name[name])
     yield from _conditions_of_type(block, by_name, tick)
 
@@ -73,19 +105,37 @@ def _conditions_of_type(
     start = f"block.{block.name}."
     if block.type == "mass_matrix":
         block_keys = dict(block.keys)
-        reads = [(f"{start}{name}", tree) for name in MASS for row in block_keys[name] for tree in row]
-        yield Condition(partial(is_mass, block_keys), "a mass matrix that is symmetric and positive definite", *reads)
+        reads = [
+            (f"{start}{name}", tree) for name in MASS for row in block_keys[name] for tree in row
+        ]
+        yield Condition(
+            partial(is_mass, block_keys),
+            "a mass matrix that is symmetric and positive definite",
+            *reads,
+        )
     if block.type == "tf":
-        yield Condition(lambda first: first != 0, "a first coefficient other than 0", by_name["den"])
+        yield Condition(
+            lambda first: first != 0, "a first coefficient other than 0", by_name["den"]
+        )
     if block.dead_time:
         expected = f"at most {LONGEST_DELAY} ticks of the loop, {{:g}} s".format
         longest = lambda _, hz: expected(LONGEST_DELAY / hz)  # noqa: E731 - beside its text
-        yield Condition(lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, by_name["seconds"], tick)
+        yield Condition(
+            lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, by_name["seconds"], tick
+        )
     if block.type == "local_model":
         explicit = dict(block.keys)["integration"] == "explicit"
-        total = "b + B is not 0" if explicit else "b + B + K h is not 0, h the time that its spring reads ahead"
+        total = (
+            "b + B is not 0"
+            if explicit
+            else "b + B + K h is not 0, h the time that its spring reads ahead"
+        )
         reads = by_name["B" if explicit else "K"], ("", block.divisor(tick[1])), by_name["b"]
-        yield Condition(lambda _, total, b: abs(total) > NOTHING * abs(b), f"a number with which {total}", *reads)
+        yield Condition(
+            lambda _, total, b: abs(total) > NOTHING * abs(b),
+            f"a number with which {total}",
+            *reads,
+        )
 
 
 def _below_half(_, rate, every, __):
@@ -94,7 +144,10 @@ def _below_half(_, rate, every, __):
 
 def _within(key: Key, value):
     """Whether a value, or each of an array, is one that the key of a number accepts."""
-    low, high = (-math.inf if key.low is None else key.low), (math.inf if key.high is None else key.high)
+    low, high = (
+        (-math.inf if key.low is None else key.low),
+        (math.inf if key.high is None else key.high),
+    )
     above = value > low if key.above_low else value >= low
     return above & (value <= high) & ((value % 1 == 0) if key.type == "integer" else True)
 
@@ -104,7 +157,9 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
     numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
     for condition in conditions(drawing):
         path = condition.path
-        if not condition.names <= numbers.keys() or wrong & {read_path for read_path, _ in condition.reads}:
+        if not condition.names <= numbers.keys() or wrong & {
+            read_path for read_path, _ in condition.reads
+        }:
             continue  # a number that has a mistake itself
         read_values = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
         if fault := _fault(condition, read_values):
@@ -112,14 +167,19 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
             yield path, *fault
         elif path.startswith("block.") and path.endswith(".every"):
             every[path] = int(read_values[0])
-    yield from _size_faults(drawing, numbers, {path: ticks for path, ticks in every.items() if path not in wrong})
+    yield from _size_faults(
+        drawing, numbers, {path: ticks for path, ticks in every.items() if path not in wrong}
+    )
 
 
 def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] | None:
     """Return expected and found text if a condition does not hold for these values of what it reads."""
     number, expected = values[0], condition.expected
     if number is None:
-        return "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
+        return (
+            "a finite number",
+            "a division by zero, a root or logarithm of a negative number or an overflow",
+        )
     if not computable(number):
         return SIZES, f"{number:g}"
     if None not in values and not condition.holds(*values):
@@ -127,11 +187,17 @@ def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] 
     return None
 
 
-def _size_faults(drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
+def _size_faults(
+    drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[str, int]
+) -> Iterator[tuple[str, str, str]]:
     """Yield the `faults` of too many states, and of a frame that is too long. runs: path of `every` of blocks -> ticks."""
     states = {block.name: _states(block, numbers) for block in drawing.blocks}
     if (total := sum(states.values())) > MOST_STATES:
-        yield f"block.{max(states, key=states.get)}", f"at most {MOST_STATES} states in all blocks", f"{total:g}"
+        yield (
+            f"block.{max(states, key=states.get)}",
+            f"at most {MOST_STATES} states in all blocks",
+            f"{total:g}",
+        )
     if (frame := math.lcm(*runs.values())) > LONGEST_FRAME:
         expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
         listed = ", ".join(map(str, sorted(set(runs.values()))))
@@ -141,13 +207,19 @@ def _size_faults(drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[s
 def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     """The states of a block as far as its keys say how many there are: coefficients, rows, steps, ticks."""
     keys = dict(block.core(ONE).keys)
-    counts = (finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0 for name in ("steps", "late", "order"))
+    counts = (
+        finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0
+        for name in ("steps", "late", "order")
+    )
     return len(keys.get("den", keys.get("A", ()))) + sum(counts)
 
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
     """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
-    every, numbers = {block.name: block.every for block in drawing.blocks if not block.plant}, scalars(values)
+    every, numbers = (
+        {block.name: block.every for block in drawing.blocks if not block.plant},
+        scalars(values),
+    )
     velocities = _velocities(drawing)
     for side, force, signal, gain in _displacements(drawing):
         period = every.get(signal.rpartition(".")[0] or signal, ONE)
@@ -170,8 +242,14 @@ def _no_position(signal: str, force: str, velocities: list[str], runs: float) ->
 
 def _velocities(drawing: Drawing) -> list[str]:
     """The outputs of bodies that are velocities: the second half of them."""
-    bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
-    return [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
+    bodies = [
+        block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"
+    ]
+    return [
+        f"{block.name}.{port}"
+        for block in bodies
+        for port in block.ports[1][len(block.ports[1]) // 2 :]
+    ]
 
 
 def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
@@ -183,10 +261,16 @@ def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
             yield from ((side, port[0], signal, gain) for signal, gain in port[1])
 
 
-def finite_value(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> float | None:
+def finite_value(
+    tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None
+) -> float | None:
     """Return the value of a tree, None if there is no finite one; shared: of trees at the same numbers."""
     try:
         value = value_of(tree, numbers, shared)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
-    except (ArithmeticError, ValueError, TypeError):  # a TypeError is that of the root of a complex number
+    except (
+        ArithmeticError,
+        ValueError,
+        TypeError,
+    ):  # a TypeError is that of the root of a complex number
         return None

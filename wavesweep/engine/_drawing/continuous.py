@@ -4,7 +4,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 
 from wavesweep.engine._drawing.block_types import TYPES
-from wavesweep.engine._drawing.expressions import Fault, Terms, Tree, evaluate, linear, names_in, text_of
+from wavesweep.engine._drawing.expressions import (
+    Fault,
+    Terms,
+    Tree,
+    evaluate,
+    linear,
+    names_in,
+    text_of,
+)
 
 Wires = tuple[tuple[str, Terms], ...]
 SAME = 1e-12  # relative, of gains that add up to 0
@@ -15,7 +23,9 @@ def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
     return [(signal, factor) for signal, gain in terms for factor in _summands(gain, products=True)]
 
 
-def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -> tuple[Terms, Terms]:
+def parted(
+    tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]
+) -> tuple[Terms, Terms]:
     """Return the terms of the wire of a plant that are held over a tick, and those that act continuously.
 
     own: name of the plant. plants: name and type of each one.
@@ -45,10 +55,14 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
     continuous += springs
     alone = [term for term in alone if term not in springs]
     sampled = [term for term in (*continuous, *halves) if term[0].rpartition(".")[0] not in plants]
-    return _added([*held, *alone, *sampled]), _added(term for term in (*continuous, *halves) if term not in sampled)
+    return _added([*held, *alone, *sampled]), _added(
+        term for term in (*continuous, *halves) if term not in sampled
+    )
 
 
-def _opposite_pairs(alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]) -> list[tuple[str, Tree]]:
+def _opposite_pairs(
+    alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
+) -> list[tuple[str, Tree]]:
     """Take the terms in another plant whose gains are those of terms in this one with the other sign out of both lists."""
     pairs = []
     for half in list(halves):
@@ -61,7 +75,11 @@ def _opposite_pairs(alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]
 
 
 def _springs(
-    tree: Tree, own: str, plants: Mapping[str, str], alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
+    tree: Tree,
+    own: str,
+    plants: Mapping[str, str],
+    alone: list[tuple[str, Tree]],
+    halves: list[tuple[str, Tree]],
 ) -> list[tuple[str, Tree]]:
     """Return the terms in a plant alone that are the near ends of springs and dampers, whose far ends are halves.
 
@@ -70,7 +88,9 @@ def _springs(
     springs = []
     for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
         of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
-        near_ends, far_ends = ([term for term in terms if term[0] in of_bodies] for terms in (alone, halves))
+        near_ends, far_ends = (
+            [term for term in terms if term[0] in of_bodies] for terms in (alone, halves)
+        )
         if near_ends and far_ends and not _balance([*near_ends, *far_ends]):
             (signal, gain), (far, _) = near_ends[0], far_ends[0]
             raise Fault(
@@ -102,10 +122,14 @@ def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, W
     read, held, continuous = _blocks_read(wires, couplings, seen), {}, []
     for port, terms in couplings:
         block = port.rpartition(".")[0]
-        inside = tuple(term for term in terms if block in read or term[0].rpartition(".")[0] == block)
+        inside = tuple(
+            term for term in terms if block in read or term[0].rpartition(".")[0] == block
+        )
         held[port] = [term for term in terms if term not in inside]
         continuous += [(port, inside)] if inside else []
-    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(continuous)
+    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(
+        continuous
+    )
 
 
 def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
@@ -114,17 +138,26 @@ def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
     if operation in ("+", "-", "negative"):
         *first, last = tree[1:-1]
         yield from (summand for tree in first for summand in _summands(tree, products))
-        yield from (summand if operation == "+" else ("negative", summand, at) for summand in _summands(last, products))
+        yield from (
+            summand if operation == "+" else ("negative", summand, at)
+            for summand in _summands(last, products)
+        )
     elif products and operation in ("*", "/"):
         seconds = list(_summands(tree[2], products)) if operation == "*" else [tree[2]]
-        yield from ((operation, factor, second, at) for factor in _summands(tree[1], products) for second in seconds)
+        yield from (
+            (operation, factor, second, at)
+            for factor in _summands(tree[1], products)
+            for second in seconds
+        )
     else:
         yield tree
 
 
 def _opposite(one: Tree, other: Tree) -> bool:
     """Whether two gains differ in their signs alone."""
-    return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(("negative", other, 0))
+    return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(
+        ("negative", other, 0)
+    )
 
 
 def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
@@ -140,4 +173,7 @@ def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
     gains_of: dict[str, list[Tree]] = {}
     for signal, gain in terms:
         gains_of.setdefault(signal, []).append(gain)
-    return tuple((signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains)) for signal, gains in gains_of.items())
+    return tuple(
+        (signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains))
+        for signal, gains in gains_of.items()
+    )

@@ -14,16 +14,39 @@ from wavesweep.engine._keys.key import Key, Names
 RATE = "rates.tick_hz"
 # Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path.
 OF_NUMBERS = "numbers."
-STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")  # keys that decide how a loop is built
+STRUCTURE = (
+    "every",
+    "phase",
+    "steps",
+    "order",
+    "n",
+    "late",
+    "lost",
+)  # keys that decide how a loop is built
 
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
-SHARES = ("loss", "burst", "burst_end", "burst_loss")  # keys of a channel that say how often messages are lost
+SHARES = (
+    "loss",
+    "burst",
+    "burst_end",
+    "burst_loss",
+)  # keys of a channel that say how often messages are lost
 
-WAVE_ENDS = ("wave", "avatar", "local_model")  # types of blocks at the ends of a wave line: `in` is the wave that reaches one
-ENVIRONMENT = ("environment.force", "environment.displacement")  # the input and the output that are a second port
+WAVE_ENDS = (
+    "wave",
+    "avatar",
+    "local_model",
+)  # types of blocks at the ends of a wave line: `in` is the wave that reaches one
+ENVIRONMENT = (
+    "environment.force",
+    "environment.displacement",
+)  # the input and the output that are a second port
 
 
-FURTHER = ("hand.force.", "hand.displacement.")  # begin the names of inputs and outputs that are further axes of the hand
+FURTHER = (
+    "hand.force.",
+    "hand.displacement.",
+)  # begin the names of inputs and outputs that are further axes of the hand
 
 
 def path_of_port(side: str, name: str) -> str:
@@ -84,7 +107,10 @@ class Drawing:
             yield from ((f"block.{block.name}.{name}", tree) for name, tree in block.trees())
         terms = [(f"wire.{port}", terms) for port, terms in (*self.wires, *self.couplings)]
         if self.hand:
-            terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
+            terms += [
+                ("ports.hand.displacement", self.hand[1]),
+                ("ports.hand.reaction", self.hand[2] or ()),
+            ]
         terms += [(path_of_port("outputs", name), shown) for name, shown, _ in self.outputs]
         yield from ((path, gain) for path, summed in terms for _, gain in summed)
 
@@ -93,7 +119,10 @@ class Drawing:
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
             trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
-            tied = {field_name: _replaced(getattr(self, field_name), ("name", name), product) for field_name in trees}
+            tied = {
+                field_name: _replaced(getattr(self, field_name), ("name", name), product)
+                for field_name in trees
+            }
             self = replace(self, **tied)  # noqa: PLW0642 - the same drawing, with one number less of its own
         return self
 
@@ -109,25 +138,47 @@ class Drawing:
     @property
     def outside(self) -> tuple[str, ...]:
         """The signals from outside: the hand's force first, then those of the inputs."""
-        return tuple(dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)]))
+        return tuple(
+            dict.fromkeys([*(self.hand or ())[:1], *(signal for _, signal, _ in self.inputs)])
+        )
 
     @property
     def environment(self) -> tuple[str, Terms, None] | None:
         """The port of the environment, in the form of that of the hand."""
         force = [signal for name, signal, _ in self.inputs if name == ENVIRONMENT[0]]
-        return next(((force[0], terms, None) for name, terms, _ in self.outputs if force and name == ENVIRONMENT[1]), None)
+        return next(
+            (
+                (force[0], terms, None)
+                for name, terms, _ in self.outputs
+                if force and name == ENVIRONMENT[1]
+            ),
+            None,
+        )
 
     @property
     def further(self) -> tuple[tuple[str, str, Terms], ...]:
         """The further axes of the hand: name of the output, signal of the force, and displacement of each."""
-        displacements = {name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])}
-        forces = {name.replace(*FURTHER): signal for name, signal, _ in self.inputs if name.startswith(FURTHER[0])}
-        return tuple((name, forces[name], terms) for name, terms in displacements.items() if name in forces)
+        displacements = {
+            name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])
+        }
+        forces = {
+            name.replace(*FURTHER): signal
+            for name, signal, _ in self.inputs
+            if name.startswith(FURTHER[0])
+        }
+        return tuple(
+            (name, forces[name], terms) for name, terms in displacements.items() if name in forces
+        )
 
     @property
     def signals(self) -> list[str]:
         """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and the names in [signals]."""
-        ports = (f"{block.name}.{port}" for side in (1, 0) for block in self.blocks for port in block.ports[side])
+        ports = (
+            f"{block.name}.{port}"
+            for side in (1, 0)
+            for block in self.blocks
+            for port in block.ports[side]
+        )
         return [*ports, *(name for name, _ in self.named)]
 
     @_remembered
@@ -135,7 +186,9 @@ class Drawing:
         """The plants that are made of several blocks, which couplings connect, and those that a dead time acts on or reads."""
         arriving, sensed = _between_ticks(self)
         plants: list[set[str]] = []
-        for coupled in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings):
+        for coupled in (
+            {_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings
+        ):
             joined = coupled.union(*(names for names in plants if names & coupled))
             plants = [names for names in plants if not names & joined] + [joined]
         for name in dict.fromkeys(_block_of(name) for name, _ in (*arriving, *sensed)):
@@ -145,8 +198,13 @@ class Drawing:
 
     def _plant(self, names: set[str], arriving: tuple, sensed: tuple) -> Plant:
         """The plant of the blocks with these names; arriving, sensed: see `_between_ticks`."""
-        ends = ([pair for pair in pairs if _block_of(pair[0]) in names] for pairs in (self.couplings, arriving, sensed))
-        return Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, ends))
+        ends = (
+            [pair for pair in pairs if _block_of(pair[0]) in names]
+            for pairs in (self.couplings, arriving, sensed)
+        )
+        return Plant(
+            tuple(block for block in self.blocks if block.name in names), *map(tuple, ends)
+        )
 
     @_remembered
     def dead_times(self) -> dict[str, Tree]:
@@ -160,9 +218,16 @@ class Drawing:
         Those of one are its number of ticks. Those of two say whether what the first one brings to a plant has arrived before
         the second one, or the same, reads the plant; see `wavesweep.engine._loops.dead_time`.
         """
-        pairs = {(early, late) for plant in self.plants for _, early in plant.arriving for _, late in plant.sensed}
+        pairs = {
+            (early, late)
+            for plant in self.plants
+            for _, early in plant.arriving
+            for _, late in plant.sensed
+        }
         ticks = {f"block.{name}.ticks": (name,) for name in self.dead_times}
-        return ticks | {f"block.{early}.before.{late}": (early, late) for early, late in sorted(pairs)}
+        return ticks | {
+            f"block.{early}.before.{late}": (early, late) for early, late in sorted(pairs)
+        }
 
     @property
     def channels(self) -> tuple[DrawnBlock, ...]:
@@ -188,7 +253,12 @@ class Drawing:
     @property
     def apart(self) -> list[DrawnBlock]:
         """The blocks on which no plant acts continuously, and at most one dead time between two ticks."""
-        acted_on = {block for plant in self.plants if plant.couplings or len(plant.arriving) > 1 for block in plant.members}
+        acted_on = {
+            block
+            for plant in self.plants
+            if plant.couplings or len(plant.arriving) > 1
+            for block in plant.members
+        }
         return [block for block in self.blocks if block not in acted_on]
 
     @property
@@ -199,7 +269,9 @@ class Drawing:
     @_remembered
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
-        return frozenset(name for path, tree in self.trees() if decides(path) for name, _ in names_in(tree))
+        return frozenset(
+            name for path, tree in self.trees() if decides(path) for name, _ in names_in(tree)
+        )
 
     @_remembered
     def cores(self) -> tuple[DrawnBlock, ...]:
@@ -227,7 +299,11 @@ class Drawing:
     @_remembered
     def posing(self) -> frozenset[str]:
         """Paths of the keys that say where a linkage is: those that the key `through` of a block reads."""
-        trees = (tree for path, tree in self.trees() if path.startswith("block.") and path.endswith(".through"))
+        trees = (
+            tree
+            for path, tree in self.trees()
+            if path.startswith("block.") and path.endswith(".through")
+        )
         return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
 
     @property
@@ -241,13 +317,17 @@ class Drawing:
         keys = {RATE: replace(TICK_HZ, path=RATE, required=False)} if RATE in self.rating else {}
         for name, unit, description in self.numbers:
             kind = "integer" if name in self.whole else "number"
-            keys[path_of(name)] = Key(path_of(name), kind, None, unit, description, shaping=name in self.shaping)
+            keys[path_of(name)] = Key(
+                path_of(name), kind, None, unit, description, shaping=name in self.shaping
+            )
         for block in self.blocks:
             of_type = keys_of_block(block.type)
             for name, tree in (*block.trees(), *block.limit_trees()):
                 path = f"block.{block.name}.{name}"
                 if any(path == read for read, _ in names_in(tree)):
-                    keys[path] = replace(of_type[name], path=path, required=False, shaping=path in self.shaping)
+                    keys[path] = replace(
+                        of_type[name], path=path, required=False, shaping=path in self.shaping
+                    )
         return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
 
 
@@ -262,11 +342,20 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
 
 def _between_ticks(drawing):
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead times that read them."""
-    plants, delays, arriving, sensed = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times, {}, {}
+    plants, delays, arriving, sensed = (
+        {block.name for block in drawing.blocks if block.plant},
+        drawing.dead_times,
+        {},
+        {},
+    )
     for port, terms in drawing.wires:
         block = _block_of(port)
         if block in plants:
-            arriving |= {(port, source): None for source in (_block_of(signal) for signal, _ in terms) if source in delays}
+            arriving |= {
+                (port, source): None
+                for source in (_block_of(signal) for signal, _ in terms)
+                if source in delays
+            }
         elif block in delays:
             sensed |= {(signal, block): None for signal, _ in terms if _block_of(signal) in plants}
     return tuple(arriving), tuple(sensed)

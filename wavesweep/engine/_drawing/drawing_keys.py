@@ -26,9 +26,23 @@ from wavesweep.engine._keys.key import FORMULA, VALUE_WORDS, Key, Leaf, Place
 from wavesweep.engine.errors import Mistake
 
 PERIOD = "dt"  # the name of a block's own period in its expressions
-ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # each type has one name of each group
-LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")  # parts of names of keys with which people limit controllers
-NAMES_OF = ("the name of a number in [numbers]", "the output of a block, a number, or a signal from outside that [ports] names")
+ALIKE = (
+    ("mass", "inertia", "m", "I", "J"),
+    ("stiffness", "k"),
+    ("damping", "d", "c"),
+)  # each type has one name of each group
+LIMITS = (
+    "windup",
+    "limit",
+    "sat",
+    "clamp",
+    "max",
+    "min",
+)  # parts of names of keys with which people limit controllers
+NAMES_OF = (
+    "the name of a number in [numbers]",
+    "the output of a block, a number, or a signal from outside that [ports] names",
+)
 _Found = TypeVar("_Found")
 NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
@@ -72,12 +86,20 @@ class KeyReader:
 
     def fault(self, path: str, leaf: Leaf, fault: Fault) -> None:
         """Add the mistake in an expression, at its place in the text."""
-        self.mistakes.append(Mistake(leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion))
+        self.mistakes.append(
+            Mistake(
+                leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion
+            )
+        )
 
     def word(self, path: str, leaf: Leaf | None) -> str:
         if leaf is None:
             return ""
-        if isinstance(leaf.value, str) and leaf.value.isprintable() and not leaf.value[:-1].startswith(FORMULA):
+        if (
+            isinstance(leaf.value, str)
+            and leaf.value.isprintable()
+            and not leaf.value[:-1].startswith(FORMULA)
+        ):
             return leaf.value
         expected = "a string that is printable and does not begin with = + - @, which spreadsheets run as formulas"
         return self.refuse(leaf, path, expected, show(leaf.value), of_key=False) or ""
@@ -132,9 +154,20 @@ class KeyReader:
             block = name.rpartition(".")[0]
             if name in names or (signals and self.is_hidden(block)):
                 continue
-            outputs = [signal for signal in sorted(self.signals) if block and signals and signal.startswith(f"{block}.")]
-            expected = f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
-            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, outputs or sorted(names)))
+            outputs = [
+                signal
+                for signal in sorted(self.signals)
+                if block and signals and signal.startswith(f"{block}.")
+            ]
+            expected = (
+                f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
+            )
+            yield Fault(
+                at,
+                expected,
+                f"an unknown name {show(name)}",
+                nearest(name, outputs or sorted(names)),
+            )
 
     def is_hidden(self, block: str) -> bool:
         """Whether a block has mistakes that hide its ports."""
@@ -142,7 +175,9 @@ class KeyReader:
 
     def signals_of(self, tree: Tree) -> set[str]:
         """The signals, among them those in the tree of blocks whose ports are not known."""
-        return self.signals | {name for name, _ in names_in(tree) if self.is_hidden(name.rpartition(".")[0])}
+        return self.signals | {
+            name for name, _ in names_in(tree) if self.is_hidden(name.rpartition(".")[0])
+        }
 
     def _define_name(self, name: str, tree: Tree, text: tuple[str, Leaf], signals: bool) -> bool:
         """Read what one name stands for; False after a mistake in the extents of its expression."""
@@ -151,7 +186,10 @@ class KeyReader:
         except Fault as fault:
             self.fault(*text, fault)
             return False
-        self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)
+        self.extents[name], self.meanings[name] = (
+            extent(tree, self.extents),
+            with_trees(tree, self.meanings),
+        )
         if signals and self.terms_of(*text, self.meanings[name]) is None:
             del self.meanings[name]  # it is a signal like any other, so that its mistake is one
         return True
@@ -164,7 +202,9 @@ class KeyReader:
         trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
         rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
         while ready := [
-            name for name, tree in rest.items() if not rest.keys() & {read_name for read_name, _ in names_in(tree)}
+            name
+            for name, tree in rest.items()
+            if not rest.keys() & {read_name for read_name, _ in names_in(tree)}
         ]:
             for name in ready:
                 tree = rest.pop(name)
@@ -177,17 +217,23 @@ class KeyReader:
             expected = "an expression whose names do not stand for each other in a circle"
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
 
-    def read_terms(self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
+    def read_terms(
+        self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear
+    ) -> _Found | None:
         """Read an expression that is linear in signals. within: makes the result of its tree and the signals."""
         self.leaves[path] = leaf
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
         if not isinstance(leaf.value, str):
-            return self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            return self.refuse(
+                leaf, path, "an expression in quotes", show(leaf.value), of_key=False
+            )
         tree = self.read_text(path, leaf, signals=True)
         return None if tree is None else self.terms_of(path, leaf, tree, within)
 
-    def terms_of(self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear) -> _Found | None:
+    def terms_of(
+        self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear
+    ) -> _Found | None:
         """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a mistake."""
         try:
             return within(tree, self.signals_of(tree))
@@ -201,12 +247,16 @@ class KeyReader:
             return self.refuse(leaves[""], path, "a table", show(leaves[""].value), of_key=False)
         if not is_dotted(name):
             return self.refuse(next(iter(leaves.values())).place.parent(), path, NAME, show(name))
-        is_type = "type" in leaves and leaves["type"].value in [*TYPES]  # otherwise its message lists all
+        is_type = "type" in leaves and leaves["type"].value in [
+            *TYPES
+        ]  # otherwise its message lists all
         choices = tuple(TYPES) if is_type else (*TYPES, *self.classes)
         key = Key(f"{path}.type", "string", None, "", "", choices=choices, required=True)
         kind = self.read_key(key.path, key, leaves.get("type"))
         if kind is None:  # which of its numbers are read is not known
-            self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in leaves.values())))
+            self.read.update(
+                re.findall(r"\w+", " ".join(str(leaf.value) for leaf in leaves.values()))
+            )
         return kind
 
     def read_block(self, name: str, leaves: Mapping[str, Leaf]) -> DrawnBlock | None:
@@ -220,7 +270,9 @@ class KeyReader:
         self.period = self.periods[name] = ("/", every or ONE, self.tick_hz, 0)
         if kind == "delay" and "seconds" in leaves and "steps" not in leaves:
             del keys["steps"]  # whose default is for a delay of steps
-        read = {key: self.read_key(f"{path}.{key}", row, leaves.get(key)) for key, row in keys.items()}
+        read = {
+            key: self.read_key(f"{path}.{key}", row, leaves.get(key)) for key, row in keys.items()
+        }
         self.period = None
         if None not in [read.get(key, "") for key in (TYPES[kind].by, "inputs", "outputs", "axes")]:
             self.ports[name] = TYPES[kind].ports_of(read)
@@ -228,31 +280,48 @@ class KeyReader:
             return None
         return self.made_block(name, kind, every, read)
 
-    def made_block(self, name: str, kind: str, every: Tree, read: dict[str, object]) -> DrawnBlock | None:
+    def made_block(
+        self, name: str, kind: str, every: Tree, read: dict[str, object]
+    ) -> DrawnBlock | None:
         """Return a block of keys without mistakes; that they do not fit together is one. read: values of the other keys."""
         path, phase = f"block.{name}", read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
         written = [(key, value) for key, value in read.items() if value is not None]
         linear_keys, limits = (
-            tuple(pair for pair in written if (pair[0] in TYPES[kind].limits) is beyond) for beyond in (False, True)
+            tuple(pair for pair in written if (pair[0] in TYPES[kind].limits) is beyond)
+            for beyond in (False, True)
         )
         block = DrawnBlock(name, kind, linear_keys, every, phase, limits=limits)
         wrong = _limit_fault(dict(limits)) or _shape_fault(block)
         if wrong:
-            return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
+            return self.refuse(
+                self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False
+            )
         return block
 
-    def with_corrected_names(self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]) -> dict[str, Leaf]:
+    def with_corrected_names(
+        self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]
+    ) -> dict[str, Leaf]:
         """Return the leaves; an unknown key is a mistake and stands for the key that is meant, which then is not missing."""
         meant = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
                 choices, limits = ("type", *keys), any(word in key for word in LIMITS)
-                alike = (synonym for names in ALIKE if key in names for synonym in names if synonym in keys)
+                alike = (
+                    synonym
+                    for names in ALIKE
+                    if key in names
+                    for synonym in names
+                    if synonym in keys
+                )
                 strange = limits and "high" not in keys
-                near = "" if strange else next(alike, "") or nearest(key, choices) or "high" * limits
-                told = "a limit, which a block of type saturation has" if strange else "an unknown key"
+                near = (
+                    "" if strange else next(alike, "") or nearest(key, choices) or "high" * limits
+                )
+                told = (
+                    "a limit, which a block of type saturation has" if strange else "an unknown key"
+                )
                 self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), told, near)
                 meant.setdefault(near, leaf)
         return meant
@@ -276,21 +345,36 @@ class KeyReader:
     def default_of(self, path: str, key: Key) -> object:
         """Return the default of a key that is not given, as `read_key` does; if there has to be one, it is a mistake."""
         if key.required:
-            expected = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
-            self.refuse(self.leaf(path.rpartition(".")[0]), path, expected, "nothing (it has no default)")
-        return self.number(path, key.default) if key.numeric and key.default is not None else key.default
+            expected = {"list": "a list of numbers", "rows": "a list of rows"}.get(
+                key.type
+            ) or expectation(key)
+            self.refuse(
+                self.leaf(path.rpartition(".")[0]), path, expected, "nothing (it has no default)"
+            )
+        return (
+            self.number(path, key.default)
+            if key.numeric and key.default is not None
+            else key.default
+        )
 
     def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple | None:
         """Read a list of numbers, or of rows of them."""
         rows = leaf.value if deep else [leaf.value]
-        if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows) or (not deep and not rows[0]):
+        if (
+            not isinstance(rows, list)
+            or not all(isinstance(row, list) for row in rows)
+            or (not deep and not rows[0])
+        ):
             expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
             return self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
         entry, trees = Key(path, "number", None, "", ""), []
         for i, row in enumerate(rows):
             at = f"{path}[{i}]" if deep else path
             trees.append(
-                tuple(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number)) for j, number in enumerate(row))
+                tuple(
+                    self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number))
+                    for j, number in enumerate(row)
+                )
             )
         self.leaves[path] = leaf
         return tuple(trees) if deep else trees[0]
@@ -298,7 +382,12 @@ class KeyReader:
 
 def is_name(name: object) -> bool:
     """Return whether a value is a name of ASCII letters, digits and _ that no program takes for a value."""
-    return isinstance(name, str) and name.isidentifier() and name.isascii() and name.lower() not in VALUE_WORDS
+    return (
+        isinstance(name, str)
+        and name.isidentifier()
+        and name.isascii()
+        and name.lower() not in VALUE_WORDS
+    )
 
 
 def is_dotted(name: str) -> bool:
@@ -309,11 +398,15 @@ def is_dotted(name: str) -> bool:
 def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the limits of a block and what it does at them do not fit together."""
     acts = limits.get("anti_windup", "none")
-    need_high = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (acts != "none")
+    need_high = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (
+        acts != "none"
+    )
     if need_high and "high" not in limits:
         return "high", "a number, the upper limit", f"{need_high[0]} without it"
     if (acts == "back-calculation") != ("tracking_s" in limits):
-        reason = "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
+        reason = (
+            "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
+        )
         return "tracking_s", "a time constant (s) with back-calculation, and none without", reason
     return None
 
@@ -322,7 +415,11 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the matrices or coefficients do not fit together."""
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
-        return "num", f"no more coefficients than den has ({len(keys['den'])})", f"{len(keys['num'])}"
+        return (
+            "num",
+            f"no more coefficients than den has ({len(keys['den'])})",
+            f"{len(keys['num'])}",
+        )
     if TYPES[block.type].either and len(keys) != 1:
         first, second = TYPES[block.type].either
         return second, f"either {first} or {second}", "both" if keys else "neither"

@@ -21,8 +21,16 @@ PORTS = MappingProxyType(
     }
 )
 OPTIONAL = ("reaction", "turns", "unit")
-TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
-NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
+TURNS = Key(
+    "ports.hand.turns",
+    "boolean",
+    False,
+    "",
+    "whether force and displacement of the hand are a torque and an angle",
+)
+NAMED = MappingProxyType(
+    {"inputs": "a signal from outside", "outputs": "an expression linear in signals"}
+)
 WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
 
 Path = tuple[str, ...]
@@ -39,10 +47,14 @@ class PortReader(KeyReader):
         for side in ("hand", "environment", "wall"):
             missing = [key for key in PORTS[side] if key not in ports[side] and key not in OPTIONAL]
             if missing and ports[side]:
-                expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
+                expected = (
+                    f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
+                )
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
-        complete = {side: self.named(side, keys) if side in NAMED else keys for side, keys in ports.items()}
+        complete = {
+            side: self.named(side, keys) if side in NAMED else keys for side, keys in ports.items()
+        }
         return self.with_further(self.with_environment(complete))
 
     def sorted_ports(self, table: Mapping[Path, Leaf]) -> Ports:
@@ -52,7 +64,13 @@ class PortReader(KeyReader):
             path, named = f"ports.{side}", side in NAMED
             if side not in PORTS:
                 place = leaf.place.under(leaf.place.path[:2])
-                self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
+                self.refuse(
+                    place,
+                    path,
+                    "hand, environment, wall, inputs or outputs",
+                    "an unknown port",
+                    nearest(side, PORTS),
+                )
             elif not rest:
                 if leaf.value != {} or not named:
                     self.refuse(leaf, path, expected_table(side), show(leaf.value))
@@ -66,10 +84,25 @@ class PortReader(KeyReader):
 
     def _refuse_unpaired(self, listed: list[tuple[str, Leaf]], ports: Ports) -> None:
         """Refuse lists of the hand that do not pair forces and displacements, or that stand beside other ports."""
-        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(text, str) for text in leaf.value)]
-        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in ports["hand"]:
+        texts = [
+            leaf.value
+            for _, leaf in listed
+            if leaf.value and all(isinstance(text, str) for text in leaf.value)
+        ]
+        if (
+            len(texts) < 2
+            or len(texts[0]) != len(texts[1])
+            or ports["environment"]
+            or "reaction" in ports["hand"]
+        ):
             expected = "as many names of forces as displacements, in two lists, without reaction and environment"
-            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+            self.refuse(
+                listed[0][1],
+                f"ports.hand.{listed[0][0]}",
+                expected,
+                show(listed[0][1].value),
+                of_key=False,
+            )
 
     def with_further(self, ports: Ports) -> Ports:
         """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
@@ -99,9 +132,16 @@ class PortReader(KeyReader):
         """Check the names of inputs or outputs; return those that have a signal."""
         for name, keys in ports.items():
             path, first = f"ports.{side}.{name}", next(iter(keys.values()))
-            self.leaves |= {path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()}
-            if not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
-                self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
+            self.leaves |= {
+                path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()
+            }
+            if not (is_dotted if side == "outputs" else is_name)(name) or name in (
+                *RESERVED,
+                *self.numbers,
+            ):
+                self.refuse(
+                    first, path, f"{NAME}, and neither pi nor a function nor a number", show(name)
+                )
             if "signal" not in keys:
                 self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
         return {name: keys for name, keys in ports.items() if "signal" in keys}
@@ -116,7 +156,10 @@ class PortReader(KeyReader):
                 fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
             if fault or leaf.value in [signal for _, signal, _ in inputs]:
                 self.refuse(
-                    leaf, path, *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")), of_key=False
+                    leaf,
+                    path,
+                    *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")),
+                    of_key=False,
                 )
             else:
                 inputs.append((name, leaf.value, self.word(f"{path}.unit", keys.get("unit"))))
@@ -135,32 +178,51 @@ class PortReader(KeyReader):
         self.leaves |= self.lists
         return tuple(outputs)
 
-    def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
+    def fault_from_outside(
+        self, signal: object, what: str = "a signal from outside"
+    ) -> tuple[str, str] | None:
         """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
             return f"{NAME}, for {what}", show(signal)
         if signal in self.numbers:
             return "a name that is no number", show(signal)
-        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
+        return (
+            None
+            if signal in self.read
+            else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
+        )
 
     def read_asked(
-        self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
+        self,
+        blocks: Iterable[DrawnBlock],
+        wires: Mapping[str, Leaf],
+        numbers: Iterable[tuple],
+        given: Mapping[str, dict],
     ) -> Iterator[tuple[str, Terms, str]]:
         """Yield an output for each signal that a table names and [ports] does not declare; see `Drawing.signals`.
 
         Its unit is that of a port with the same signal. Names of no signal are left to `Request.refuse_unknown_ends`.
         """
-        ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
+        ports = {
+            f"{block.name}.{port}": block
+            for block in blocks
+            for side in block.ports
+            for port in side
+        }
         units = {name: unit for name, unit, _ in numbers}
         declared = (keys for side in NAMED for keys in given[side].values() if "unit" in keys)
         units |= {str(keys["signal"].value): str(keys["unit"].value) for keys in declared}
         for name, leaf in self.asked.items():
             block = ports.get(name)
-            terms = None if name in given["outputs"] else self.terms_of_signal(name, leaf, block, wires)
+            terms = (
+                None if name in given["outputs"] else self.terms_of_signal(name, leaf, block, wires)
+            )
             if terms is not None:
                 yield name, terms, units.get(name) or _unit_of(name, block, units)
 
-    def terms_of_signal(self, name: str, leaf: Leaf, block: DrawnBlock | None, wires: Mapping[str, Leaf]) -> Terms | None:
+    def terms_of_signal(
+        self, name: str, leaf: Leaf, block: DrawnBlock | None, wires: Mapping[str, Leaf]
+    ) -> Terms | None:
         """Return the terms of a port or of a name in [signals]; None if it is neither. block: whose port it is."""
         if block and name in wires:
             self.period = self.periods[block.name]
@@ -181,9 +243,14 @@ class PortReader(KeyReader):
             if fault := self.fault_from_outside(force.value, "the hand's force"):
                 self.refuse(force, "ports.hand.force", *fault, of_key=False)
         position, reaction = (
-            self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None for key in PORTS["hand"][1:3]
+            self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None
+            for key in PORTS["hand"][1:3]
         )
-        return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
+        return (
+            (force.value, position, reaction)
+            if force and isinstance(force.value, str) and position is not None
+            else None
+        )
 
     def read_wall(self, keys: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         numbers = []
@@ -192,9 +259,13 @@ class PortReader(KeyReader):
             self.leaves[path] = leaf
             if name not in self.numbers or name in self.meanings:
                 hint = nearest(name, self.numbers) if isinstance(name, str) else ""
-                self.refuse(leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False)
+                self.refuse(
+                    leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False
+                )
             elif name in numbers:
-                self.refuse(leaf, path, "another number than the stiffness", show(name), of_key=False)
+                self.refuse(
+                    leaf, path, "another number than the stiffness", show(name), of_key=False
+                )
             numbers.append(str(name))
         return tuple(numbers) or None
 
@@ -204,8 +275,14 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
     if block is None:
         return ""
     mass = dict(block.keys).get("mass", ONE)
-    unit_of_mass = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
-    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if unit_of_mass in ("kg", "kg*m^2") else ""
+    unit_of_mass = (
+        "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+    )
+    unit = (
+        {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "")
+        if unit_of_mass in ("kg", "kg*m^2")
+        else ""
+    )
     return TURNED[unit] if unit and unit_of_mass == "kg*m^2" else unit
 
 

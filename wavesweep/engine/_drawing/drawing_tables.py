@@ -62,7 +62,10 @@ class ReadDrawing(NamedTuple):
 
 
 def read_drawing(
-    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, surroundings: Surroundings = Surroundings()
+    leaves: Mapping[Path, Leaf],
+    source: Place,
+    mistakes: Mistakes,
+    surroundings: Surroundings = Surroundings(),
 ) -> ReadDrawing:
     """Return what is drawn, and add its mistakes.
 
@@ -80,19 +83,29 @@ def read_drawing(
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = replace(names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names, following=following)
+    names = replace(
+        names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names,
+        following=following,
+    )
     return ReadDrawing(None if reader.mistakes else drawing, values, reader.leaves, names)
 
 
 def is_derived(path: Path, leaf: Leaf) -> bool:
     """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
-    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
+    return (
+        path[0] == "numbers"
+        and isinstance(leaf.value, str)
+        and len(path) > 1
+        and path[2:] in ((), ("value",))
+    )
 
 
 def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
     """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
     numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
-    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys = {RATE: TICK_HZ} | {
+        path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers
+    }
     keys |= {path: Key(path, "number", None, "", "") for path in axes}
     return Names(keys, {name: path_of(name) for name in numbers})
 
@@ -100,23 +113,37 @@ def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
 def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
     """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by side."""
     force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
-    inputs = [leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))]
+    inputs = [
+        leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))
+    ]
     return {signal for signal in inputs if isinstance(signal, str)}
 
 
 def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]) -> list[str]:
     """Return the ports of springs that need no wire: velocities without damping, and the second end of those to the ground."""
-    undamped = [name for name, block in springs.items() if not block or dict(block.keys)["d"][:2] == ("number", 0.0)]
+    undamped = [
+        name
+        for name, block in springs.items()
+        if not block or dict(block.keys)["d"][:2] == ("number", 0.0)
+    ]
     ground = [[f"{name}.{port}" for port in ("x2", "v2")] for name in springs]
     at_ground = [port for ports in ground if not {*ports} & {*wires} for port in ports]
     return [f"{name}.{port}" for name in undamped for port in ("v1", "v2")] + at_ground
 
 
-def with_whole_numbers(drawing: Drawing, values: dict[str, float]) -> tuple[Drawing, dict[str, float]]:
+def with_whole_numbers(
+    drawing: Drawing, values: dict[str, float]
+) -> tuple[Drawing, dict[str, float]]:
     """Return the drawing and the values with whole numbers where these decide how the loop is built."""
-    deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
-    integers = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
-    return replace(drawing, whole=integers), values | {path_of(name): int(values[path_of(name)]) for name in integers}
+    deciding = {
+        name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)
+    }
+    integers = frozenset(
+        name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer()
+    )
+    return replace(drawing, whole=integers), values | {
+        path_of(name): int(values[path_of(name)]) for name in integers
+    }
 
 
 class _TableReader(PortReader):
@@ -159,7 +186,9 @@ class _TableReader(PortReader):
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
         blocks += registers
-        wires += tuple((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers)
+        wires += tuple(
+            (f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers
+        )
         shown_terms = [term for terms in shown for term in terms or ()]
         wires, couplings = watching_held(wires, couplings, shown_terms)
         self.refuse_loose_ends(tables)
@@ -167,11 +196,24 @@ class _TableReader(PortReader):
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
         drawing = Drawing(
-            self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
+            self.tick_hz,
+            numbers,
+            frozenset(),
+            blocks,
+            wires,
+            hand,
+            wall,
+            turns,
+            couplings,
+            inputs,
+            outputs,
+            named,
         )
         return with_whole_numbers(drawing, values)
 
-    def read_wires(self, table: Mapping[str, Leaf], plants: Mapping[str, str]) -> tuple[Wires, Wires]:
+    def read_wires(
+        self, table: Mapping[str, Leaf], plants: Mapping[str, str]
+    ) -> tuple[Wires, Wires]:
         """Read the wires, and those of them that act continuously. plants: name and type of each one."""
         read = {port: self.read_wire(port, leaf, plants) for port, leaf in table.items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
@@ -192,7 +234,9 @@ class _TableReader(PortReader):
             self.leaves[path] = leaf
             if isinstance(leaf.value, str):
                 derived[name] = path, leaf
-                self.leaves |= {f"{path}.{key}": keys[key] for key in ("unit", "description") if key in keys}
+                self.leaves |= {
+                    f"{path}.{key}": keys[key] for key in ("unit", "description") if key in keys
+                }
                 continue
             value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
             if value is not None:
@@ -218,11 +262,20 @@ class _TableReader(PortReader):
         blocks = tuple(block for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
-        kinds = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
-        self.inputs, outputs = ([f"{name}.{port}" for name in kinds for port in self.ports[name][side]] for side in (0, 1))
-        self.optional = ports_at_rest({name: read[name] for name, kind in kinds.items() if kind == "spring"}, tables["wire"])
+        kinds = {
+            name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports
+        }
+        self.inputs, outputs = (
+            [f"{name}.{port}" for name in kinds for port in self.ports[name][side]]
+            for side in (0, 1)
+        )
+        self.optional = ports_at_rest(
+            {name: read[name] for name, kind in kinds.items() if kind == "spring"}, tables["wire"]
+        )
         self.signals = {*outputs} | self.outside
-        moments = [(block, *moment) for block, kind in kinds.items() for moment in TYPES[kind].moments]
+        moments = [
+            (block, *moment) for block, kind in kinds.items() for moment in TYPES[kind].moments
+        ]
         for block, port, text in moments:  # which stand for expressions in outputs that are held
             name = f"{block}.{port}"
             self.meanings[name] = parse(text.format(name=block))
@@ -237,7 +290,12 @@ class _TableReader(PortReader):
             path = f"signals.{name}"
             self.leaves[path] = leaf
             if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
-                self.refuse(leaf, path, f"{NAME}, and no number, function or signal from outside either", show(name))
+                self.refuse(
+                    leaf,
+                    path,
+                    f"{NAME}, and no number, function or signal from outside either",
+                    show(name),
+                )
             elif not isinstance(leaf.value, str):
                 self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
             else:
@@ -248,7 +306,10 @@ class _TableReader(PortReader):
     def read_named(self, table: Mapping[str, Leaf]) -> tuple[tuple[str, Terms], ...]:
         """Read the terms of the names of signals, which are shown too."""
         meant = [(name, leaf) for name, leaf in table.items() if name in self.meanings]
-        return tuple((name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ()) for name, leaf in meant)
+        return tuple(
+            (name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ())
+            for name, leaf in meant
+        )
 
     def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
         for name, leaf in table.items():
@@ -257,15 +318,23 @@ class _TableReader(PortReader):
                 self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
         return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
 
-    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
+    def read_wire(
+        self, port: str, leaf: Leaf, plants: Mapping[str, str]
+    ) -> tuple[Terms, Terms] | None:
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
         path, block = f"wire.{port}", port.rpartition(".")[0]
         if port not in self.inputs and not self.is_hidden(block):
             terms = "an output of a block" if port in self.signals else "an unknown port"
-            expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
+            expected = (
+                f"one of {', '.join(self.inputs)}"
+                if 0 < len(self.inputs) <= LISTED
+                else "an input port of a block"
+            )
             self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
         self.period = self.periods.get(block, ONE)
-        terms = self.read_terms(path, leaf, partial(parted, own=block, plants=plants if block in plants else {}))
+        terms = self.read_terms(
+            path, leaf, partial(parted, own=block, plants=plants if block in plants else {})
+        )
         self.period = None
         return terms
 
@@ -278,25 +347,40 @@ class _TableReader(PortReader):
 
         def expanded(tree: Tree, without: str = "") -> Tree:
             names = {name for name, _ in names_in(tree)} & texts.keys()
-            meanings = {name: ("number", 0.0, 0) if name == without else expanded(texts[name], without) for name in names}
+            meanings = {
+                name: ("number", 0.0, 0) if name == without else expanded(texts[name], without)
+                for name in names
+            }
             return remembered(with_trees(with_trees(tree, meanings), built_in), self.signals)[0]
 
         of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
-        texts_of_wires = {port: leaf.value for port, leaf in tables["wire"].items() if port.rpartition(".")[0] in plants}
-        into_plants = {port: parse(text) for port, text in texts_of_wires.items() if isinstance(text, str)}
+        texts_of_wires = {
+            port: leaf.value
+            for port, leaf in tables["wire"].items()
+            if port.rpartition(".")[0] in plants
+        }
+        into_plants = {
+            port: parse(text) for port, text in texts_of_wires.items() if isinstance(text, str)
+        }
         in_full = {port: expanded(tree) for port, tree in into_plants.items()}
         for name, text in texts.items():
             read = of_plants & {signal for signal, _ in linear(expanded(text), self.signals)}
             acts: tuple[list[str], list[str]] = [], []  # ports: held there, or continuous
             for port, tree in into_plants.items():
                 trees = in_full[port], expanded(tree, name)
-                continuous = None if trees[0] == trees[1] else self._acts_continuously(port, trees, read, plants)
+                continuous = (
+                    None
+                    if trees[0] == trees[1]
+                    else self._acts_continuously(port, trees, read, plants)
+                )
                 if continuous is not None:
                     acts[continuous].append(port)
             if acts[0] and acts[1]:
                 expected = f"{name} as in {acts[1][0]}, where it acts continuously, or the output of a hold in both"
                 leaf = tables["wire"][acts[0][0]]
-                self.refuse(leaf, f"wire.{acts[0][0]}", expected, f"{name} held over a tick", of_key=False)
+                self.refuse(
+                    leaf, f"wire.{acts[0][0]}", expected, f"{name} held over a tick", of_key=False
+                )
 
     def _acts_continuously(
         self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]
@@ -308,12 +392,18 @@ class _TableReader(PortReader):
         with suppress(Fault):  # without the name, the rest may be no spring
             block = port.rpartition(".")[0]
             full, less = (parted(tree, self.signals, block, plants) for tree in trees)
-            differ = [any(dict(full[i]).get(name) != dict(less[i]).get(name) for name in signals) for i in (0, 1)]
+            differ = [
+                any(dict(full[i]).get(name) != dict(less[i]).get(name) for name in signals)
+                for i in (0, 1)
+            ]
             return differ[1] if any(differ) else None
         return None
 
     def made_registers(
-        self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
+        self,
+        blocks: Iterable[DrawnBlock],
+        wires: Iterable[tuple[str, Terms]],
+        shown: Iterable[Terms | None],
     ) -> tuple[DrawnBlock, ...]:
         """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
 
@@ -322,11 +412,23 @@ class _TableReader(PortReader):
         runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
         registers = []
         for register, signal in self.registers.items():
-            source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
-            readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
+            source = next(
+                (block for block in blocks if block.name == signal.rpartition(".")[0]), None
+            )
+            readers = {
+                runs.get(port.rpartition(".")[0])
+                for port, terms in wires
+                if register in dict(terms)
+            }
             readers |= {None for terms in shown if register in dict(terms or ())}
-            every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
-            registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+            every, phase = (
+                (source.every, source.phase)
+                if source and readers == {runs[source.name]}
+                else (ONE, Plant.phase)
+            )
+            registers.append(
+                DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase)
+            )
         return tuple(registers)
 
     def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
@@ -335,7 +437,10 @@ class _TableReader(PortReader):
             if port not in tables["wire"] and port not in self.optional:
                 expected = f'a wire to this input, "{port}" = "..." in [wire]'
                 self.refuse(
-                    self.leaf(f"block.{port.rpartition('.')[0]}"), f"block.{port}", expected, "none (0 leaves it at rest)"
+                    self.leaf(f"block.{port.rpartition('.')[0]}"),
+                    f"block.{port}",
+                    expected,
+                    "none (0 leaves it at rest)",
                 )
         if self.mistakes:  # one may be why a number is not read
             return
@@ -344,4 +449,9 @@ class _TableReader(PortReader):
         for name, path in paths.items():
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"
-                self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")
+                self.refuse(
+                    self.leaf(path),
+                    path,
+                    f"a {kind} that an expression reads",
+                    "one that nothing reads",
+                )

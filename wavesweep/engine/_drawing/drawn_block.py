@@ -17,12 +17,22 @@ from wavesweep.engine._drawing.expressions import ONE, Terms, Tree, with_trees
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._keys.key import AHEAD, Key
 
-DELTA = "delta"  # in place of true as `discrete` of a transfer function: its powers are those of z - 1
+DELTA = (
+    "delta"  # in place of true as `discrete` of a transfer function: its powers are those of z - 1
+)
 # What names in the formulas of `BlockType` stand for, unless they are keys that are given.
 DEFINED = MappingProxyType(
-    {"K": "tan(pi*frequency_hz*T)", "a": "2*pi*cutoff_hz*T/(1 + 2*pi*cutoff_hz*T)", "r": "sqrt(2*b)", "g": "1/(b + B + K*T/2)"}
+    {
+        "K": "tan(pi*frequency_hz*T)",
+        "a": "2*pi*cutoff_hz*T/(1 + 2*pi*cutoff_hz*T)",
+        "r": "sqrt(2*b)",
+        "g": "1/(b + B + K*T/2)",
+    }
 )
-_ABSENT = {name: ("number", value, 0) for name, value in (("kp", 0.0), ("ki", 1.0), ("kd", 0.0), ("tau", 0.0))}
+_ABSENT = {
+    name: ("number", value, 0)
+    for name, value in (("kp", 0.0), ("ki", 1.0), ("kd", 0.0), ("tau", 0.0))
+}
 TRAPEZIA = "trapezoidal"
 PORT = ":"  # between the name of a member and its port or state, in the names of a plant's
 
@@ -75,7 +85,9 @@ class DrawnBlock:
         """Whether it is a channel whose messages are all in time by its own keys, which is a hold."""
         keys = dict(self.keys)
         may_fail = ("late", "lost", "loss", "burst")
-        return self.type == "channel" and all(keys[name][:2] == ("number", 0.0) for name in may_fail)
+        return self.type == "channel" and all(
+            keys[name][:2] == ("number", 0.0) for name in may_fail
+        )
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""
@@ -88,7 +100,10 @@ class DrawnBlock:
         keys, period = self.keys, ("/", self.every, tick_hz, 0)
         if named:
             keys, period = (
-                tuple((name, value if isinstance(value, str) else ("name", name, 0)) for name, value in keys),
+                tuple(
+                    (name, value if isinstance(value, str) else ("name", name, 0))
+                    for name, value in keys
+                ),
                 ("name", "T", 0),
             )
         return replace(self, type="tf", keys=transfer_function(self.type, keys, period), limits=())
@@ -151,7 +166,10 @@ class Plant:
     @property
     def drawn_ports(self) -> tuple[list[str], list[str]]:
         """The input and output ports of its members, as they are drawn."""
-        return tuple([f"{block.name}.{port}" for block in self.members for port in block.ports[side]] for side in (0, 1))
+        return tuple(
+            [f"{block.name}.{port}" for block in self.members for port in block.ports[side]]
+            for side in (0, 1)
+        )
 
     @property
     def ports(self) -> tuple[list[str], list[str]]:
@@ -167,7 +185,11 @@ class Plant:
     @property
     def acts_on_itself(self) -> bool:
         """Whether its couplings form a loop."""
-        feeds = {(name.rpartition(".")[0], port.rpartition(".")[0]) for port, terms in self.couplings for name, _ in terms}
+        feeds = {
+            (name.rpartition(".")[0], port.rpartition(".")[0])
+            for port, terms in self.couplings
+            for name, _ in terms
+        }
         names, before = {reader for _, reader in feeds}, None
         while names != before:
             before, names = names, {source for source, reader in feeds if reader in names}
@@ -185,16 +207,23 @@ def keys_of_block(kind: str) -> dict[str, Key]:
 
 
 @lru_cache(maxsize=1024)
-def transfer_function(kind: str, keys: tuple[tuple[str, object], ...], period: Tree) -> tuple[tuple[str, object], ...]:
+def transfer_function(
+    kind: str, keys: tuple[tuple[str, object], ...], period: Tree
+) -> tuple[tuple[str, object], ...]:
     """Return the keys of the block of type `tf` that a block of firmware is; keys: its own; period: of the block, s."""
     meanings = _meanings(keys, period)
-    num, den = (tuple(with_trees(parse(text), meanings) for text in texts) for texts in TYPES[kind].formula)
+    num, den = (
+        tuple(with_trees(parse(text), meanings) for text in texts) for texts in TYPES[kind].formula
+    )
     return ("num", num), ("den", den), ("discrete", True if kind == "biquad" else DELTA)
 
 
 @lru_cache(maxsize=1024)
 def stepwise(
-    kind: str, keys: tuple[tuple[str, object], ...], ports: tuple[tuple[str, ...], tuple[str, ...]], period: Tree
+    kind: str,
+    keys: tuple[tuple[str, object], ...],
+    ports: tuple[tuple[str, ...], tuple[str, ...]],
+    period: Tree,
 ) -> tuple[tuple[str, object], ...]:
     """Return the keys of a block as one of type `ss` whose states mean the same at every period; none if its own states do.
 
@@ -203,11 +232,27 @@ def stepwise(
     words, (inputs, outputs) = dict(keys), ports
     if not TYPES[kind].stepwise or not (TYPES[kind].formula or TRAPEZIA in words.values()):
         return ()
-    meanings = _ABSENT | _meanings(keys, period) | {"late": ("number", 0.5 * (TRAPEZIA in words.values()), 0)}
-    rows = [tuple(with_trees(parse(text), meanings) for text in row.split(";")) for row in TYPES[kind].stepwise]
+    meanings = (
+        _ABSENT
+        | _meanings(keys, period)
+        | {"late": ("number", 0.5 * (TRAPEZIA in words.values()), 0)}
+    )
+    rows = [
+        tuple(with_trees(parse(text), meanings) for text in row.split(";"))
+        for row in TYPES[kind].stepwise
+    ]
     n = len(rows) - len(outputs)
-    matrices = (tuple(row[columns] for row in half) for half in (rows[:n], rows[n:]) for columns in (slice(n), slice(n, None)))
-    model = {**dict(zip("ABCD", matrices, strict=True)), "inputs": inputs, "outputs": outputs, "discrete": True}
+    matrices = (
+        tuple(row[columns] for row in half)
+        for half in (rows[:n], rows[n:])
+        for columns in (slice(n), slice(n, None))
+    )
+    model = {
+        **dict(zip("ABCD", matrices, strict=True)),
+        "inputs": inputs,
+        "outputs": outputs,
+        "discrete": True,
+    }
     return tuple(model.items())
 
 

@@ -13,7 +13,10 @@ from typing import Any
 Tree = tuple[Any, ...]
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
-MOST_PARTS, MOST_DEEP = 2000, 200  # of a tree, whose names may stand for other trees: parts, and parts within each other
+MOST_PARTS, MOST_DEEP = (
+    2000,
+    200,
+)  # of a tree, whose names may stand for other trees: parts, and parts within each other
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 PREVIOUS = "prev"  # of signals: what they were before the tick
 RESERVED = ("pi", *FUNCTIONS)
@@ -35,7 +38,12 @@ class Fault(ValueError):
 
     def __init__(self, offset: int, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
-        self.offset, self.expected, self.found, self.suggestion = offset, expected, found, suggestion
+        self.offset, self.expected, self.found, self.suggestion = (
+            offset,
+            expected,
+            found,
+            suggestion,
+        )
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
@@ -64,7 +72,9 @@ def _text_of_number(number: float) -> str:
 
 def sum_of(terms: Terms) -> str:
     """Return a sum of signals times gains as a text."""
-    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
+    texts = (
+        text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms
+    )
     return " + ".join(texts).replace("+ -", "- ")
 
 
@@ -77,7 +87,11 @@ def _unsigned(tree: Tree) -> Tree | None:
     if operation not in ("*", "/") or (inner := _unsigned(first)) is None:
         return None
     second: Tree = tree[2]
-    return second if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
+    return (
+        second
+        if operation == "*" and inner[:2] == ("number", 1.0)
+        else (operation, inner, *tree[2:])
+    )
 
 
 def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
@@ -109,7 +123,9 @@ def _is_nothing(tree: Tree) -> bool:
         return all(map(_is_nothing, operands))
     if operation == "*":
         return any(map(_is_nothing, operands))
-    return _is_nothing(operands[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
+    return (
+        _is_nothing(operands[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
+    )
 
 
 def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
@@ -134,7 +150,9 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
 def _refuse_nonlinear(operation: str, at: int, left: list[str], right: list[str]) -> None:
     """Raise Fault if an operation is not linear in the signals that its operands, left and right, read."""
     fault = {
-        **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
+        **dict.fromkeys(
+            FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"
+        ),
         "**": (left or right) and "a power of a signal, or with a signal",
         "/": right and f"a division by the signal {right[0]}",
         "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
@@ -182,7 +200,11 @@ class SharedParts:
             node = queue.pop()
             if id(node) in self.lost:
                 lost.append(self.lost[id(node)])
-            inner = [operand for operand in node[1:-1] if isinstance(operand, tuple) and id(operand) not in visited]
+            inner = [
+                operand
+                for operand in node[1:-1]
+                if isinstance(operand, tuple) and id(operand) not in visited
+            ]
             visited.update(map(id, inner))
             queue += inner
         return lost
@@ -221,14 +243,20 @@ def _evaluate(
     key = id(tree)
     if key in known_values:
         return known_values[key]
-    first, *rest = (_evaluate(operand, numbers, library, watch, known_values) for operand in tree[1:-1])
+    first, *rest = (
+        _evaluate(operand, numbers, library, watch, known_values) for operand in tree[1:-1]
+    )
     second = rest[0] if rest else None
     if operation == "negative":
         value = -first
     elif operation in FUNCTIONS:
         value = getattr(library, operation)(first)
     else:
-        value = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
+        value = (
+            _power(first, second, tree[2])
+            if operation == "**"
+            else _OPERATIONS[operation](first, second)
+        )
     if watch and operation != "negative":
         watch(tree, first, second, value)
     known_values[key] = value
@@ -249,7 +277,9 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
 
 
 CANCELLED = 1 / 16  # a sum below this share of its first term has lost digits
-RAISED = 16  # an operation that multiplies the rounding of its first term by more than this loses digits
+RAISED = (
+    16  # an operation that multiplies the rounding of its first term by more than this loses digits
+)
 SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
 
 
@@ -257,7 +287,12 @@ def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
     """Return whether an operation is wrong by more than a few roundings, for each of its values."""
     operation, computed = tree[0], [not is_given(operand) for operand in tree[1:-1]]
     if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
-        change = {"sqrt": 0.0, "tan": abs(first) * (1 + abs(found * found)), "exp": abs(first * found), "log": 1.0}
+        change = {
+            "sqrt": 0.0,
+            "tan": abs(first) * (1 + abs(found * found)),
+            "exp": abs(first * found),
+            "log": 1.0,
+        }
         return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
     if operation in ("+", "-"):  # a sum of two numbers is rounded once
         return (abs(found) < CANCELLED * abs(first)) & any(computed)
@@ -303,7 +338,13 @@ def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
     """Return the tree with other trees in place of names, each at the offset of its name."""
     if tree[0] == "name" and tree[1] in meanings:
         return (*meanings[tree[1]][:-1], tree[2])
-    return _same_or(tree, tuple(with_trees(operand, meanings) if isinstance(operand, tuple) else operand for operand in tree))
+    return _same_or(
+        tree,
+        tuple(
+            with_trees(operand, meanings) if isinstance(operand, tuple) else operand
+            for operand in tree
+        ),
+    )
 
 
 def _same_or(tree: Tree, made: Tree) -> Tree:
@@ -316,15 +357,24 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
 
     Errors: Fault if there is neither a signal nor 0 within the parentheses.
     """
-    operands = [remembered(operand, signals) if isinstance(operand, tuple) else (operand, {}) for operand in tree[1:-1]]
+    operands = [
+        remembered(operand, signals) if isinstance(operand, tuple) else (operand, {})
+        for operand in tree[1:-1]
+    ]
     registers = {register: signal for _, read in operands for register, signal in read.items()}
     tree = _same_or(tree, (tree[0], *(operand for operand, _ in operands), tree[-1]))
     if tree[0] != PREVIOUS:
         return tree, registers
-    read = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in registers}
+    read = {
+        f"{PREVIOUS}({name}).y": name
+        for name, _ in names_in(tree)
+        if name in signals or name in registers
+    }
     if not (read or _is_nothing(tree[1])):  # as an input of a class that is at rest
         raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
-    return with_trees(tree[1], {name: ("name", register, 0) for register, name in read.items()}), registers | read
+    return with_trees(
+        tree[1], {name: ("name", register, 0) for register, name in read.items()}
+    ), registers | read
 
 
 def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
@@ -339,7 +389,11 @@ def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
     """Raise Fault for a tree that is too large or too deep with what its names stand for."""
     size, depth = extent(tree, of_names)
     if size > MOST_PARTS or depth > MOST_DEEP:
-        raise Fault(0, f"at most {MOST_PARTS} parts, {MOST_DEEP} within each other, with those of its names", "more")
+        raise Fault(
+            0,
+            f"at most {MOST_PARTS} parts, {MOST_DEEP} within each other, with those of its names",
+            "more",
+        )
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
@@ -355,7 +409,9 @@ def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
         yield tree[2], None
     elif tree[0] in ("log", "tan"):
         yield (tree[1] if tree[0] == "log" else ("cos", *tree[1:])), None
-    elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
+    elif tree[0] == "sqrt" or (
+        tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())
+    ):
         yield tree[1], tree
 
 
@@ -410,14 +466,19 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     from flint import acb, ctx
 
     balls: dict[Any, Any] = {
-        name: acb(number) for name, number in ({constant: constant for constant in constants_of(tree)} | dict(numbers)).items()
+        name: acb(number)
+        for name, number in (
+            {constant: constant for constant in constants_of(tree)} | dict(numbers)
+        ).items()
     }
     before, tree = ctx.prec, named(tree)
     try:
         for ctx.prec in PRECISIONS:
             value = evaluate(tree, balls, acb)
             components = value.real, value.imag
-            if all(component == 0 or component.rel_accuracy_bits() > ENOUGH for component in components):
+            if all(
+                component == 0 or component.rel_accuracy_bits() > ENOUGH for component in components
+            ):
                 break
     except ZeroDivisionError:
         return math.nan
@@ -439,11 +500,17 @@ def named(tree: Tree) -> Tree:
     if tree[0] == "number":
         return ("name", tree[1], tree[2])
     operands = [named(operand) if isinstance(operand, tuple) else operand for operand in tree[1:-1]]
-    return (tree[0], operands[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *operands, tree[-1])
+    return (
+        (tree[0], operands[0], *tree[2:])
+        if tree[0] == "**" and is_constant(tree[2])
+        else (tree[0], *operands, tree[-1])
+    )
 
 
 @lru_cache(maxsize=1024)
 def constants_of(tree: Tree) -> frozenset[float]:
     """Return the constants of a tree."""
     constants = [tree[1]] if tree[0] == "number" else []
-    return frozenset(constants).union(*(constants_of(operand) for operand in tree[1:-1] if isinstance(operand, tuple)))
+    return frozenset(constants).union(
+        *(constants_of(operand) for operand in tree[1:-1] if isinstance(operand, tuple))
+    )

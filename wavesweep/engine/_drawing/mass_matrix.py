@@ -30,14 +30,18 @@ def at_axes(keys: Mapping[str, Any], name: str) -> Rows:
 
 def _product(left: Rows, right: Rows) -> Rows:
     columns = list(zip(*right, strict=True))
-    return [[sum(a * b for a, b in zip(row, column, strict=True)) for column in columns] for row in left]
+    return [
+        [sum(a * b for a, b in zip(row, column, strict=True)) for column in columns] for row in left
+    ]
 
 
 def determinant(rows: Rows, sign: int = -1) -> Any:
     """Return the determinant; with sign 1 the permanent, which is the size of its terms if the entries are sizes."""
     if not rows:
         return 1
-    terms = (sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows))
+    terms = (
+        sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows)
+    )
     return sum(terms)
 
 
@@ -48,7 +52,9 @@ def adjugate(rows: Rows, sign: int = -1) -> Rows:
 
 
 def _without(rows: Rows, i: int, j: int) -> Rows:
-    return [[entry for q, entry in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i]
+    return [
+        [entry for q, entry in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i
+    ]
 
 
 def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
@@ -58,7 +64,10 @@ def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     m, M = matrices["mass"], at_axes({**keys, **matrices}, "mass")
     pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
     good = [abs(a - b) <= SAME * (abs(a) + abs(b)) for a, b in pairs]
-    return reduce(operator.and_, good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)])
+    return reduce(
+        operator.and_,
+        good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)],
+    )
 
 
 def _has_shape(rows: Sequence[Sequence[Any]], height: int, width: int) -> bool:
@@ -76,5 +85,9 @@ def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
         rows, shapes = keys[name], [(many, n)] if name == "through" else [(many, many), (1, many)]
         if (rows or name == "mass") and not any(_has_shape(rows, *shape) for shape in shapes):
             expected = " or ".join(f"{h} row{'s' * (h > 1)} of {w} numbers" for h, w in shapes)
-            return name, expected, f"{len(rows)} of {', '.join(dict.fromkeys(str(len(row)) for row in rows)) or '0'}"
+            return (
+                name,
+                expected,
+                f"{len(rows)} of {', '.join(dict.fromkeys(str(len(row)) for row in rows)) or '0'}",
+            )
     return None

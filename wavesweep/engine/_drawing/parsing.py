@@ -22,7 +22,16 @@ _TOKEN = re.compile(
 
 
 # What is meant by signs of other languages and of typeset text.
-MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
+MEANT = {
+    "^": "**",
+    "\u2212": "-",
+    "\u2013": "-",
+    "\u00d7": "*",
+    "\u00b7": "*",
+    "\u22c5": "*",
+    "\u00f7": "/",
+    "\u2215": "/",
+}
 
 
 def parse(text: str) -> Tree:
@@ -41,7 +50,9 @@ def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tre
     """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
     kind, text, at = tokens.popleft()
     if depth > DEEPEST:
-        raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+        raise Fault(
+            at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more"
+        )
     tree: Tree
     if kind == "number":
         if not math.isfinite(float(text)):
@@ -68,7 +79,9 @@ def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) 
     if name not in FUNCTIONS and tokens[0][1] != "(":
         return ("number", math.pi, at) if name == "pi" else ("name", name, at)
     if name not in (PREVIOUS, *FUNCTIONS):
-        raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS))
+        raise Fault(
+            at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS)
+        )
     _expect(tokens, "(", f"( after {name}")
     argument = _operand(tokens, 1, depth + 1)
     _expect(tokens, ")", ") to close a parenthesis")

@@ -10,7 +10,9 @@ from wavesweep.engine._monodromy.unit_circle import inverse, solve
 # A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are known to some 1e-6, and may
 # miss its peak or take two crossings of a level for one at 0.
 SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
-CLIMB = np.concatenate([10.0 ** (np.linspace(-1, 1, 21) * width) for width in (0.5, 0.05, 0.005, 5e-4)]).reshape(4, -1)
+CLIMB = np.concatenate(
+    [10.0 ** (np.linspace(-1, 1, 21) * width) for width in (0.5, 0.05, 0.005, 5e-4)]
+).reshape(4, -1)
 START = np.pi * np.array([0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
 RAISES = 30  # of the level; it converges after a few
 
@@ -107,7 +109,13 @@ class Element:
     Q: np.ndarray
 
 
-def tick(A: np.ndarray, B: np.ndarray, state_cost: np.ndarray, cross_cost: np.ndarray, input_cost: np.ndarray) -> Element:
+def tick(
+    A: np.ndarray,
+    B: np.ndarray,
+    state_cost: np.ndarray,
+    cross_cost: np.ndarray,
+    input_cost: np.ndarray,
+) -> Element:
     """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
 
     A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m, m)`, regular.
@@ -120,8 +128,13 @@ def tick(A: np.ndarray, B: np.ndarray, state_cost: np.ndarray, cross_cost: np.nd
 def then(first: Element, second: Element) -> Element:
     """One element after the other (Redheffer's star product): no growing and decaying parts are ever multiplied out."""
     n = first.A.shape[-1]
-    with np.errstate(over="ignore", invalid="ignore"):  # a loop whose tick is very unstable overflows: see `angles`
-        joint = solve(np.eye(n) + first.G @ second.Q, np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1))
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a loop whose tick is very unstable overflows: see `angles`
+        joint = solve(
+            np.eye(n) + first.G @ second.Q,
+            np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1),
+        )
         carried, spread = joint[..., :n], joint[..., n:]
         A_transposed = np.swapaxes(first.A, -1, -2)
         return Element(

@@ -29,9 +29,13 @@ class TickMaps:
     kind: np.ndarray
 
     @staticmethod
-    def of(maps: Sequence[Sequence[np.ndarray]], kind: np.ndarray, batch: tuple[int, ...]) -> "TickMaps":
+    def of(
+        maps: Sequence[Sequence[np.ndarray]], kind: np.ndarray, batch: tuple[int, ...]
+    ) -> "TickMaps":
         """Return the ticks with their batch, broadcast to `batch`, in one axis."""
-        return TickMaps(tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind)
+        return TickMaps(
+            tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind
+        )
 
     @property
     def loops(self) -> int:
@@ -40,7 +44,9 @@ class TickMaps:
 
     def at(self, loops: np.ndarray | slice) -> "TickMaps":
         """Return some of the loops."""
-        return TickMaps(tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind)
+        return TickMaps(
+            tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind
+        )
 
     def in_even_units(self) -> "TickMaps":
         """Return the ticks with states in units that give their entries similar sizes.
@@ -57,13 +63,19 @@ class TickMaps:
         units = balance(np.where(np.isfinite(sizes), sizes, 0.0), SWEEPS)[1]
         u = (units[:, :n] / units[:, n:])[:, None, :]
         v = np.swapaxes(u, -1, -2)
-        return TickMaps(tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
+        return TickMaps(
+            tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind
+        )
 
     def pencil(self, owner: np.ndarray, level: np.ndarray) -> Element:
         """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
 
         def costs(C, D):
-            return 0.0, np.swapaxes(C, -1, -2), D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1])
+            return (
+                0.0,
+                np.swapaxes(C, -1, -2),
+                D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1]),
+            )
 
         return self._frame(owner, costs)
 
@@ -89,19 +101,28 @@ class TickMaps:
             E, growth = measured_frame(self.kind, changes)
             return known_frames(E, growth)
         with np.errstate(all="ignore"):
-            return in_a_row(self.kind.tolist(), [Change.of(change) for change in changes], Change.then).E
+            return in_a_row(
+                self.kind.tolist(), [Change.of(change) for change in changes], Change.then
+            ).E
 
     def lifted(self, *, measured: bool = True) -> "LiftedMap":
         """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
         n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
         height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
         number = np.result_type(*(matrix for ticks in self.maps for matrix in ticks))
-        O, T, drive = (np.zeros((loops, *shape), number) for shape in ((height, n), (height, width), (n, width)))
+        O, T, drive = (
+            np.zeros((loops, *shape), number)
+            for shape in ((height, n), (height, width), (n, width))
+        )
         state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
         with np.errstate(all="ignore"):
             for E, B, C, D in (self.maps[kind] for kind in kinds):
                 rows, new = slice(row, row + C.shape[-2]), slice(column, column + B.shape[-1])
-                O[:, rows], T[:, rows, :column], T[:, rows, new] = C @ state, C @ drive[..., :column], D
+                O[:, rows], T[:, rows, :column], T[:, rows, new] = (
+                    C @ state,
+                    C @ drive[..., :column],
+                    D,
+                )
                 state = state + E @ state
                 drive[..., :column] += E @ drive[..., :column]
                 drive[..., new] = B
@@ -116,7 +137,9 @@ def _flat(matrix, batch):
 
 def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
-    return closure([E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps]))
+    return closure(
+        [E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps])
+    )
 
 
 def reached(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
@@ -167,7 +190,11 @@ class LiftedMap:
 
         def eigenvalue(H):
             eigenvalues = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
-            return eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1) if noise else eigenvalues[:, 0]
+            return (
+                eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1)
+                if noise
+                else eigenvalues[:, 0]
+            )
 
         return self._measured(owner, theta, eigenvalue)
 

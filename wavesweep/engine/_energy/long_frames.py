@@ -19,12 +19,28 @@ from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 
-LOOKS = (2, 3, 4, 6, 9, 13, 19, 28, 40, 60)  # steps of the iteration for a largest gain, after which it is computed
-SETTLED = 1e-13  # relative, by which the last steps of it change the largest of all gains at the most
+LOOKS = (
+    2,
+    3,
+    4,
+    6,
+    9,
+    13,
+    19,
+    28,
+    40,
+    60,
+)  # steps of the iteration for a largest gain, after which it is computed
+SETTLED = (
+    1e-13  # relative, by which the last steps of it change the largest of all gains at the most
+)
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 EPS = np.finfo(float).eps
 ASKED = 4.0  # times what rounding may cost in each tick, which the stored energy has to make up for
-ROUNDED, RETURNED = 0.25, 64.0  # of these, roundings of the stored energies, and what they miss in the end of where they began
+ROUNDED, RETURNED = (
+    0.25,
+    64.0,
+)  # of these, roundings of the stored energies, and what they miss in the end of where they began
 TOGETHER = 2_000_000  # numbers of the points that are computed together
 
 
@@ -75,7 +91,11 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     inner_conj = inner.conj()
     right = np.cos(np.arange(1, G.shape[-1] + 1)) + np.zeros((theta.size, 1), complex)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    left, beta, found = np.zeros((theta.size, len(T)), complex), np.zeros((theta.size, 1)), np.zeros(theta.size)
+    left, beta, found = (
+        np.zeros((theta.size, len(T)), complex),
+        np.zeros((theta.size, 1)),
+        np.zeros(theta.size),
+    )
     diagonal, beside, steps = [], [], min(LOOKS[-1], *T.shape)
     with np.errstate(all="ignore"):
         for step in range(1, steps + 1):
@@ -87,7 +107,10 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
             right = back - alpha * right
             diagonal.append(alpha[:, 0])
             if step in LOOKS or step == steps:
-                before, found = found, np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0]
+                before, found = (
+                    found,
+                    np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0],
+                )
                 if found.max() - before.max() <= SETTLED * found.max():
                     break
             beta = np.linalg.norm(right, axis=-1, keepdims=True)
@@ -122,7 +145,9 @@ def is_above(ticks: TickMaps, square: float) -> bool:
     """
     maps = [tuple(matrix[0] for matrix in tick_map) for tick_map in ticks.maps]
     kinds = ticks.kind.tolist()
-    maps.append(maps[kinds[-1]])  # the last tick is a kind by itself, which leads back to the beginning
+    maps.append(
+        maps[kinds[-1]]
+    )  # the last tick is a kind by itself, which leads back to the beginning
     kinds[-1] = len(maps) - 1
     nothing = [np.zeros(len(maps[0][0]))] * len(maps)
     stored = _over_frame(maps, kinds, square, nothing, _stored(maps, kinds, square, nothing))
@@ -141,12 +166,16 @@ def is_above(ticks: TickMaps, square: float) -> bool:
         # What is taken off the inputs' part costs the states as much as the inputs that they would choose.
         chosen = np.abs(solve(matrix[:, n:, n:], matrix[:, n:, :n]))
         of_inputs = np.swapaxes(chosen, -1, -2) @ (in_rows[:, n:, None] * chosen)
-        asked.append(ASKED * (in_rows[:, :n] + _row_sums(of_inputs, units[kind][:n])).max(0, initial=0.0))
+        asked.append(
+            ASKED * (in_rows[:, :n] + _row_sums(of_inputs, units[kind][:n])).max(0, initial=0.0)
+        )
     stored = _over_frame(maps, kinds, square, asked, _stored(maps, kinds, square, asked))
     stored[-1] = stored[0]
     for kind, tick_map in enumerate(maps):
         at = np.array(kinds) == kind
-        if not _all_positive(*_of_lemma(tick_map, square, stored[:-1][at], stored[1:][at]), units[kind]):
+        if not _all_positive(
+            *_of_lemma(tick_map, square, stored[:-1][at], stored[1:][at]), units[kind]
+        ):
             return False
     return True
 
@@ -173,7 +202,14 @@ def _over_frame(maps, kinds, square, asked, energy):
         of_E, of_B = energy @ E, energy @ B
         cross = of_B + E.T @ of_B + C.T @ D
         spent = square * np.eye(B.shape[-1]) - D.T @ D - B.T @ of_B
-        change = of_E + of_E.T + E.T @ of_E + C.T @ C + np.diag(asked[kind]) + cross @ solve(spent, cross.T)
+        change = (
+            of_E
+            + of_E.T
+            + E.T @ of_E
+            + C.T @ C
+            + np.diag(asked[kind])
+            + cross @ solve(spent, cross.T)
+        )
         energy = energy + (change + change.T) / 2
         stored.append(energy)
     return np.array(stored[::-1])

@@ -15,15 +15,24 @@ def squared_norm(ticks: TickMaps) -> Peak:
 
     Frames of many ticks are searched and proved otherwise, one by one; those that this leaves open as all others.
     """
-    wide = min(sum(ticks.maps[kind][3].shape[axis] for kind in ticks.kind.tolist()) for axis in (-2, -1))
+    wide = min(
+        sum(ticks.maps[kind][3].shape[axis] for kind in ticks.kind.tolist()) for axis in (-2, -1)
+    )
     if ticks.kind.size == 1 or wide <= MANY:
         return _by_responses(ticks)
-    norms = [squared_norm_of_one(ticks.at(slice(loop, loop + 1)), TOLERANCE) for loop in range(ticks.loops)]
+    norms = [
+        squared_norm_of_one(ticks.at(slice(loop, loop + 1)), TOLERANCE)
+        for loop in range(ticks.loops)
+    ]
     peak = Peak(*(np.array(values) for values in zip(*norms, strict=True)))
     open_ = np.flatnonzero(~peak.certified & np.isfinite(peak.value))
     if open_.size:
         again = _by_responses(ticks.at(open_))
-        peak.value[open_], peak.theta[open_], peak.certified[open_] = again.value, again.theta, again.certified
+        peak.value[open_], peak.theta[open_], peak.certified[open_] = (
+            again.value,
+            again.theta,
+            again.certified,
+        )
     return peak
 
 

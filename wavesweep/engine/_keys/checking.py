@@ -26,7 +26,14 @@ class Mistakes(list[Mistake]):
     """The mistakes of a spec, collected while its tables are read."""
 
     def refuse(
-        self, where: Leaf | Place, path: str, expected: str, found: str, suggestion: str = "", *, of_key: bool = True
+        self,
+        where: Leaf | Place,
+        path: str,
+        expected: str,
+        found: str,
+        suggestion: str = "",
+        *,
+        of_key: bool = True,
     ) -> None:
         """Add the mistake of a key or, unless `of_key`, of its value."""
         place = where.place if isinstance(where, Leaf) else where
@@ -37,14 +44,25 @@ class Mistakes(list[Mistake]):
         try:
             return check(key, leaf.value)
         except Rejected as error:
-            self.refuse(leaf, path or key.path, error.expected, error.found, error.suggestion, of_key=False)
+            self.refuse(
+                leaf, path or key.path, error.expected, error.found, error.suggestion, of_key=False
+            )
             return None
 
     def check_list(
-        self, key: Key, leaf: Leaf, path: str, expected: str = "a list of numbers", count: int | None = None
+        self,
+        key: Key,
+        leaf: Leaf,
+        path: str,
+        expected: str = "a list of numbers",
+        count: int | None = None,
     ) -> list[Any]:
         """Return the values of a list that is not empty, each as the key's own type, and add mistakes. count: of the values."""
-        if not isinstance(leaf.value, list) or not leaf.value or count not in (None, len(leaf.value)):
+        if (
+            not isinstance(leaf.value, list)
+            or not leaf.value
+            or count not in (None, len(leaf.value))
+        ):
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
             return []
         values, before = [], len(self)
@@ -56,14 +74,23 @@ class Mistakes(list[Mistake]):
             values.append(self.check(key, replace(leaf, value=item), f"{path}[{index}]"))
         return values
 
-    def is_known(self, name: str, known: Collection[str], leaf: Leaf, path: str, found: str = "an unknown key") -> bool:
+    def is_known(
+        self,
+        name: str,
+        known: Collection[str],
+        leaf: Leaf,
+        path: str,
+        found: str = "an unknown key",
+    ) -> bool:
         """Return whether a name is known; one that is not is a mistake. path: of the key with this name."""
         if name in known:
             return True
         self.refuse(leaf, path, f"one of {', '.join(known)}", found, nearest(name, known))
         return False
 
-    def read(self, keys: Mapping[str, Key], leaves: Mapping[str, Leaf], table: str = "") -> dict[str, Any]:
+    def read(
+        self, keys: Mapping[str, Key], leaves: Mapping[str, Leaf], table: str = ""
+    ) -> dict[str, Any]:
         """Return the values of a table's keys by name; those that are unknown or wrong are left out, and mistakes.
 
         table: path of the table; its keys have the paths `table.name`.
@@ -71,7 +98,10 @@ class Mistakes(list[Mistake]):
         values = {}
         for name, leaf in leaves.items():
             path = f"{table}.{name}" if table else name
-            if self.is_known(name, keys, leaf, path) and (value := self.check(keys[name], leaf, path)) is not None:
+            if (
+                self.is_known(name, keys, leaf, path)
+                and (value := self.check(keys[name], leaf, path)) is not None
+            ):
                 values[name] = value
         return values
 
@@ -85,12 +115,17 @@ class Mistakes(list[Mistake]):
         causes = [
             mistake
             for mistake in self
-            if mistake.expected == "a table" or not (mistake.key in no_tables or mistake.key.startswith(below))
+            if mistake.expected == "a table"
+            or not (mistake.key in no_tables or mistake.key.startswith(below))
         ]
 
         def position(mistake: Mistake) -> tuple[int, ...]:
             numbers = mistake.location.rsplit(":", 2)[1:]
-            return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
+            return (
+                tuple(map(int, numbers))
+                if len(numbers) == 2 and all(map(str.isdecimal, numbers))
+                else (10**9,)
+            )
 
         return sorted(dict.fromkeys(causes), key=position)
 
@@ -103,7 +138,11 @@ def check(key: Key, value: object) -> float | int | str | bool:
     if key.type == "string":
         if isinstance(value, str) and (value in key.choices or not key.choices):
             return value
-        raise Rejected(expectation(key), show(value), nearest(value, key.choices) if isinstance(value, str) else "")
+        raise Rejected(
+            expectation(key),
+            show(value),
+            nearest(value, key.choices) if isinstance(value, str) else "",
+        )
     if key.type == "boolean" and isinstance(value, bool):
         return value
     return _number(key, value)
@@ -128,10 +167,22 @@ def _number(key: Key, value: object) -> float | int:
     """Return `value` as a number that the key accepts, or raise `Rejected`."""
     number: Any = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
     finite = _is_finite(number)
-    if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
+    if (
+        not finite
+        or key.type == "boolean"
+        or (key.type == "integer" and number != math.floor(number))
+    ):
         expected = expectation(key)
-        expected = expected if number is None or finite else expected.replace("a number", "a finite number")
-        raise Rejected(expected, show(value), key.instead if isinstance(value, str) == key.instead.startswith('"') else "")
+        expected = (
+            expected
+            if number is None or finite
+            else expected.replace("a number", "a finite number")
+        )
+        raise Rejected(
+            expected,
+            show(value),
+            key.instead if isinstance(value, str) == key.instead.startswith('"') else "",
+        )
     if not _is_allowed(key, number):
         raise Rejected(expectation(key, number), show(value))
     if not computable(number):

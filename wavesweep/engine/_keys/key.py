@@ -33,7 +33,9 @@ class Place:
         """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
         return self.location()
 
-    def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
+    def mistake(
+        self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False
+    ) -> Mistake:
         """Return the mistake made by the value here or, if `of_key`, by its key."""
         return Mistake(self.location(of_key), key, expected, found, suggestion)
 
@@ -54,7 +56,9 @@ class Leaf:
     place: Place
 
 
-def leaves_of(tables: Mapping[str, Any], place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
+def leaves_of(
+    tables: Mapping[str, Any], place: Place, prefix: Path = ()
+) -> Iterator[tuple[Path, Leaf]]:
     """Yield path and leaf of every value that is not a table with something in it."""
     for name, value in tables.items():
         path = (*prefix, name)
@@ -95,11 +99,27 @@ INTEGRATIONS = {
     "implicit": "the spring reads the position after the step; usually the most stable wall",
     "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
 }
-AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of the new velocity in the position that a spring reads
+AHEAD = {
+    "explicit": 0.0,
+    "implicit": 1.0,
+    "trapezoidal": 0.5,
+}  # share of the new velocity in the position that a spring reads
 HIGHEST_ORDER = 12
 LONGEST_FRAME = 100_000  # ticks
-SMALLEST, LARGEST = 1e-60, 1e60  # sizes of numbers other than 0: what a loop makes of several stays within doubles
-VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # no names, in any case of letters
+SMALLEST, LARGEST = (
+    1e-60,
+    1e60,
+)  # sizes of numbers other than 0: what a loop makes of several stays within doubles
+VALUE_WORDS = (
+    "nan",
+    "inf",
+    "infinity",
+    "none",
+    "null",
+    "na",
+    "true",
+    "false",
+)  # no names, in any case of letters
 FORMULA = ("=", "+", "-", "@")  # how a text begins that a spreadsheet runs
 
 
@@ -126,7 +146,9 @@ class Key:
     choices: tuple[Any, ...] = ()
     required: bool = False
     meanings: Mapping[str, str] = field(default_factory=dict, repr=False)
-    instead: str = ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
+    instead: str = (
+        ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
+    )
     shaping: bool = False  # whether the structure of the loop, or other values and limits, depend on it although it is a number
 
     @property
@@ -145,7 +167,9 @@ class Key:
         return Key(path, "number", default, unit, description, **limits)
 
     @staticmethod
-    def positive(path: str, default: float | None, unit: str, description: str, **limits: Any) -> Key:
+    def positive(
+        path: str, default: float | None, unit: str, description: str, **limits: Any
+    ) -> Key:
         """Return the key of a number above 0. limits: `high`, `required`."""
         return Key(path, "number", default, unit, description, low=0.0, above_low=True, **limits)
 
@@ -156,16 +180,37 @@ class Key:
 
     @staticmethod
     def whole(
-        path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", **more: Any
+        path: str,
+        default: int | None,
+        description: str,
+        low: int,
+        high: int | None,
+        unit: str = "1",
+        **more: Any,
     ) -> Key:
         """Return the key of a whole number from `low` to `high`. more: `required`, `instead`."""
         return Key(path, "integer", default, unit, description, low=low, high=high, **more)
 
     @staticmethod
-    def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> Key:
+    def word(
+        path: str,
+        default: str | None,
+        description: str,
+        meanings: Iterable[str] = (),
+        required: bool = False,
+    ) -> Key:
         """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
         described = meanings if isinstance(meanings, Mapping) else {}
-        return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=described)
+        return Key(
+            path,
+            "string",
+            default,
+            "",
+            description,
+            choices=tuple(meanings),
+            required=required,
+            meanings=described,
+        )
 
     @staticmethod
     def by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
@@ -174,7 +219,16 @@ class Key:
 
 
 # Units at the port of a hand that turns, for those of one that slides.
-TURNED = MappingProxyType({"m": "rad", "N": "N*m", "m/s": "rad/s", "m/N": "rad/(N*m)", "N/m": "N*m/rad", "N*s/m": "N*m*s/rad"})
+TURNED = MappingProxyType(
+    {
+        "m": "rad",
+        "N": "N*m",
+        "m/s": "rad/s",
+        "m/N": "rad/(N*m)",
+        "N/m": "N*m/rad",
+        "N*s/m": "N*m*s/rad",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)

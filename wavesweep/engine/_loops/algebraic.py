@@ -24,7 +24,11 @@ def loop_inverse(
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     with np.errstate(all="ignore"):
         try:
-            inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop)) if several else 1 / loop
+            inverse = (
+                np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
+                if several
+                else 1 / loop
+            )
         except np.linalg.LinAlgError:
             inverse = np.full_like(loop, np.inf)
         for _ in range(2 if several else 0):  # refined: small entries have lost their digits
@@ -34,7 +38,10 @@ def loop_inverse(
         for _ in range(3 if several else 0):
             power = power @ power
         condition = power.sum(-1).max(-1, initial=0) ** (1 / 8 if several else 1)
-        condition, pivot = np.where(np.isnan(condition), np.inf, condition), np.linalg.det(loop) if several else loop[..., 0, 0]
+        condition, pivot = (
+            np.where(np.isnan(condition), np.inf, condition),
+            np.linalg.det(loop) if several else loop[..., 0, 0],
+        )
     if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "

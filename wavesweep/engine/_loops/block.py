@@ -26,7 +26,9 @@ def matrix(rows) -> np.ndarray:
         return np.array(rows, float)
     height, width = len(rows), len(rows[0])
     entries = [numbers(entry) for row in rows for entry in row]
-    out = np.empty((*np.broadcast_shapes(*(e.shape for e in entries)), height, width), np.result_type(*entries))
+    out = np.empty(
+        (*np.broadcast_shapes(*(e.shape for e in entries)), height, width), np.result_type(*entries)
+    )
     for index, entry in enumerate(entries):
         out[..., index // width, index % width] = entry
     return out
@@ -47,7 +49,9 @@ def block_diagonal(parts) -> np.ndarray:
 def concatenated(parts, axis: int) -> np.ndarray:
     """Return matrices side by side (axis -1) or below each other (-2), broadcast over their batches."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in parts))
-    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in parts], axis)
+    return np.concatenate(
+        [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in parts], axis
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,10 +96,14 @@ class Block:
         for name, shape in (("E", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
             array = frozen(getattr(self, name))
             if array.shape[-2:] != shape:
-                raise ValueError(f"block {self.name}: {name} expected (..., {shape[0]}, {shape[1]}), found {array.shape}")
+                raise ValueError(
+                    f"block {self.name}: {name} expected (..., {shape[0]}, {shape[1]}), found {array.shape}"
+                )
             object.__setattr__(self, name, array)
         if self.labels and len(self.labels) != n:
-            raise ValueError(f"block {self.name}: labels expected {n}, one per state, found {len(self.labels)}")
+            raise ValueError(
+                f"block {self.name}: labels expected {n}, one per state, found {len(self.labels)}"
+            )
 
     @property
     def batch(self) -> tuple[int, ...]:

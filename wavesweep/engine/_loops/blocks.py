@@ -20,7 +20,10 @@ from wavesweep.engine._loops.filters import butterworth as sections
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
-MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which, products are of the entries that are not zero
+MANY, SPARSE = (
+    100,
+    0.05,
+)  # rows from which on, and share of entries up to which, products are of the entries that are not zero
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",
@@ -60,7 +63,9 @@ def mass_matrix(name, period, **keys) -> Block:
     inputs, outputs = TYPES["mass_matrix"].ports_of(keys)
     n = len(inputs)
     at_rest = _arrays(definitions.at_rest("mass_matrix", keys, np.sqrt), 2 * n, n, 2 * n)
-    labels = tuple(f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"])
+    labels = tuple(
+        f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"]
+    )
     pivot = pivot_of("mass_matrix", keys)
     block = Block(name, inputs, outputs, states, E, G, C, D, terms=terms, pivot=pivot)
     return replace(block, at_rest=at_rest, labels=labels)
@@ -144,7 +149,9 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     if discrete:
         block = _block(name, ("u",), ("y",), equations, tf_at_rest(num, den))
         terms = definitions.over(num, den)
-        of_C = [abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)]
+        of_C = [
+            abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)
+        ]
         sizes = np.abs(block.E), np.abs(block.B), _matrix([of_C], (1, n)), np.abs(block.D)
         return replace(block, terms=sizes)
     block = ss(name, period, *equations[1:], ("u",), ("y",))
@@ -154,7 +161,14 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
 def _trailing_zeros(coefficients):
     """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
     coefficients = enumerate(reversed(coefficients))
-    return next((at for at, coefficient in coefficients if type(coefficient) not in (int, float) or coefficient), 0)
+    return next(
+        (
+            at
+            for at, coefficient in coefficients
+            if type(coefficient) not in (int, float) or coefficient
+        ),
+        0,
+    )
 
 
 def _discrete_tf(name, num, den, of_num, of_den):
@@ -167,8 +181,13 @@ def _discrete_tf(name, num, den, of_num, of_den):
     numerator = [numbers(coefficient) for coefficient in num[: n + 1]]
     denominator = [numbers(coefficient) for coefficient in den[: n + 1]]
     of_numerator, of_denominator = of_num[: n + 1], of_den[: n + 1]
-    equations = controllable(recentred(centre, numerator, of_numerator), recentred(centre, denominator, of_denominator))
-    E = [[entry + (centre - 1) * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+    equations = controllable(
+        recentred(centre, numerator, of_numerator), recentred(centre, denominator, of_denominator)
+    )
+    E = [
+        [entry + (centre - 1) * (i == j) for j, entry in enumerate(row)]
+        for i, row in enumerate(equations.E)
+    ]
     equations = equations._replace(E=E)
     later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
     # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
@@ -251,7 +270,9 @@ def defined(kind, name, period, **keys) -> Block:
 def _with_numbers(kind, keys):
     """The keys of a block of this type, those that are numbers as arrays."""
     types = {name: key.type for name, key in TYPES[kind].keys.items()}
-    return {name: numbers(value) if types[name] == "number" else value for name, value in keys.items()}
+    return {
+        name: numbers(value) if types[name] == "number" else value for name, value in keys.items()
+    }
 
 
 def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
@@ -306,8 +327,12 @@ def held(A, B, period, sizes=None):
             size = np.abs(E)
             size_after = np.abs(E + eye)
             terms_G = 2 * np.abs(G) + size @ np.abs(G)
-            of_G = np.where(unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G, of_G)
-            of_E = np.where(unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E)
+            of_G = np.where(
+                unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G, of_G
+            )
+            of_E = np.where(
+                unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E
+            )
             G = np.where(unfinished, 2 * G + E @ G, G)
             E = np.where(unfinished, 2 * E + E @ E, E)
             lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
@@ -357,4 +382,6 @@ def _arrays(parts, n, m, p):
 def _block(name, inputs, outputs, own, rest=None):
     sizes = len(own.states), len(inputs), len(outputs)
     at_rest = rest and _arrays(rest, *sizes)
-    return Block(name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest)
+    return Block(
+        name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest
+    )

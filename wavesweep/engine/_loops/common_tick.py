@@ -12,7 +12,11 @@ from math import gcd
 from wavesweep.engine._drawing.drawing import Drawing, scalars
 from wavesweep.engine._drawing.expressions import value_of
 
-RELAYS = ("gain", "hold", "delay")  # blocks that only pass on what they read in a tick, or so many ticks ago
+RELAYS = (
+    "gain",
+    "hold",
+    "delay",
+)  # blocks that only pass on what they read in a tick, or so many ticks ago
 
 
 def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
@@ -35,7 +39,10 @@ def _ticks(drawing, known):
             ticks = gcd(ticks, every, phase, *block.phases)
         elif block.type in RELAYS:
             relays.append(block.name)
-            ticks = gcd(ticks, int(value_of(dict(block.keys)["steps"], known)) if block.type == "delay" else 0)
+            ticks = gcd(
+                ticks,
+                int(value_of(dict(block.keys)["steps"], known)) if block.type == "delay" else 0,
+            )
         else:
             ticks = 1
     return ticks, tuple(relays)
@@ -46,12 +53,19 @@ def _acts_between(drawing, relays):
 
     What is held arrives at plants from a dead time just when it does, and so a dead time reads plants, whatever the tick is.
     """
-    plants, late, sources = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times.keys(), {}
+    plants, late, sources = (
+        {block.name for block in drawing.blocks if block.plant},
+        drawing.dead_times.keys(),
+        {},
+    )
     for port, terms in drawing.wires:
         sources.setdefault(_block_of(port), set()).update(_block_of(signal) for signal, _ in terms)
     changing, before = plants | late, None
     while changing != before:
-        before, changing = changing, changing | {name for name in relays if sources.get(name, set()) & changing}
+        before, changing = (
+            changing,
+            changing | {name for name in relays if sources.get(name, set()) & changing},
+        )
     held = {name for name in late if not sources.get(name, set()) & changing}
     acting = [sources.get(name, set()) & (changing - held) for name in plants]
     return any(acting) or any(sources.get(name, set()) & (changing - plants) for name in late)
@@ -69,8 +83,16 @@ def _in_longer(block, ticks, relays):
     """The block with its times counted in longer ticks; plants, dead times and relays are of every tick."""
     if block.name in relays:
         delay = block.type == "delay"
-        return replace(block, keys=tuple((name, _over(value, ticks)) if delay else (name, value) for name, value in block.keys))
+        return replace(
+            block,
+            keys=tuple(
+                (name, _over(value, ticks)) if delay else (name, value)
+                for name, value in block.keys
+            ),
+        )
     if block.plant or block.dead_time:
         return block
     phases = tuple(phase // ticks for phase in block.phases)
-    return replace(block, every=_over(block.every, ticks), phase=_over(block.phase, ticks), phases=phases)
+    return replace(
+        block, every=_over(block.every, ticks), phase=_over(block.phase, ticks), phases=phases
+    )

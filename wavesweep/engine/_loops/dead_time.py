@@ -20,12 +20,22 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import AT, Drawing, name_of, scalars
 from wavesweep.engine._drawing.drawn_block import Plant
-from wavesweep.engine._drawing.expressions import constants_of, degree, evaluate, named, names_in, value_of
+from wavesweep.engine._drawing.expressions import (
+    constants_of,
+    degree,
+    evaluate,
+    named,
+    names_in,
+    value_of,
+)
 from wavesweep.engine._loops.block import Block, concatenated
 from wavesweep.engine._loops.blocks import held
 from wavesweep.engine._loops.values import values_of
 
-SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+SENSED, NEXT = (
+    "sensed",
+    "next",
+)  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 FINEST = 64  # parts of a tick, of which a finer tick is made
 # Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of a decimal of twelve digits.
 ROUNDED = 1e-11
@@ -52,14 +62,18 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
 def timing(drawing: Drawing) -> set[str]:
     """Return the names of the numbers that dead times follow from, in ticks."""
     trees = drawing.dead_times.values()
-    return {name for tree in trees for name, _ in names_in(tree)}.union(drawing.rating if trees else ())
+    return {name for tree in trees for name, _ in names_in(tree)}.union(
+        drawing.rating if trees else ()
+    )
 
 
 def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
     """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
     if numbers.keys() >= drawing.building.keys():
         return dict(numbers)
-    return {path: int(np.ravel(number)[0]) for path, number in structure(drawing, numbers).items()} | {**numbers}
+    return {
+        path: int(np.ravel(number)[0]) for path, number in structure(drawing, numbers).items()
+    } | {**numbers}
 
 
 def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
@@ -84,7 +98,9 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
         if abs(exact[name] - ticks) > ROUNDED * max(ticks, 1):
             return None
     finer = lcm(*(ticks.denominator for ticks in exact.values()))
-    slower = any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact)
+    slower = any(
+        value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact
+    )
     plants = {block.name for block in drawing.blocks if block.plant}
     if finer > FINEST or slower or _samples_another(drawing, plants, exact.keys()):
         return None
@@ -99,8 +115,12 @@ def _at_finer_tick(block, exact, finer):
         return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
     if block.plant:
         return block
-    every, phase = (("*", ("number", float(finer), 0), tree, 0) for tree in (block.every, block.phase))
-    return replace(block, every=every, phase=phase, phases=tuple(tick * finer for tick in block.phases))
+    every, phase = (
+        ("*", ("number", float(finer), 0), tree, 0) for tree in (block.every, block.phase)
+    )
+    return replace(
+        block, every=every, phase=phase, phases=tuple(tick * finer for tick in block.phases)
+    )
 
 
 def _samples_another(drawing, plants, dead_times):
@@ -113,15 +133,24 @@ def _samples_another(drawing, plants, dead_times):
         if reader in timed:
             pairs += [(reader, source) for source in sources & timed]
     sensing = {reader for reader, source in pairs if source in plants}
-    return any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
+    return any(
+        (reader in plants) == (source in plants) or source in sensing for reader, source in pairs
+    )
 
 
-def shares(drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float) -> dict[str, object]:
+def shares(
+    drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float
+) -> dict[str, object]:
     """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
-    return {name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+    return {
+        name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate
+        for name, tree in drawing.dead_times.items()
+    }
 
 
-def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> list[float]:
+def breaks(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+) -> list[float]:
     """Return the ends of a number's span and the values within it at which dead times decide anew how the loop is built.
 
     values: flat numbers of one loop.
@@ -234,7 +263,9 @@ def _ticks(drawing, values, path, p):
     numbers = scalars({**values, path: p})
     rate = values_of(drawing.tick_hz, numbers)
     ratio = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
-    return np.stack([sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()])
+    return np.stack(
+        [sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()]
+    )
 
 
 def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
@@ -284,12 +315,16 @@ def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: 
                 read[product] = sources.pop(product)
             if multiplied and product in read:
                 names = {measured: measured + AT + name}
-                sums[factor] = {names.get(source, source): gain for source, gain in sums[factor].items()}
+                sums[factor] = {
+                    names.get(source, source): gain for source, gain in sums[factor].items()
+                }
             sums[f"{name}.u"] = sources
     return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
 
 
-def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares) -> Block:
+def with_ports(
+    block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares
+) -> Block:
     """Return the block of a plant with ports for the dead times that act on it or read it.
 
     rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
@@ -337,7 +372,10 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
     return replace(
         block,
         inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
-        outputs=(*block.outputs, *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed)),
+        outputs=(
+            *block.outputs,
+            *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed),
+        ),
         B=G,
         C=concatenated(rows_C, -2),
         D=concatenated(rows_D, -2),

@@ -38,10 +38,14 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
             return _static([[1]])
         case "wave":
             b, r = keys["b"], root(2 * keys["b"])
-            return _static([[b, -r], [r, -1]] if keys["gives"] == "force" else [[-1 / b, r / b], [-r / b, 1]])
+            return _static(
+                [[b, -r], [r, -1]] if keys["gives"] == "force" else [[-1 / b, r / b], [-r / b, 1]]
+            )
         case "delay":
             steps = keys["steps"]
-            return with_delays(_static([[int(not steps)]]), [0] * (steps - 1) + [1] if steps else [])
+            return with_delays(
+                _static([[int(not steps)]]), [0] * (steps - 1) + [1] if steps else []
+            )
         case "mean":
             share = 1 / (0 * T + keys["n"])
             return with_delays(_static([[share]]), [share] * (keys["n"] - 1))
@@ -57,14 +61,21 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
             b, r = keys["b"], root(2 * keys["b"])
             speed, read = [r / b, -1 / b], _ahead(T, keys["integration"])
             sent = T / 2 if keys["integration"] == "trapezoidal" else T
-            D = [speed, [sent * gain for gain in speed], [read * gain for gain in speed], [1, -r / b]]
+            D = [
+                speed,
+                [sent * gain for gain in speed],
+                [read * gain for gain in speed],
+                [1, -r / b],
+            ]
             return Equations(("s",), [[0]], [[T * gain for gain in speed]], [[0], [1], [1], [0]], D)
         case "local_model":
             # v = (r in - K s)/(b + B + K read) solves the step, and out = (r/b) b v - in.
             K, r = keys["K"], root(2 * keys["b"])
             total = keys["b"] + keys["B"] + K * _ahead(T, keys["integration"])
             speed = r / total
-            return Equations(("s",), [[T * (-K / total)]], [[T * speed]], [[r * (-K / total)]], [[r * speed - 1]])
+            return Equations(
+                ("s",), [[T * (-K / total)]], [[T * speed]], [[r * (-K / total)]], [[r * speed - 1]]
+            )
     raise KeyError(kind)
 
 
@@ -72,7 +83,9 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     """Return the rates of a continuous block; of a discrete `ss` the matrices as they are."""
     if TYPES[kind].body:
         m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
-        return Equations(("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
+        return Equations(
+            ("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]]
+        )
     if kind == "mass_matrix":
         return _mass_matrix(keys)
     if kind == "spring":
@@ -92,12 +105,21 @@ def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
     total = determinant(M)
     inverse = [[entry / total for entry in row] for row in adjugate(M)]
     pulled = [
-        [-sum(a * b[j] for a, b in zip(row, matrix, strict=True)) for matrix in (D, K) for j in range(n)] for row in inverse
+        [
+            -sum(a * b[j] for a, b in zip(row, matrix, strict=True))
+            for matrix in (D, K)
+            for j in range(n)
+        ]
+        for row in inverse
     ]
     unit = [[int(i == j) for j in range(2 * n)] for i in range(2 * n)]
     none = [[0] * n for _ in names]
     return Equations(
-        (*(f"v{name}" for name in names), *names), pulled + unit[:n], inverse + none, unit[n:] + unit[:n], none + none
+        (*(f"v{name}" for name in names), *names),
+        pulled + unit[:n],
+        inverse + none,
+        unit[n:] + unit[:n],
+        none + none,
     )
 
 
@@ -108,18 +130,29 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
     """
     if TYPES[kind].body:
-        return StateSpace([[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
+        return StateSpace(
+            [[-keys["damping"], -keys["stiffness"]], [1, 0]],
+            [[1], [0]],
+            [[0, 1], [1, 0]],
+            [[0], [0]],
+        )
     match kind:
         case "mass_matrix":
             _, E, *_, C, D = continuous(kind, keys)
             n, (damping, stiffness) = len(D[0]), (at_axes(keys, name) for name in MATRICES[1:])
-            pulled = [[-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
-            return StateSpace(pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D)
+            pulled = [
+                [-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)
+            ]
+            return StateSpace(
+                pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D
+            )
         case "spring":
             return (continuous(kind, keys).D,)
         case "gain" | "hold" | "channel":
             return (running(kind, 1, keys, root).D,)
-        case "wave":  # with an impedance whose root is exact, since waves that meet cancel whatever it is
+        case (
+            "wave"
+        ):  # with an impedance whose root is exact, since waves that meet cancel whatever it is
             return (running(kind, 1, {**keys, "b": root(2 * keys["b"]) ** 2 / 2}, root).D,)
         case "delay" | "mean":
             return ([[1]],)
@@ -128,12 +161,20 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
         case "integrator" | "impulse":
             return StateSpace([[0]], [[1]], [[1]], [[0]])
         case "avatar":
-            return StateSpace([[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]])
+            return StateSpace(
+                [[0]],
+                [[root(2 * keys["b"]), -1]],
+                [[0], [1], [1], [0]],
+                [[0, 0], [0, 0], [0, 0], [-1, 0]],
+            )
         case "local_model":
             return StateSpace([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
         case "ss":
             A, B, C, D = continuous(kind, keys)[1:]
-            E = [[entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)] for i, row in enumerate(A)]
+            E = [
+                [entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)]
+                for i, row in enumerate(A)
+            ]
             return StateSpace(E, B, C, D)
         case "tf" if not keys["discrete"]:
             return tf_at_rest(keys["num"], keys["den"])
@@ -146,7 +187,9 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
     The first state does not change, so y is the sum of the states times the numerator's coefficients but the first.
     """
     equations, b = controllable(num, den), over(num, den)
-    return with_delays(equations._replace(C=[b[1:]], D=[[0]]) if equations.states else equations, later)[1:]
+    return with_delays(
+        equations._replace(C=[b[1:]], D=[[0]]) if equations.states else equations, later
+    )[1:]
 
 
 def over(num: Sequence, den: Sequence) -> list:
@@ -157,17 +200,29 @@ def over(num: Sequence, den: Sequence) -> list:
 def controllable(num: Sequence, den: Sequence) -> Equations:
     """Return a transfer function from coefficients of descending powers; each state but the first integrates the one before."""
     n, a, b = len(den) - 1, [coefficient / den[0] for coefficient in den[1:]], over(num, den)
-    A = [[-coefficient for coefficient in a]] + [[int(i == j) for j in range(n)] for i in range(n - 1)]
+    A = [[-coefficient for coefficient in a]] + [
+        [int(i == j) for j in range(n)] for i in range(n - 1)
+    ]
     C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a, strict=True)]
-    return Equations(tuple(f"x{i}" for i in range(n)), A[:n], [[int(i == 0)] for i in range(n)], [C], [[b[0]]])
+    return Equations(
+        tuple(f"x{i}" for i in range(n)), A[:n], [[int(i == 0)] for i in range(n)], [C], [[b[0]]]
+    )
 
 
 def with_delays(equations: Equations, later: Sequence) -> Equations:
     """Return a block of one output with delays behind its last state, or behind its input; y adds each times one of `later`."""
     n, k = len(equations.states), len(later)
-    E = [[*row, *[0] * k] for row in equations.E] + [[(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
+    E = [[*row, *[0] * k] for row in equations.E] + [
+        [(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)
+    ]
     B = [*equations.B, *([int(j == 0)] for j in range(n, n + k))]
-    return Equations((*equations.states, *(f"u{j + 1}" for j in range(k))), E, B, [[*equations.C[0], *later]], equations.D)
+    return Equations(
+        (*equations.states, *(f"u{j + 1}" for j in range(k))),
+        E,
+        B,
+        [[*equations.C[0], *later]],
+        equations.D,
+    )
 
 
 def _static(D):

@@ -7,7 +7,9 @@ import numpy as np
 from wavesweep.engine._loops.block import matrix, numbers
 
 
-def motion(s: Any, g: Any, damping: Any, stiffness: Any, mass: Any) -> tuple[np.ndarray, np.ndarray]:
+def motion(
+    s: Any, g: Any, damping: Any, stiffness: Any, mass: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
     E = matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]])
     B = matrix([[s / mass], [g / mass]])
@@ -34,12 +36,18 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
     device is overdamped.
     """
-    damping, stiffness, period = np.broadcast_arrays(*(numbers(a) for a in (damping, stiffness, period)))
+    damping, stiffness, period = np.broadcast_arrays(
+        *(numbers(a) for a in (damping, stiffness, period))
+    )
     reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
     # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
-    doublings = np.where(reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0).astype(int)
+    doublings = np.where(
+        reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0
+    ).astype(int)
     tau = period * 0.5**doublings
-    with np.errstate(invalid="ignore"):  # a mass next to 0 makes an infinite damping, whose frame is not known
+    with np.errstate(
+        invalid="ignore"
+    ):  # a mass next to 0 makes an infinite damping, whose frame is not known
         s, g = _taylor(damping * tau, stiffness * tau * tau)
     s = s * tau
     g = g * tau * tau
@@ -48,7 +56,9 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     of_s = np.abs(s)
     of_g = np.abs(g)
     certain = np.ones(s.shape, bool)
-    with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # damping below zero, where an end at zero is looked for, may explode
         for step in range(int(doublings.max(initial=0))):
             unfinished = step < doublings
             by_s = np.abs(2 - 2 * damping * s - 2 * stiffness * g)
@@ -74,7 +84,9 @@ TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same for a unit period."""
-    slope = np.ones_like(damping)  # this and the next: derivatives of the impulse response at 0, of rising order
+    slope = np.ones_like(
+        damping
+    )  # this and the next: derivatives of the impulse response at 0, of rising order
     curve = -damping
     s = slope + curve / 2
     g = slope / 2 + curve / 6

@@ -14,7 +14,9 @@ from wavesweep.engine._loops.values import numbers_of, values_of
 from wavesweep.engine.errors import UsageError
 
 
-def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
+def domain(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+) -> tuple[float, float]:
     """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
 
     values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
@@ -28,7 +30,9 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     return float(below), float(above)
 
 
-def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int):
+def domains(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int
+):
     """The values of a number, about a span, between which each loop is an analytic function of it: two arrays, `(size,)`.
 
     values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
@@ -57,7 +61,11 @@ def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
     numbers = scalars({**values, path: 0.0})
     filters = [block for block in drawing.blocks if block.type == "butterworth"]
-    none = {f"block.{block.name}.cutoff_hz" for block in filters if not int(values_of(dict(block.keys)["order"], numbers))}
+    none = {
+        f"block.{block.name}.cutoff_hz"
+        for block in filters
+        if not int(values_of(dict(block.keys)["order"], numbers))
+    }
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
         if key in none:
             continue
@@ -91,7 +99,9 @@ def _limits(key, guard, root, known, name, span):
     for direction, end in ((-1, low), (1, high)):
         points = np.concatenate([[end], end + direction * away])
         with np.errstate(all="ignore"):
-            good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
+            good = _keep_sign(
+                np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size)
+            )
         first = np.argmin(good, axis=-1)
         limit = points[first - 1] if to_zero else (end + points[first]) / 2
         limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
@@ -112,7 +122,9 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
     return any(1 < degree(tree, name) < math.inf for _, tree in drawing.trees())
 
 
-def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
+def guards_at(
+    drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]
+) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
     numbers = scalars(values)
     shared = SharedParts()
@@ -147,7 +159,9 @@ def _touches_zero(guard, known, name, points):
         low = points[at]
         high = points[at + 2]
         flat = np.ones(at.size)
-        numbers_at = {other: value[loop] if np.ndim(value) else value for other, value in known.items()}
+        numbers_at = {
+            other: value[loop] if np.ndim(value) else value for other, value in known.items()
+        }
         for _ in range(ZOOMS):
             narrowest = NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             wide = high - low > narrowest
@@ -218,9 +232,16 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     if wrong.any():
         from wavesweep.engine._drawing.conditions import faults
 
-        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
+        arrays = {
+            path: np.broadcast_to(value, wrong.shape)
+            for path, value in values.items()
+            if np.ndim(value)
+        }
         at = int(np.flatnonzero(wrong)[0])
-        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
+        loop = {
+            path: float(arrays[path][at]) if path in arrays else value
+            for path, value in values.items()
+        }
         named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
         path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
         raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {reason}")
@@ -251,7 +272,11 @@ def _unsuitable_alone(drawing, items, others):
 
     numbers, shared = numbers_of(dict(items)), SharedParts()
     with np.errstate(all="ignore"):
-        alone = (condition for condition in conditions(drawing) if condition.names and not condition.names & others)
+        alone = (
+            condition
+            for condition in conditions(drawing)
+            if condition.names and not condition.names & others
+        )
         return any(bool(np.any(_broken(condition, numbers, shared))) for condition in alone)
 
 

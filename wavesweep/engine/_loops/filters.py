@@ -48,7 +48,10 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     if not np.any(lost > FEW):
         return filter_
     lost = np.where(lost > FEW, lost, 1.0)
-    sizes = (lost[..., None, None] * np.abs(getattr(filter_, name_of_matrix)) for name_of_matrix in "EBCD")
+    sizes = (
+        lost[..., None, None] * np.abs(getattr(filter_, name_of_matrix))
+        for name_of_matrix in "EBCD"
+    )
     return replace(filter_, condition=lost, terms=tuple(sizes))
 
 
@@ -107,7 +110,9 @@ def _assemble(name, sections) -> Block:
     """Series connection of sections, the first nearest to the input."""
     n = sum(E.shape[-1] for E, *_ in sections)
     batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
-    kind = np.result_type(float, *(matrix_of_section for section in sections for matrix_of_section in section))
+    kind = np.result_type(
+        float, *(matrix_of_section for section in sections for matrix_of_section in section)
+    )
     E = np.zeros((*batch, n, n), kind)
     B = np.zeros((*batch, n, 1), kind)
     C = np.zeros((*batch, 1, n), kind)

@@ -9,7 +9,14 @@ import numpy as np
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import Drawing, decides, name_of
-from wavesweep.engine._drawing.expressions import ONE, SharedParts, degree, evaluate, names_in, with_number
+from wavesweep.engine._drawing.expressions import (
+    ONE,
+    SharedParts,
+    degree,
+    evaluate,
+    names_in,
+    with_number,
+)
 from wavesweep.engine._loops import blocks, dead_time
 from wavesweep.engine._loops.block import numbers
 from wavesweep.engine._loops.integrator_modes import equations_of
@@ -18,14 +25,22 @@ from wavesweep.engine._loops.plant import plant_of
 from wavesweep.engine._loops.values import keys_with, numbers_of, rest_of, values_of
 from wavesweep.engine._state_space import StateSpace
 
-POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
-PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
+POSITION, REACTION = (
+    "ports.hand.displacement",
+    "ports.hand.reaction",
+)  # the junctions at the hand's port
+PRODUCT, FACTOR = (
+    "ports.product",
+    "ports.factor",
+)  # of a number that is taken out of its wire, and what it multiplies
 BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
 OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 HAND = "ports.hand."  # keys of the hand's port
 
 
-def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = "") -> MultirateLoop:
+def assembled(
+    drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
+) -> MultirateLoop:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
     out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
@@ -48,7 +63,12 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     sums |= {signal: _gains(terms, known_values) for signal, terms in shown if terms is not None}
     inputs = drawing.outside
     if inside := drawing.inside:  # the names that the ports of blocks have in plants of several
-        sums = {inside.get(port, port): {inside.get(name, name): gain for name, gain in sums[port].items()} for port in sums}
+        sums = {
+            inside.get(port, port): {
+                inside.get(name, name): gain for name, gain in sums[port].items()
+            }
+            for port in sums
+        }
     if drawing.dead_times:
         sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
     return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
@@ -73,9 +93,13 @@ def _dead_time(drawing, name, known):
     """The block of a dead time."""
     sensed = {signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name}
     arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
-    reads_others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
+    reads_others = any(
+        signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ())
+    )
     ticks = known[f"block.{name}.ticks"]
-    return ScheduledBlock(dead_time.block_of(name, ticks, sensed=bool(sensed), others=reads_others, arriving=arriving))
+    return ScheduledBlock(
+        dead_time.block_of(name, ticks, sensed=bool(sensed), others=reads_others, arriving=arriving)
+    )
 
 
 def rate_of(drawing: Drawing, values: Mapping[str, object]):
@@ -93,7 +117,11 @@ def _placed(block, known, tick):
     read = {name: known[name] for name in _read_by(block)}
     if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
         return _with_numbers(block, known, tick)
-    return _placed_alone(block, tuple((name, v if isinstance(v, int) else v.item()) for name, v in read.items()), tick)
+    return _placed_alone(
+        block,
+        tuple((name, v if isinstance(v, int) else v.item()) for name, v in read.items()),
+        tick,
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -103,7 +131,9 @@ def _read_by(block):
 
 @lru_cache(maxsize=2048, typed=True)
 def _placed_alone(block, read, tick):
-    return _with_numbers(block, {name: v if isinstance(v, int) else numbers(v) for name, v in read}, tick)
+    return _with_numbers(
+        block, {name: v if isinstance(v, int) else numbers(v) for name, v in read}, tick
+    )
 
 
 def _with_numbers(block, known, tick):
@@ -114,7 +144,10 @@ def _with_numbers(block, known, tick):
     if TYPES[block.type].formula:  # whose sums do not cancel, if those of its keys do not
         of_names = block.core(ONE, named=True)
         block = block.core(ONE)
-        keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in trees] for name, trees in of_names.keys[:2]}
+        keys = {
+            name: [evaluate(tree, {**keys, "T": period}, np) for tree in trees]
+            for name, trees in of_names.keys[:2]
+        }
         keys["discrete"] = of_names.keys[2][1]
     if keys.get("discrete") is True:
         trees = dict(block.keys)
@@ -155,12 +188,25 @@ def _take_out(drawing, placed, sums, known, out):
     if "k" in keys:
         constant, slope = _parts(keys["k"], known, out)
         sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
-        both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+        both = blocks.ss(
+            block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True
+        )
     else:
-        num, den = [_parts(tree, known, out) for tree in keys["num"]], [values_of(tree, known) for tree in keys["den"]]
+        num, den = (
+            [_parts(tree, known, out) for tree in keys["num"]],
+            [values_of(tree, known) for tree in keys["den"]],
+        )
         sums[FACTOR] = {f"{block}.factor": 1.0}
-        both = _opened(*(blocks.tf(block, 1.0, list(half), den, keys["discrete"]) for half in zip(*num, strict=True)))
-    return tuple(replace(scheduled, block=both) if scheduled.block.name == block else scheduled for scheduled in placed)
+        both = _opened(
+            *(
+                blocks.tf(block, 1.0, list(half), den, keys["discrete"])
+                for half in zip(*num, strict=True)
+            )
+        )
+    return tuple(
+        replace(scheduled, block=both) if scheduled.block.name == block else scheduled
+        for scheduled in placed
+    )
 
 
 def _opened(constant, slope):
@@ -198,16 +244,23 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
     pairs = zip(drawing.blocks, drawing.cores, strict=True)
-    words = {f"block.{block.name}": dict(core.keys) for block, core in pairs if core.type != block.type}
+    words = {
+        f"block.{block.name}": dict(core.keys) for block, core in pairs if core.type != block.type
+    }
     path = _only_reader(drawing, number, words)
     is_wire = path.startswith("wire.")
     if is_wire and _split(drawing, path.removeprefix("wire."), number):
         return ""
     trees = [tree for tree_path, tree in drawing.trees() if tree_path == path]
     if word := words.get(path.removesuffix(".y")):
-        is_gain, trees = number not in {name for tree in word["den"] for name, _ in names_in(tree)}, word["num"]
+        is_gain, trees = (
+            number not in {name for tree in word["den"] for name, _ in names_in(tree)},
+            word["num"],
+        )
     else:
-        is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+        is_gain = path in {
+            f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"
+        }
     return path if (is_gain or is_wire) and all(degree(tree, number) <= 1 for tree in trees) else ""
 
 
@@ -218,17 +271,31 @@ def _only_reader(drawing, number, words):
         block = path.rpartition(".")[0]
         if not path.startswith("ports."):
             readers.add(f"{block}.y" if block in words and not decides(path) else path)
-    if len(readers) != 1 or any(name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)):
+    if len(readers) != 1 or any(
+        name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)
+    ):
         return ""
     return readers.pop()
 
 
 def _split(drawing, port, number):
     """Whether a number multiplies what a dead time brings to a plant, or both what it reads of plants and other signals."""
-    signals = [signal for signal, gain in dict(drawing.wires)[port] if any(name == number for name, _ in names_in(gain))]
-    arriving = {(port_of_plant, f"{name}.y") for plant in drawing.plants for port_of_plant, name in plant.arriving}
-    sensed = {signal for plant in drawing.plants for signal, name in plant.sensed if f"{name}.u" == port}
-    return any((port, signal) in arriving for signal in signals) or 0 < len(sensed & {*signals}) < len(signals)
+    signals = [
+        signal
+        for signal, gain in dict(drawing.wires)[port]
+        if any(name == number for name, _ in names_in(gain))
+    ]
+    arriving = {
+        (port_of_plant, f"{name}.y")
+        for plant in drawing.plants
+        for port_of_plant, name in plant.arriving
+    }
+    sensed = {
+        signal for plant in drawing.plants for signal, name in plant.sensed if f"{name}.u" == port
+    }
+    return any((port, signal) in arriving for signal in signals) or 0 < len(
+        sensed & {*signals}
+    ) < len(signals)
 
 
 def _inside(drawing):
@@ -240,9 +307,17 @@ def _inside(drawing):
 def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
-    if not place.startswith("wire.") or scalar_place(drawing, other) != place or place[5:-2] in drawing.dead_times:
+    if (
+        not place.startswith("wire.")
+        or scalar_place(drawing, other) != place
+        or place[5:-2] in drawing.dead_times
+    ):
         return False
-    return not any({number, other} <= {name for name, _ in names_in(tree)} for path, tree in drawing.trees() if path == place)
+    return not any(
+        {number, other} <= {name for name, _ in names_in(tree)}
+        for path, tree in drawing.trees()
+        if path == place
+    )
 
 
 @lru_cache(maxsize=256)
@@ -253,7 +328,9 @@ def seen_by_hand(drawing: Drawing, number: str) -> bool:
 
 @lru_cache(maxsize=256)
 def _readers(drawing, number):
-    return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
+    return {
+        path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))
+    }
 
 
 def twins(
@@ -285,11 +362,15 @@ def scattered(path: str, salt: str = "") -> float:
 
 @lru_cache(maxsize=256)
 def _twins(drawing, one, other, out, beside):
-    varied = frozenset(name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin)
+    varied = frozenset(
+        name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin
+    )
     drawn_twins = []
     for items in (one, other)[: 1 + bool(varied)]:
         drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
-        drawn_twins.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
+        drawn_twins.append(
+            replace(drawn, exact=partial(equations_of, drawing, values, varied, out))
+        )
     return drawn_twins[0], drawn_twins[-1]
 
 
@@ -314,7 +395,11 @@ class Ports:
     @property
     def signals(self) -> tuple[str, ...]:
         """The outputs of the ports."""
-        return (self.position, *(position for _, position in self.others), *([self.reaction] if self.reaction else ()))
+        return (
+            self.position,
+            *(position for _, position in self.others),
+            *([self.reaction] if self.reaction else ()),
+        )
 
 
 def hand_of(drawing: Drawing) -> Ports:

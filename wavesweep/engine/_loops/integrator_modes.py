@@ -47,13 +47,17 @@ def decimal(value: float) -> Fraction:
 
 def root(number: Fraction) -> Fraction:
     """Return the square root: that of a square as it is, of other numbers a double."""
-    above, below = (isqrt(integer) if integer > 0 else 0 for integer in (number.numerator, number.denominator))
+    above, below = (
+        isqrt(integer) if integer > 0 else 0 for integer in (number.numerator, number.denominator)
+    )
     if above * above == number.numerator and below * below == number.denominator:
         return Fraction(above, below)
     return Fraction(math.sqrt(number))
 
 
-def value_in_fractions(tree: Tree, known: Mapping[str, Fraction], varied: Collection[str] = ()) -> Fraction:
+def value_in_fractions(
+    tree: Tree, known: Mapping[str, Fraction], varied: Collection[str] = ()
+) -> Fraction:
     """Return the value of an expression. varied: names of numbers that other loops have other values of; a root of these is
     nowhere exact, since that of a square is either of two numbers.
 
@@ -65,7 +69,11 @@ def value_in_fractions(tree: Tree, known: Mapping[str, Fraction], varied: Collec
     first, *rest = (value_in_fractions(operand, known, varied) for operand in operands)
     if operation == "sqrt" or (operation == "**" and rest[0] * 2 == 1):
         value = root(first)
-        return value + value / NOT_EXACT if any(name in varied for name, _ in names_in(operands[0])) else value
+        return (
+            value + value / NOT_EXACT
+            if any(name in varied for name, _ in names_in(operands[0]))
+            else value
+        )
     if operation in FUNCTIONS:
         return Fraction(getattr(math, operation)(float(first)))
     return _power(first, *rest) if operation == "**" else _OPERATIONS[operation](first, *rest)
@@ -96,7 +104,10 @@ class RestEquations:
         names = [start + name for name in (*states, *inputs)]
         self.states |= {name: {name: unit} for name in names[: len(states)]}
         changes, shown = (
-            [_substituted(dict(zip(names, (*x, *u), strict=False)), {}) for x, u in zip(*pair, strict=True)]
+            [
+                _substituted(dict(zip(names, (*x, *u), strict=False)), {})
+                for x, u in zip(*pair, strict=True)
+            ]
             for pair in ((E, B), (C, D))
         )
         self.rows += changes
@@ -112,19 +123,25 @@ class RestEquations:
             (self.outputs, block.outputs, D),
         ):
             for name, row in zip(names, rows, strict=False):
-                sums[f"{block.name}.{name}"] = _substituted(dict(zip(inputs, row, strict=False)), {})
+                sums[f"{block.name}.{name}"] = _substituted(
+                    dict(zip(inputs, row, strict=False)), {}
+                )
 
     def connect(self, wires: Mapping[str, Sum]) -> None:
         """Connect ports with sums of outputs."""
         unit = decimal(1.0)
         self.rows += [
-            _substituted({port: unit} | {s: -gain for s, gain in row.items()}, self.outputs) for port, row in wires.items()
+            _substituted({port: unit} | {s: -gain for s, gain in row.items()}, self.outputs)
+            for port, row in wires.items()
         ]
 
     def null_space(self) -> list[Sum]:
         """Return independent solutions, of which all others are sums, ports being those of states as far as they can be."""
         states = [name for name, row in self.states.items() if row.keys() == {name}]
-        unknowns = [*dict.fromkeys(name for row in self.rows for name in row if name not in states), *states]
+        unknowns = [
+            *dict.fromkeys(name for row in self.rows for name in row if name not in states),
+            *states,
+        ]
         rows, solved, free = [row for row in self.rows if row], {}, []
         for name in unknowns:
             among = [row for row in rows if name in row]
@@ -135,16 +152,24 @@ class RestEquations:
             rows.remove(chosen)
             solution = _solution(chosen, name)
             rows = [_eliminated(row, name, solution) for row in rows]
-            solved = {variable: _eliminated(row, name, solution) for variable, row in solved.items()} | {name: solution}
+            solved = {
+                variable: _eliminated(row, name, solution) for variable, row in solved.items()
+            } | {name: solution}
         return [
-            {name: decimal(1.0)} | {variable: row[name] for variable, row in solved.items() if name in row} for name in free
+            {name: decimal(1.0)}
+            | {variable: row[name] for variable, row in solved.items() if name in row}
+            for name in free
         ]
 
     def moving(self) -> list[Sum]:
         """Return the solutions of `null_space` as what they do to states and to outputs that are held."""
         shown = self.states | {f"{port} held": row for port, row in self.outputs.items()}
         return [
-            {name: value for name, row in shown.items() if (value := sum(f * v[u] for u, f in row.items() if u in v))}
+            {
+                name: value
+                for name, row in shown.items()
+                if (value := sum(f * v[u] for u, f in row.items() if u in v))
+            }
             for v in self.null_space()
         ]
 
@@ -165,8 +190,15 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
     for name, factor in row.items():
         if not factor:
             continue
-        terms = ((unknown, factor * value) for unknown, value in known[name].items()) if name in known else ((name, factor),)
-        for unknown, term in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
+        terms = (
+            ((unknown, factor * value) for unknown, value in known[name].items())
+            if name in known
+            else ((name, factor),)
+        )
+        for (
+            unknown,
+            term,
+        ) in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
             total[unknown] = total[unknown] + term if unknown in total else term
     return {name: value for name, value in total.items() if value}
 
@@ -183,11 +215,14 @@ def _pop_shift(moving: list[Sum], lead: str) -> Sum:
 def _led(by_lead: Mapping[str, Sum]) -> list[dict[str, float]]:
     """The shifts in floating point, each with its lead as its first key."""
     return [
-        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead} for lead, shift in by_lead.items()
+        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead}
+        for lead, shift in by_lead.items()
     ]
 
 
-def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
+def shifts(
+    drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()
+) -> list[dict[str, float]]:
     """Return the independent shifts of states of some blocks that nothing in the loop opposes.
 
     A shift is a solution with all signals constant and no input: no state changes, and each port is the sum connected to it. A
@@ -205,9 +240,15 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
         if not (leads or states):
             moving = moving[1:]
             continue
-        lead = leads[len(by_lead)] if leads else max(states, key=lambda name: abs(float(moving[0][name])))
+        lead = (
+            leads[len(by_lead)]
+            if leads
+            else max(states, key=lambda name: abs(float(moving[0][name])))
+        )
         shift = _pop_shift(moving, lead)
-        by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {lead: shift}
+        by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {
+            lead: shift
+        }
         moving = [_without(later, shift, lead) for later in moving]
     return _led(by_lead)
 
@@ -215,7 +256,11 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
 def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
     """Another shift, from which so much of this one is taken that it does not move the lead."""
     share = shifted.get(lead, 0)
-    less = {name: shifted.get(name, 0) - share * value for name, value in shift.items()} if share else {}
+    less = (
+        {name: shifted.get(name, 0) - share * value for name, value in shift.items()}
+        if share
+        else {}
+    )
     return {name: value for name, value in (shifted | less).items() if value}
 
 
@@ -237,7 +282,9 @@ def _add_drawn(rest, kind, keys, block):
     """Add a drawn block with the values of its keys; a type that has no equations at rest by the entries of a run."""
     if kind == "butterworth":
         matrices = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
-    elif kind == "delay":  # a dead time may have two inputs, and a second output, which shows changes
+    elif (
+        kind == "delay"
+    ):  # a dead time may have two inputs, and a second output, which shows changes
         matrices = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
     elif kind == "tf" and keys["discrete"]:
         matrices = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
@@ -257,7 +304,9 @@ def _add_plant(rest, plant, value, block):
         start = plant.own(f"{member.name}.")
         states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
         matrices = at_rest(member.type, keys_with(member, value), root)
-        matrices = ([], [], [[] for _ in matrices[0]], *matrices) if len(matrices) == 1 else matrices
+        matrices = (
+            ([], [], [[] for _ in matrices[0]], *matrices) if len(matrices) == 1 else matrices
+        )
         rest.add(plant.start(member.name), states, member.ports, matrices)
 
 
@@ -265,7 +314,9 @@ def _discrete_tf(num, den, delta, states):
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see `blocks.tf`)."""
     num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
     later = num[n + 1 :]
-    above, below = (powers[: n + 1] if delta else recentred(1, powers[: n + 1]) for powers in (num, den))
+    above, below = (
+        powers[: n + 1] if delta else recentred(1, powers[: n + 1]) for powers in (num, den)
+    )
     if below[-1]:
         return ([[(above[-1] + sum(later)) / below[-1]]],)
     return tf_at_rest(above, below, [coefficient / den[0] for coefficient in later])
@@ -290,14 +341,22 @@ def _of_entries(drawn, blocks) -> RestEquations:
 
 
 def equations_of(
-    drawing: Drawing, values: Mapping[str, object], varied: Collection[str], out: str, blocks: Sequence[Block]
+    drawing: Drawing,
+    values: Mapping[str, object],
+    varied: Collection[str],
+    out: str,
+    blocks: Sequence[Block],
 ) -> RestEquations:
     """Return the equations of blocks of a drawing.
 
     values: flat numbers. varied: names of those that other loops have other values of. out: a number that is 0, or empty.
     """
     rest, cores = RestEquations(), {block.name: block for block in drawing.cores}
-    numbers = {name: decimal(value) for name, value in scalars(values).items() if isinstance(value, (int, float))}
+    numbers = {
+        name: decimal(value)
+        for name, value in scalars(values).items()
+        if isinstance(value, (int, float))
+    }
     numbers |= {out: decimal(0.0)} if out else {}
 
     def value(tree):
@@ -316,11 +375,19 @@ def equations_of(
 
 def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
     """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a tree, in fractions."""
-    sensed, inside = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}, drawing.inside
-    wires: dict[str, Sum] = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs}
+    sensed, inside = (
+        {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed},
+        drawing.inside,
+    )
+    wires: dict[str, Sum] = {
+        f"{block.name}.{port}": {} for block in blocks for port in block.inputs
+    }
     for port, terms in (*drawing.wires, *drawing.couplings):  # at rest, holds have no effect
         for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
-            read, signal = port if (name, port) not in sensed else f"{port[:-1]}{SENSED}", inside.get(name, name)
+            read, signal = (
+                port if (name, port) not in sensed else f"{port[:-1]}{SENSED}",
+                inside.get(name, name),
+            )
             row = wires.get(inside.get(read, read))
             if row is not None and signal in outputs:
                 row[signal] = row.get(signal, 0) + value(gain)

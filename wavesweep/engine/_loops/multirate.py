@@ -29,7 +29,12 @@ class ScheduledBlock:
         """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
         phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
         integers = all(isinstance(number, Integral) for number in (self.every, *phases))
-        if not integers or self.every < 1 or not phases or not all(0 <= phase < self.every for phase in phases):
+        if (
+            not integers
+            or self.every < 1
+            or not phases
+            or not all(0 <= phase < self.every for phase in phases)
+        ):
             raise UsageError(
                 f"block {self.block.name}: expected every >= 1 and phases from 0 on and below it, whole numbers, found every = "
                 f"{self.every!r}, phase = {self.phase!r}"
@@ -84,7 +89,9 @@ class MultirateLoop:
             readable = block.labels or [f"{block.name} {state}" for state in block.states]
             for state, label in zip(block.states, readable, strict=True):
                 readable_labels[f"{block.name}.{state}"] = label
-            alone = len(block.outputs) == 1 and not block.states  # nothing else of it could be meant
+            alone = (
+                len(block.outputs) == 1 and not block.states
+            )  # nothing else of it could be meant
             for port in block.outputs:
                 output = block.name if alone else f"{block.name} {port}"
                 readable_labels[f"{block.name}.{port} held"] = f"{output} held"
@@ -94,7 +101,9 @@ class MultirateLoop:
         """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
         for faulty, expected in self._wrong_names():
             if faulty:
-                raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}")
+                raise UsageError(
+                    f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}"
+                )
         period = np.asarray(self.period)
         if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
             raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
@@ -109,9 +118,14 @@ class MultirateLoop:
         yield [name for name in names if names.count(name) > 1], "blocks of different names"
         unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
         yield unknown, "sources that are outputs of blocks, junctions or inputs"
-        wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
+        wrong = [
+            name for name in self.sums if name not in ports and name.rpartition(".")[0] in names
+        ]
         yield wrong, "the block's own inputs as ports"
-        yield [name for name in self.sums if _comes_back(name, self.sums)], "junctions that are not made of themselves"
+        yield (
+            [name for name in self.sums if _comes_back(name, self.sums)],
+            "junctions that are not made of themselves",
+        )
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
@@ -128,7 +142,11 @@ class MultirateLoop:
     def rings(self) -> list[list[str]]:
         """The blocks of each algebraic loop, in which what they read depends on what they give; only the largest ones."""
         rings = [ring for running in self.schedule()[0] for ring in self._rings(running)]
-        return [ring for at, ring in enumerate(rings) if ring not in rings[:at] and not any(set(ring) < set(r) for r in rings)]
+        return [
+            ring
+            for at, ring in enumerate(rings)
+            if ring not in rings[:at] and not any(set(ring) < set(r) for r in rings)
+        ]
 
     def direct_blocks(self) -> list[str]:
         """Names of the blocks on loops of direct terms, which are closed within a tick."""
@@ -172,7 +190,9 @@ class MultirateLoop:
         for block in blocks:
             direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
-                reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+                reads[f"{block.name}.{port}"] = [
+                    f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)
+                ]
         return reads
 
     def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
@@ -224,7 +244,9 @@ class MultirateLoop:
         held_ports = {}
         for scheduled in self.placed:
             block = scheduled.block
-            held_ports[block.name] = [port for port in block.outputs if f"{block.name}.{port}" in held_signals]
+            held_ports[block.name] = [
+                port for port in block.outputs if f"{block.name}.{port}" in held_signals
+            ]
         return held_ports
 
 

@@ -13,7 +13,14 @@ from wavesweep.engine._loops.dead_time import with_ports
 from wavesweep.engine.errors import IllPosedLoopError
 
 
-def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapping], period, known=None, shares=None) -> Block:
+def plant_of(
+    plant: Plant,
+    keys: Mapping[str, Mapping],
+    gains: Mapping[str, Mapping],
+    period,
+    known=None,
+    shares=None,
+) -> Block:
     """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e are held over the period.
 
     plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values. gains: K, input port -> output ->

@@ -43,7 +43,9 @@ from wavesweep.engine._loops.domain import divisors
 RHO = 4.25  # sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half widths
 LARGER = 6.0, 9.0  # the same of the ellipses on which expressions are enclosed, one after the other
 DEGREE = 16  # N, as many as there are samples on a rim
-SMALL = 0.3  # part of the change of an expression that the rest of its series may be on the rim of RHO
+SMALL = (
+    0.3  # part of the change of an expression that the rest of its series may be on the rim of RHO
+)
 NOTHING = 1e-10  # of the expression itself, what counts as no change
 PARTS = 400  # of a box, in which extremes of an expression are looked for
 CLIMBS = 60  # steps towards an extreme
@@ -103,7 +105,9 @@ class Resolution:
                 piece = queue.pop(0)
                 if (unresolved := expression.unresolved(piece)).any():
                     queue += halves(piece, to_divide(unresolved, piece, box))
-                shares = np.array(list(product(*[np.linspace(0, 1, 9 if len(wide) < 3 else 5)] * len(wide))))
+                shares = np.array(
+                    list(product(*[np.linspace(0, 1, 9 if len(wide) < 3 else 5)] * len(wide)))
+                )
                 places = np.repeat(piece.mean(0)[None], len(shares), 0)
                 places[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
                 points.append(places)
@@ -136,12 +140,23 @@ class ResolvedAlong:
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], path: str) -> None:
         self.loops, self.path, self.known = (drawing, values), path, {}
-        read = {name for expression in expressions(drawing, (name_of(path),), logarithmic=True) for name in expression.reads}
+        read = {
+            name
+            for expression in expressions(drawing, (name_of(path),), logarithmic=True)
+            for name in expression.reads
+        }
         self.none = not read
-        self.varied = [key for key, v in values.items() if np.ndim(v) and key != path and name_of(key) in read]
+        self.varied = [
+            key for key, v in values.items() if np.ndim(v) and key != path and name_of(key) in read
+        ]
 
     def __call__(
-        self, column: np.ndarray, low: np.ndarray, high: np.ndarray, offset: float = 0.0, scale: float = 0.0
+        self,
+        column: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        offset: float = 0.0,
+        scale: float = 0.0,
     ) -> np.ndarray:
         """Whether they are, for loops `column` and sides (see `Side`) from low to high, `(n,)` all."""
         if self.none:
@@ -152,7 +167,9 @@ class ResolvedAlong:
             key = (offset, scale, *loop_values.values())
             if key not in self.known:
                 single = {name: v for name, v in values.items() if not np.ndim(v)}
-                self.known[key] = Resolution(drawing, {**single, **loop_values}, [Side(self.path, offset, scale)])
+                self.known[key] = Resolution(
+                    drawing, {**single, **loop_values}, [Side(self.path, offset, scale)]
+                )
             resolved.append(not self.known[key].unresolved(np.array(ends)[:, None]).any())
         return np.array(resolved, bool)
 
@@ -172,20 +189,26 @@ class Expression:
 
 
 @lru_cache(maxsize=256)
-def expressions(drawing: Drawing, names: tuple[str, ...], logarithmic: bool = False) -> tuple[Expression, ...]:
+def expressions(
+    drawing: Drawing, names: tuple[str, ...], logarithmic: bool = False
+) -> tuple[Expression, ...]:
     """Return the expressions of a drawing that are no polynomials of a small degree in these numbers: its numbers and 1 over
     its divisors. logarithmic: whether sides are logarithms of numbers, of which powers change faster."""
     most, names_asked = 4 if logarithmic else DEGREE, {name for name in names if name}
     trees = {cancelled(tree): None for _, tree in drawing.trees()}
     plain = dict.fromkeys(
-        guard for _, guard in divisors(drawing) if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, names_asked)
+        guard
+        for _, guard in divisors(drawing)
+        if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, names_asked)
     )
     trees |= {("/", ONE, guard, 0): None for guard in plain}
     bent_expressions = []
     for tree in trees:
         reads = frozenset(name for name, _ in names_in(tree))
         if bent := tuple(sorted(name for name in reads & names_asked if degree(tree, name) > most)):
-            bent_expressions.append(Expression(partial(evaluate, named(tree)), reads, constants_of(tree), bent))
+            bent_expressions.append(
+                Expression(partial(evaluate, named(tree)), reads, constants_of(tree), bent)
+            )
     return (*bent_expressions, *_masses(drawing, names_asked))
 
 
@@ -204,7 +227,12 @@ def _masses(drawing, names_asked) -> Iterator[Expression]:
         reads = frozenset(name for tree in trees for name, _ in names_in(tree))
         if reads & names_asked:
             constants = frozenset().union(*map(constants_of, trees))
-            yield Expression(partial(_inverse_mass, keys, matrices), reads, constants, tuple(sorted(reads & names_asked)))
+            yield Expression(
+                partial(_inverse_mass, keys, matrices),
+                reads,
+                constants,
+                tuple(sorted(reads & names_asked)),
+            )
 
 
 def _inverse_mass(keys, matrices, numbers, library, watch=None):
@@ -230,14 +258,19 @@ class _BoxedExpression:
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
         self.names, self.sides, self.shown = names, sides, np.zeros((0, 2, len(self.own)))
         unswept = expression.reads - {names[at] for at in self.own}
-        self.known = {name: float(known[name]) for name in unswept} | {constant: constant for constant in expression.constants}
+        self.known = {name: float(known[name]) for name in unswept} | {
+            constant: constant for constant in expression.constants
+        }
 
     def unresolved(self, box):
         """See `Resolution`: all sides along which the expression is bent, since it may be too large for any of them."""
         along, own_box = np.zeros(len(self.sides), bool), box[:, self.own]
         wide = [at for at in self.bent if box[0, at] < box[1, at]]
         # The ellipse about a part is within that about the whole.
-        if not wide or ((self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])).all(-1).any():
+        if (
+            not wide
+            or ((self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])).all(-1).any()
+        ):
             return along
         if self._resolved(box, wide):
             self.shown = np.concatenate([self.shown, own_box[None]])
@@ -258,7 +291,11 @@ class _BoxedExpression:
         with np.errstate(all="ignore"):
             for at in self.own:
                 side = self.sides[at]
-                numbers[self.names[at]] = side.offset + side.scale * np.exp(points[:, at]) if side.scale else points[:, at]
+                numbers[self.names[at]] = (
+                    side.offset + side.scale * np.exp(points[:, at])
+                    if side.scale
+                    else points[:, at]
+                )
             return np.broadcast_to(np.asarray(self.expression.value(numbers, np)), (len(points),))
 
     def climbed(self, at, box, wide, sign):
@@ -278,7 +315,11 @@ class _BoxedExpression:
         points = []
         for at in wide:
             rest = [side for side in wide_sides if side != at]
-            for shares in product((-1.0, 0.0, 1.0), repeat=len(rest)) if len(rest) < 4 else [(0.0,) * len(rest)]:
+            for shares in (
+                product((-1.0, 0.0, 1.0), repeat=len(rest))
+                if len(rest) < 4
+                else [(0.0,) * len(rest)]
+            ):
                 places = np.repeat(middle[None].astype(complex), PLACES.size, 0)
                 places[:, rest] += np.array(shares) * half[rest]
                 places[:, at] += half[at] * PLACES
@@ -309,7 +350,9 @@ class _BoxedExpression:
         across, up = (larger + 1 / larger) / 2, (larger - 1 / larger) / 2
         balls = {name: acb(v) for name, v in self.known.items()}
         for side in self.own:
-            balls[self.names[side]] = self._number(side, acb(_span(middle[side], half[side], -1.0, 1.0)))
+            balls[self.names[side]] = self._number(
+                side, acb(_span(middle[side], half[side], -1.0, 1.0))
+            )
         queue = [(-across, across, 0.0, up, 0)]
         while queue:
             left, right, bottom, top, depth = queue.pop()

@@ -8,7 +8,14 @@ import numpy as np
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import scalars
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
-from wavesweep.engine._drawing.expressions import SharedParts, Tree, evaluate, is_given, lost_digits, names_in
+from wavesweep.engine._drawing.expressions import (
+    SharedParts,
+    Tree,
+    evaluate,
+    is_given,
+    lost_digits,
+    names_in,
+)
 from wavesweep.engine._loops.block import numbers
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
@@ -52,7 +59,9 @@ def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.
 
     at = np.flatnonzero(np.broadcast_to(lost, values.shape))
     names = dict(names_in(tree))
-    columns = [np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist() for name in names]
+    columns = [
+        np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist() for name in names
+    ]
     rows = zip(*columns, strict=True) if names else [()] * at.size
     exact = np.array([exactly(tree, dict(zip(names, row, strict=True))) for row in rows])
     keeps_type = values.dtype.kind == "c" or exact.dtype.kind != "c"
@@ -60,7 +69,9 @@ def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.
     return values if values.shape else values.item()
 
 
-def keys_with(block: DrawnBlock, value: Callable[[Tree], Any], count: Callable[[Tree], Any] | None = None) -> dict[str, Any]:
+def keys_with(
+    block: DrawnBlock, value: Callable[[Tree], Any], count: Callable[[Tree], Any] | None = None
+) -> dict[str, Any]:
     """Return the keys of a block with the values of their numbers; value: of a tree; count: of one that is a whole number."""
     types = TYPES[block.type].keys
 
@@ -78,4 +89,7 @@ def keys_with(block: DrawnBlock, value: Callable[[Tree], Any], count: Callable[[
 
 def numbers_of(values: Mapping[str, object]) -> dict[str, object]:
     """Return flat values by the names that trees have for them, as numbers to compute with."""
-    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+    return {
+        name: value if isinstance(value, int) else numbers(value)
+        for name, value in scalars(values).items()
+    }

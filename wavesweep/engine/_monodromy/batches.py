@@ -7,7 +7,10 @@ import numpy as np
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
 
 
-MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which, only those that are not zero are multiplied
+MANY, SPARSE = (
+    100,
+    0.05,
+)  # rows from which on, and share of entries up to which, only those that are not zero are multiplied
 
 
 def product(A, B) -> np.ndarray:
@@ -18,7 +21,9 @@ def product(A, B) -> np.ndarray:
     if A.shape[-1] < MANY:
         return A @ B
     batch, size = np.broadcast_shapes(A.shape[:-2], B.shape[:-2]), B.shape[-2:]
-    first, second = (np.broadcast_to(M, (*batch, *M.shape[-2:])).reshape(-1, *M.shape[-2:]) for M in (A, B))
+    first, second = (
+        np.broadcast_to(M, (*batch, *M.shape[-2:])).reshape(-1, *M.shape[-2:]) for M in (A, B)
+    )
     result = np.empty(second.shape, np.result_type(A, B))
     for a, b, out in zip(first, second, result, strict=True):
         out[...] = _product(a, b)

@@ -52,7 +52,9 @@ class LinearFractional:
     states: tuple[str, ...]
     poles_at_one: int = 0
     uncontrolled: tuple[np.ndarray, ...] = ()
-    memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
+    memo: dict = field(
+        default_factory=dict, init=False, repr=False
+    )  # what belongs to these loops alone, see `remembered`
 
     def __post_init__(self):
         for name in (*MATRICES, *ERRORS, "period"):
@@ -167,7 +169,9 @@ class LinearFractional:
         K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator;
         its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
         """
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
+        with np.errstate(
+            over="ignore", invalid="ignore", divide="ignore"
+        ):  # a frame that overflows is for the caller to see
             K = np.asarray(K)[..., None, None]
             F = np.asarray(F)[..., None, None]
             E, B, x, v = self.with_integrator()

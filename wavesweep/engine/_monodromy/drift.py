@@ -16,7 +16,13 @@ from wavesweep.engine._monodromy.product import (
     product_with_norm_of_errors,
     product_with_tight_errors,
 )
-from wavesweep.engine._monodromy.rounding import ALIKE, ROUNDING, balance, measured_frame, radius_hidden
+from wavesweep.engine._monodromy.rounding import (
+    ALIKE,
+    ROUNDING,
+    balance,
+    measured_frame,
+    radius_hidden,
+)
 from wavesweep.engine._monodromy.unit_circle import solve
 
 SAME = 1e-12  # relative difference of a factor between two loops below which it does not depend on their numbers
@@ -53,7 +59,9 @@ class MarginalModes:
         return [index for index in range(len(self.states)) if index not in gone]
 
     @staticmethod
-    def of(drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()) -> "MarginalModes":
+    def of(
+        drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()
+    ) -> "MarginalModes":
         """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
         watched: the outputs with which `Ticks.of` will be called, since these determine which outputs are states that hold.
@@ -140,7 +148,9 @@ class MarginalModes:
         """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
         return filled(without_drift(frame_of(ticks), self))
 
-    def frames_with_errors(self, ticks: Ticks, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    def frames_with_errors(
+        self, ticks: Ticks, *, tight: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return `frames_of`, and bounds on the errors of its entries; ticks: with the sizes of their terms.
 
         tight: whether the bounds are those of `product_with_tight_errors`.
@@ -219,7 +229,9 @@ def _idle(block):
     return [state for state, is_busy in zip(block.states, busy, strict=True) if not is_busy]
 
 
-def relative_row(row: np.ndarray, groups: Sequence[tuple[int, Sequence[tuple[int, float]]]]) -> np.ndarray:
+def relative_row(
+    row: np.ndarray, groups: Sequence[tuple[int, Sequence[tuple[int, float]]]]
+) -> np.ndarray:
     """Return a row over states `(..., n)` as one over states that are relative to others."""
     row = row.copy()
     for lead, followers in groups:
@@ -251,7 +263,9 @@ def _relative_block(block, groups, leads, copies):
                 sizes[0][..., state, state] += taken_over
     E, B, C = map(_without_rounding, exact, sizes)
     E[..., leads] = 0.0  # nothing opposes a drift
-    sizes = [np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)]
+    sizes = [
+        np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)
+    ]
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
 
 
@@ -350,7 +364,9 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
     leads = np.searchsorted(index, drift.varying)
     rest = np.delete(np.arange(len(index)), leads)
     V = consistent_solution(E[..., rest], -E[..., leads])
-    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a frame that overflows is for the caller to see
         if sizes is not None:
             return _errors_without(E, sizes, np.abs(V), leads, rest)
         return E[..., rest[:, None], rest] - V @ E[..., leads[:, None], rest]

@@ -7,7 +7,9 @@ import numpy as np
 
 ROUNDS = 5  # towards units in which entries of a row and of a column are alike
 MOST = 512  # loops at once, for which the recurrence stays in a processor's cache
-STEP = 0.25  # of what would make the largest of them equal, since every state takes its step at once
+STEP = (
+    0.25  # of what would make the largest of them equal, since every state takes its step at once
+)
 
 
 def in_even_units(E, B, C):

@@ -9,7 +9,9 @@ from wavesweep.engine._loops.algebraic import loop_inverse
 from wavesweep.engine._loops.block import Block, block_diagonal, concatenated, numbers
 from wavesweep.engine._state_space import StateSpace
 
-ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
+ROUNDING = (
+    8 * np.finfo(float).eps
+)  # of the terms of a sum, what is left of it when it should be zero
 
 
 def _side_by_side(systems) -> StateSpace:
@@ -62,7 +64,9 @@ def connect(
     else:
         sizes = StateSpace(*map(np.abs, system))
     wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
-    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a frame that overflows is for the caller to see
         rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
         shown = _times(wires.of_made, system.C)
         read = _times(wires.of_made, system.D) + wires.of_ports
@@ -175,7 +179,9 @@ class _Ports:
         self.values = np.broadcast_to(driven, shape).copy().astype(kind, copy=False)
         self.sizes = np.broadcast_to(of_driven, shape).copy()
         count = (needs | np.eye(len(ports), dtype=bool)).sum(-1)
-        for port in np.argsort(count, kind="stable").tolist():  # more than that of each port that it needs
+        for port in np.argsort(
+            count, kind="stable"
+        ).tolist():  # more than that of each port that it needs
             both = needs[port] & needs[:, port]
             loop = np.flatnonzero(both)
             before = np.flatnonzero(needs[port] & ~both)
@@ -191,7 +197,9 @@ class _Ports:
                 of_inside = _picked(of_through, rows, rows)
                 steps = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside), rows.size)
                 in_loop = [ports[row] for row in rows]
-                inverse, condition, pivot = loop_inverse(inside, of_inside, steps > 0, name, in_loop)
+                inverse, condition, pivot = loop_inverse(
+                    inside, of_inside, steps > 0, name, in_loop
+                )
                 right = value
                 value = inverse @ right
                 # Refined, they are as uncertain as rounding of their equations (R. D. Skeel, 1980).

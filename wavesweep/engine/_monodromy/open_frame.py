@@ -62,7 +62,9 @@ def open_frame(
     if at is None:
         return None
     if ticks.states != drift.states:
-        raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
+        raise ValueError(
+            f"the drift is that of other states: {drift.states}, expected {ticks.states}"
+        )
     from_there = replace(ticks, kind=np.roll(ticks.kind, -at))
     ticks, groups = drift.relative_ticks(from_there)
     inputs = [w]
@@ -138,7 +140,9 @@ def _with_moment(columns):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a frame that overflows is for the caller to see
-def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: bool = False) -> LinearFractional | None:
+def cut_of(
+    frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: bool = False
+) -> LinearFractional | None:
     """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented in a cut.
 
     drift: that of the open loop. read: 2 if another number multiplies the second signal in the same sum. conserved: whether the
@@ -153,7 +157,9 @@ def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: 
         return None
     remaining = drift.remaining
     system = StateSpace(frame.E, frame.B[..., :1], frame.C[..., :read, :], frame.D[..., :read, :1])
-    errors = StateSpace(frame.dE, frame.dB[..., :1], frame.dC[..., :read, :], frame.dD[..., :read, :1])
+    errors = StateSpace(
+        frame.dE, frame.dB[..., :1], frame.dC[..., :read, :], frame.dD[..., :read, :1]
+    )
     if moving:
         lead = leads[moving[0]]
         factor = share[..., moving[0], None, None]

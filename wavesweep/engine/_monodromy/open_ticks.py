@@ -35,7 +35,9 @@ class OpenTicks:
         are held.
         Errors: IllPosedLoopError for an algebraic loop without a solution.
         """
-        ticks = Ticks.of(drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True)
+        ticks = Ticks.of(
+            drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True
+        )
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
             frame = _OpenFrame.of(ticks) if readings <= MOST_READINGS else None
@@ -50,7 +52,9 @@ class OpenTicks:
             maps = tuple(_closed(block, at, p, terms) for block in self.ticks.maps)
         return replace(self.ticks, maps=maps)
 
-    def frames(self, at: np.ndarray | int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def frames(
+        self, at: np.ndarray | int, p: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
         with np.errstate(all="ignore"):
             if self.frame is None:
@@ -65,7 +69,9 @@ class OpenTicks:
             def frames(index):
                 gains = [gain[index] for gain in read]
                 E, lost = self.frame.closed(at[index], gains)
-                if lost.any():  # those that would lose digits at their readings are closed in their ticks
+                if (
+                    lost.any()
+                ):  # those that would lose digits at their readings are closed in their ticks
                     E[lost] = frame_of(self.closed(at[index][lost], p[index][lost]))
                 return E
 

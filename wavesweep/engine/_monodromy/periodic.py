@@ -215,7 +215,9 @@ def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, A
     """
     row = stretches(kinds, maps, joined)
     while len(row) > 1:
-        shorter = [joined(first, second) for first, second in zip(row[::2], row[1::2], strict=False)]
+        shorter = [
+            joined(first, second) for first, second in zip(row[::2], row[1::2], strict=False)
+        ]
         if len(row) % 2:
             shorter.append(row[-1])
         row = shorter

@@ -18,7 +18,12 @@ WIDE = 128  # ticks, or stretches of them, one after the other, over which error
 
 
 def product_with_errors(
-    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, per_loop: bool = False
+    kind: np.ndarray,
+    changes: Sequence[np.ndarray],
+    sizes: Sequence[np.ndarray],
+    *,
+    ramp: bool = False,
+    per_loop: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and bounds on its errors.
 
@@ -38,7 +43,10 @@ def product_with_errors(
     def of_loops(index):
         ticks = []
         for tick in zip(changes, sizes, strict=True):
-            E, size = (np.broadcast_to(M, (*batch, *M.shape[-2:]))[index] if M.ndim > 2 else M for M in tick)
+            E, size = (
+                np.broadcast_to(M, (*batch, *M.shape[-2:]))[index] if M.ndim > 2 else M
+                for M in tick
+            )
             ticks.append(((E, 1), *_largest(over, E), ENTRIES * over(size)))
         (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
@@ -102,11 +110,15 @@ def product_with_tight_errors(
     multiplied once.
     """
     kinds, still = tuple(kind.tolist()), ~pattern_of(kind, changes)
-    batch, n = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes))), changes[0].shape[-1]
+    batch, n = (
+        np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes))),
+        changes[0].shape[-1],
+    )
 
     def of_loops(index):
         ticks, errors = (
-            [np.broadcast_to(M, (*batch, n, n))[index] if M.ndim > 2 else M for M in matrices] for matrices in (changes, sizes)
+            [np.broadcast_to(M, (*batch, n, n))[index] if M.ndim > 2 else M for M in matrices]
+            for matrices in (changes, sizes)
         )
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
         once = dict(enumerate(zip(ticks, (ENTRIES * size for size in errors), strict=True)))
@@ -149,13 +161,17 @@ def _in_sequence(factors):
     behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
-        own = (error + ROUNDING * size) @ np.abs(eye + ahead) + ROUNDING * (2 * size + np.abs(ahead))
+        own = (error + ROUNDING * size) @ np.abs(eye + ahead) + ROUNDING * (
+            2 * size + np.abs(ahead)
+        )
         total = total + np.abs(eye + behind) @ own
         behind = behind + E + behind @ E
     return before[-1], total
 
 
-def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:
+def pattern_of(
+    kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False
+) -> np.ndarray:
     """Return which entries of the product of ticks, identity included, may be other than 0 in a loop, `(n, n + inputs)`."""
     patterns, (n, width) = [], changes[0].shape[-2:]
     for change in changes:
@@ -168,7 +184,10 @@ def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = 
 
 @lru_cache(maxsize=256)
 def _pattern(patterns, kinds, n, width):
-    maps = [np.vstack([np.frombuffer(pattern, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]]) for pattern in patterns]
+    maps = [
+        np.vstack([np.frombuffer(pattern, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]])
+        for pattern in patterns
+    ]
     kinds = np.frombuffer(kinds, np.int64).tolist()
     entries = in_a_row(kinds, maps, lambda first, second: (second.astype(float) @ first) > 0)
     entries = np.ascontiguousarray(entries[:n])
@@ -179,7 +198,10 @@ def _pattern(patterns, kinds, n, width):
 def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
     """Return the strongly connected components of a pattern `(n, n)`, each as indices in order; what acts comes before what is
     acted on. In this order a matrix with the pattern is block-triangular, and its eigenvalues are those of the blocks."""
-    return [np.array(block) for block in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))]
+    return [
+        np.array(block)
+        for block in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))
+    ]
 
 
 @lru_cache(maxsize=256)
@@ -190,7 +212,9 @@ def _components(pattern, n):
     alike, members = reach & reach.T, {}
     for state in range(n):
         members.setdefault(int(np.flatnonzero(alike[state])[0]), []).append(state)
-    return tuple(sorted(map(tuple, members.values()), key=lambda block: (int(reach[block[0]].sum()), block)))
+    return tuple(
+        sorted(map(tuple, members.values()), key=lambda block: (int(reach[block[0]].sum()), block))
+    )
 
 
 def _after(ramp, first, second):

@@ -13,7 +13,9 @@ def within(E: np.ndarray, radius) -> np.ndarray:
     r = np.asarray(radius)[..., None]
     at = np.arange(E.shape[-1])
     diagonal = np.diagonal(E, axis1=-2, axis2=-1)
-    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # a frame that overflows is for the caller to see
         scaled = E / r[..., None]
         small = (1 + diagonal) / r - 1  # each without cancellation where it is taken
         near_one = (diagonal + (1 - r)) / r

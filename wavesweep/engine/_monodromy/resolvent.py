@@ -101,9 +101,15 @@ class DelayLines:
         k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
-        solved = solve(w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1], B[..., k, :] + gained[..., -1:])
+        solved = solve(
+            w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1],
+            B[..., k, :] + gained[..., -1:],
+        )
         states = np.empty((*theta.shape, E.shape[-1]), complex)
-        states[..., k], states[..., d] = solved[..., 0], (into[..., :-1] @ solved + into[..., -1:])[..., 0]
+        states[..., k], states[..., d] = (
+            solved[..., 0],
+            (into[..., :-1] @ solved + into[..., -1:])[..., 0],
+        )
         return states
 
     def row(self, E, C, theta):
@@ -112,9 +118,16 @@ class DelayLines:
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
-        solved = np.swapaxes(solve(np.swapaxes(A, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)), -1, -2)
+        solved = np.swapaxes(
+            solve(np.swapaxes(A, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)),
+            -1,
+            -2,
+        )
         states = np.empty((*theta.shape, E.shape[-1]), complex)
-        states[..., k], states[..., d] = solved[..., 0, :], (solved @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
+        states[..., k], states[..., d] = (
+            solved[..., 0, :],
+            (solved @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :],
+        )
         return states
 
 

@@ -12,7 +12,9 @@ from wavesweep.engine._monodromy.unit_circle import inverse
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
-ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
+ALIKE = (
+    64 * np.finfo(float).eps
+)  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING = 3  # sweeps
 UNEVEN, MORE = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
@@ -20,7 +22,9 @@ HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 NEAREST = 4  # number of eigenvalues that are examined
 
 
-def both(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def both(
+    first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return `E` of one run of ticks after the other.
 
     Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.

@@ -22,7 +22,9 @@ def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         A = A + nudge[..., None, None] * np.eye(A.shape[-1])
     try:
         return np.linalg.solve(A, b)
-    except np.linalg.LinAlgError:  # as if the sizes of rows differ by more decades than a double has digits
+    except (
+        np.linalg.LinAlgError
+    ):  # as if the sizes of rows differ by more decades than a double has digits
         lost = (np.linalg.slogdet(A)[0] == 0)[..., None, None]
         return np.where(lost, np.nan, np.linalg.solve(np.where(lost, np.eye(A.shape[-1]), A), b))
 

@@ -23,7 +23,9 @@ def varied_rates(loops: Loops) -> dict[str, np.ndarray]:
     return {path: loops.values[path] for path in paths if np.ndim(loops.values[path])}
 
 
-def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Iterator[tuple[np.ndarray, Port]]:
+def ports_of_batch(
+    loops: Loops, size: int, route: Route | None = None
+) -> Iterator[tuple[np.ndarray, Port]]:
     """Yield indices of some of `size` loops and their ports, those together that have one rate.
 
     The ports are the hand's or, if a route names an input and an output, those between them.
@@ -41,13 +43,18 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
 def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
     """The port of loops of one rate: the hand's or, if a route names an input and an output, that between them."""
     if route:
-        source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
+        source, signal = (
+            next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]),
+            OUTPUT + route[1],
+        )
         drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
         with drawn.naming_blocks():
             return port_between(drawn, source, signal, drift)
     ports, drawn, drift = hand_of(loops.drawing), loops.drawn(), loops.drift_at_hand()
     with drawn.naming_blocks():
-        return replace(port_of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift))
+        return replace(
+            port_of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift)
+        )
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects

@@ -10,7 +10,9 @@ from wavesweep.engine._response.circle import Circle
 from wavesweep.engine._response.linear_systems import LinearSystem, solved
 from wavesweep.engine._state_space import StateSpace
 
-MOST = 2**20  # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are computed
+MOST = (
+    2**20
+)  # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are computed
 
 
 class Bordered:
@@ -41,7 +43,9 @@ class Bordered:
         maps, sizes = [], []
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             rows = self._outputs(tick, port.maps[common], -1.0)
-            of_rows = self._outputs(terms, port.sizes[common], 0.0 if tick is port.maps[common] else 1.0)
+            of_rows = self._outputs(
+                terms, port.sizes[common], 0.0 if tick is port.maps[common] else 1.0
+            )
             of_rows.C[...] = np.where(rows.C == 0, 0.0, of_rows.C)
             maps.append(rows)
             sizes.append(of_rows)
@@ -114,7 +118,9 @@ class Bordered:
 
     def _right_side(self, sums, forced, driven):
         """The right side of the system, or the bound on its errors, at every point."""
-        means = np.repeat([1 / self.stretch.ticks, 1.0], [self.outputs_of_port + self.fast.size, self.fast.size])
+        means = np.repeat(
+            [1 / self.stretch.ticks, 1.0], [self.outputs_of_port + self.fast.size, self.fast.size]
+        )
         of_outputs = means[:, None] * (forced + 0 * sums.forced.real)
         of_slow = driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real
         side = np.concatenate([of_outputs, of_slow], -2)

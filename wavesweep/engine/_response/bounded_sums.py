@@ -22,7 +22,9 @@ def ordered_product(A, x):
 
 def ordered_products(A: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Return `A X` as `ordered_product` does it; X: `(..., n, k)`."""
-    return np.multiply(A[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)
+    return np.multiply(A[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(
+        -1
+    )
 
 
 def long_sum(count: int) -> float:
@@ -30,13 +32,17 @@ def long_sum(count: int) -> float:
     return ROUNDING * (4 + count**0.5)
 
 
-def times(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def times(
+    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the product of two matrices, each a pair with a bound on the error of its entries."""
     size = np.abs(b[0])
     return a[0] @ b[0], a[1] @ size + np.abs(a[0]) @ (b[1] + ROUNDING * size)
 
 
-def plus(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def plus(
+    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of two matrices, each a pair with a bound on the error of its entries."""
     return a[0] + b[0], a[1] + b[1] + ROUNDING * (np.abs(a[0]) + np.abs(b[0]))
 

@@ -44,7 +44,9 @@ class Circle:
 
     def ladder(self, count: int):
         """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
-        while len(self.powers) < count:  # always doubled, so that bits do not depend on what was asked before
+        while (
+            len(self.powers) < count
+        ):  # always doubled, so that bits do not depend on what was asked before
             self.powers = np.concatenate([self.powers, self.powers * self.turn(len(self.powers))])
         return self.powers[:count]
 

@@ -53,7 +53,9 @@ class Gain:
             self.left, self.corner = np.linalg.qr(O)
             self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
             self.entry = np.swapaxes(entry, -1, -2)[..., None, :, :]
-            factoring = 2 * self.n * ROUNDING  # of a column's length, what is lost by factors in its place
+            factoring = (
+                2 * self.n * ROUNDING
+            )  # of a column's length, what is lost by factors in its place
             self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
             of_entry = factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1))
             self.of_entry = of_entry[..., None, :, None]
@@ -121,13 +123,17 @@ class Gain:
         turned = np.swapaxes(core.conj(), -1, -2)
 
         def apply(v, back):
-            direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(complex)[..., 0]
+            direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(
+                complex
+            )[..., 0]
             into, out, middle = (left, right, turned) if back else (right, left, core)
             through_state = out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None]))
             return direct + through_state[..., 0]
 
         v = apply(np.ones((len(core), ticks), complex), back=True)
-        mixed = np.random.default_rng(0).normal(size=ticks)  # the same always, and a part of every singular vector
+        mixed = np.random.default_rng(0).normal(
+            size=ticks
+        )  # the same always, and a part of every singular vector
         v = v / _norm(v) + mixed / _norm(mixed)
         best = 0.0
         basis = []
@@ -170,7 +176,10 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     first, second = frame.first, frame.second
     early = v[:, : first.ticks]
     late = v[:, first.ticks :]
-    results = [applied(first, early, loop, adjoint=adjoint), applied(second, late, loop, adjoint=adjoint)]
+    results = [
+        applied(first, early, loop, adjoint=adjoint),
+        applied(second, late, loop, adjoint=adjoint),
+    ]
     O = _of_loops(second.observability[0][..., -1, :, :], loop)
     G = _of_loops(first.controllability[0], loop)
     if adjoint:

@@ -81,7 +81,9 @@ class Stretch:
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
         """Sums over the ticks of the sizes of `observability`, `(..., p, n)`, and of `controllability`, `(..., n, 1)`."""
-        return np.abs(self.observability[0]).sum(-2), np.abs(self.controllability[0]).sum(-1, keepdims=True)
+        return np.abs(self.observability[0]).sum(-2), np.abs(self.controllability[0]).sum(
+            -1, keepdims=True
+        )
 
     @cached_property
     def forced_size(self) -> np.ndarray:
@@ -95,12 +97,17 @@ class Stretch:
         """Return the map from all forces to the last output in each tick, for the state 0; index: 1 for its errors."""
         if self.impulse:
             return self.impulse[index]
-        return _triangular(self.first.impulse_map(index), self.across[index], self.second.impulse_map(index))
+        return _triangular(
+            self.first.impulse_map(index), self.across[index], self.second.impulse_map(index)
+        )
 
     @property
     def across(self) -> tuple:
         """The map from forces of the first half to the last output in the second, a pair."""
-        return times([outputs[..., -1, :, :] for outputs in self.second.observability], self.first.controllability)
+        return times(
+            [outputs[..., -1, :, :] for outputs in self.second.observability],
+            self.first.controllability,
+        )
 
 
 def _joined(first, second):
@@ -114,7 +121,9 @@ def _joined(first, second):
     controllability = joined((times(after, first.controllability), second.controllability), -1)
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
-    later = times(second.observability, [states[..., None, :, :] for states in first.controllability])
+    later = times(
+        second.observability, [states[..., None, :, :] for states in first.controllability]
+    )
     within = plus(_padded(first.forced, second.ticks), _padded(second.forced, first.ticks))
     forced = plus(within, _over_lags(later))
     impulse = []
@@ -135,7 +144,9 @@ def _triangular(first, across, second):
 
 
 def _padded(pair, count):
-    return tuple(np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1) for sums in pair)
+    return tuple(
+        np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1) for sums in pair
+    )
 
 
 def _over_lags(later):
@@ -146,7 +157,9 @@ def _over_lags(later):
     pair = []
     for impulse in (later[0], later[1] + ROUNDING * np.abs(later[0])):
         batch, (second, first) = impulse.shape[:-2], impulse.shape[-2:]
-        wide = np.zeros((*batch, second, first + second))  # each row, put into shorter ones, is shifted by one more
+        wide = np.zeros(
+            (*batch, second, first + second)
+        )  # each row, put into shorter ones, is shifted by one more
         wide[..., :first] = impulse[..., ::-1]
         wide = wide.reshape(*batch, -1)[..., : second * (first + second - 1)]
         sums = wide.reshape(*batch, second, first + second - 1).sum(-2)
@@ -174,7 +187,9 @@ class Sums:
         """Return the sums at these points of the circle (see `Circle`); memo: those of its halves, by identity."""
         memo = {} if memo is None else memo
         if id(stretch) not in memo:
-            memo[id(stretch)] = _of_leaf(stretch, points) if stretch.forced else _of_halves(stretch, points, memo)
+            memo[id(stretch)] = (
+                _of_leaf(stretch, points) if stretch.forced else _of_halves(stretch, points, memo)
+            )
         return memo[id(stretch)]
 
 
@@ -278,7 +293,9 @@ class Lifted:
         frame = self.with_position.showing(slice(self.port.outputs, None))
         huge = ~_all(frame, lambda entries: np.abs(entries) < HUGE) & ~self.lost
         if huge.any():
-            frame = Stretch.of(_with_position(_without(self.port, huge | self.lost))).showing(slice(self.port.outputs, None))
+            frame = Stretch.of(_with_position(_without(self.port, huge | self.lost))).showing(
+                slice(self.port.outputs, None)
+            )
         return frame, huge | self.lost
 
     def stable_for_sure(self) -> np.ndarray:
@@ -288,19 +305,28 @@ class Lifted:
         with np.errstate(all="ignore"):
             poles, V = np.linalg.eig(E)
             into = solve(V.astype(complex), np.broadcast_to(np.eye(n), V.shape))
-            left = np.abs(into @ E @ V - poles[..., None, :] * np.eye(n)) + np.abs(into) @ dE @ np.abs(V)
+            left = np.abs(into @ E @ V - poles[..., None, :] * np.eye(n)) + np.abs(
+                into
+            ) @ dE @ np.abs(V)
             sure = (np.abs(1 + poles) + 2 * left.sum(-1) < 1).all(-1)
         return sure & ~self.lost
 
     def circle(self, frequency_hz: np.ndarray) -> Circle:
         """Return the frequencies (Hz) on the circles of this loop."""
-        return circle_of(np.asarray(frequency_hz, float).tobytes(), self.port.rate, self.frame.ticks)
+        return circle_of(
+            np.asarray(frequency_hz, float).tobytes(), self.port.rate, self.frame.ticks
+        )
 
 
 def _all(frame, test):
-    rows = (outputs.reshape(*outputs.shape[:-3], -1, outputs.shape[-1]) for outputs in frame.observability)
+    rows = (
+        outputs.reshape(*outputs.shape[:-3], -1, outputs.shape[-1])
+        for outputs in frame.observability
+    )
     matrices = (*frame.E, *frame.controllability, *rows)
-    return np.logical_and.reduce(np.broadcast_arrays(*(test(matrix).all((-1, -2)) for matrix in matrices)))
+    return np.logical_and.reduce(
+        np.broadcast_arrays(*(test(matrix).all((-1, -2)) for matrix in matrices))
+    )
 
 
 def _without(port, lost):
@@ -317,7 +343,9 @@ def _with_position(port):
     """Return the port with the position at the beginning of each tick as a further output, a state more if it drifts."""
     maps = tuple(_tick_with_position(tick, port.position) for tick in port.maps)
     row = None if port.position is None else np.abs(port.position)
-    return replace(port, maps=maps, sizes=tuple(_tick_with_position(tick, row) for tick in port.sizes))
+    return replace(
+        port, maps=maps, sizes=tuple(_tick_with_position(tick, row) for tick in port.sizes)
+    )
 
 
 def _tick_with_position(tick, position):
@@ -348,13 +376,20 @@ def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
     drifts is then among the states.
     """
     port, row = (_with_position(port), slice(-1, None)) if positions else (port, slice(1))
-    maps, sizes = (tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in ticks) for ticks in (port.maps, port.sizes))
+    maps, sizes = (
+        tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in ticks)
+        for ticks in (port.maps, port.sizes)
+    )
     kind = np.tile(port.kind, ticks // port.kind.size)
     frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
-    return StateSpace(frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map())
+    return StateSpace(
+        frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map()
+    )
 
 
-def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]) -> tuple[np.ndarray, ...]:
+def held_over_frame(
+    drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]
+) -> tuple[np.ndarray, ...]:
     """Return A, B, C and D of one loop from frame to frame, of the states that the signals depend on.
 
     inputs: from outside, each held over the whole frame. signals: as the first tick of a frame shows them.

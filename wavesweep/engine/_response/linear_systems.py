@@ -19,7 +19,9 @@ class LinearSystem(NamedTuple):
     db: np.ndarray
 
 
-def solved(A: np.ndarray, dA: np.ndarray, b: np.ndarray, db: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def solved(
+    A: np.ndarray, dA: np.ndarray, b: np.ndarray, db: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
 
     Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward
@@ -34,11 +36,15 @@ def solved(A: np.ndarray, dA: np.ndarray, b: np.ndarray, db: np.ndarray) -> tupl
     b, db = b * row[..., None], db * row[..., None]
     eye = np.eye(A.shape[-1])
     inverse = solve(S, np.broadcast_to(eye, S.shape))
-    inverse = inverse + inverse @ (eye - S @ inverse)  # so that small rows are right as well, and bound small unknowns
+    inverse = inverse + inverse @ (
+        eye - S @ inverse
+    )  # so that small rows are right as well, and bound small unknowns
     X = inverse @ b
     for _ in range(2):
         X = X + inverse @ (b - S @ X)
-    left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
+    left = (
+        np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
+    )
     off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
     error = np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
     return X * column[..., None], error * column[..., None]

@@ -13,7 +13,10 @@ from wavesweep.engine._state_space import StateSpace
 MOST_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
 ENTRIES = 50_000  # of maps over several frames that are summed together
 WORK = 2e9  # multiplications, up to which the sum goes on
-SETTLED, KNOWN = 1e-6, 1e-2  # share of the sum that its rest may be: to stop, and to give a result at all
+SETTLED, KNOWN = (
+    1e-6,
+    1e-2,
+)  # share of the sum that its rest may be: to stop, and to give a result at all
 
 
 class PeakGain(NamedTuple):
@@ -42,7 +45,9 @@ def l1_norm(port: Port) -> PeakGain | None:
         return None
     with np.errstate(all="ignore"):
         frame = Stretch.of(port).showing(slice(0, 1))
-        system = StateSpace(frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map())
+        system = StateSpace(
+            frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map()
+        )
         return _summed(*system) if all(np.isfinite(matrix).all() for matrix in system) else None
 
 

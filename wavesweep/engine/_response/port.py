@@ -69,7 +69,9 @@ class Port:
             return np.eye(self.axes)
         first = self.moves.reshape(-1, *self.moves.shape[-2:])[0]
         if np.abs(self.moves - first).max() > STILL * np.abs(first).max():
-            raise UsageError("expected a hand that is held in the same directions for all values of the number")
+            raise UsageError(
+                "expected a hand that is held in the same directions for all values of the number"
+            )
         return np.linalg.svd(first)[0][:, self.drifts :]
 
     @property
@@ -92,7 +94,9 @@ class Port:
 
         maps = tuple(StateSpace(*map(chosen, tick)) for tick in self.maps)
         sizes = tuple(StateSpace(*map(chosen, tick)) for tick in self.sizes)
-        return replace(self, maps=maps, sizes=sizes, position=chosen(self.position), moves=chosen(self.moves))
+        return replace(
+            self, maps=maps, sizes=sizes, position=chosen(self.position), moves=chosen(self.moves)
+        )
 
     def observable(self) -> "Port":
         """Return the port without the states that no output depends on."""
@@ -126,7 +130,10 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     places = len(ports.forces)
     reads = ticks.maps[0].C[..., :places, :]
     for row, position in enumerate(ports.signals[:places]):
-        if any(np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :]) for tick in ticks.maps):
+        if any(
+            np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :])
+            for tick in ticks.maps
+        ):
             raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
     shifts = _Shifts.of(ticks, drift, reads)
 
@@ -159,7 +166,9 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: Marginal
     ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
     reads = ticks.maps[0].C
     shifts = _Shifts.of(ticks, drift, reads)
-    maps, sizes = _relative_maps(ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)])
+    maps, sizes = _relative_maps(
+        ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)]
+    )
     position = np.zeros((1, len(shifts.remaining)))
     return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), between=True)
 
@@ -192,7 +201,9 @@ def _relative_maps(ticks, columns, shifts, drifting, outputs):
 
 
 def _timing(drawn):
-    period = float(np.ravel(drawn.period)[0].real)  # proofs along a rate take complex ones, and do not read it
+    period = float(
+        np.ravel(drawn.period)[0].real
+    )  # proofs along a rate take complex ones, and do not read it
     rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0].real)
     return {"period": period, "slowest": max(placed.every for placed in drawn.placed), "rate": rate}
 
@@ -274,7 +285,9 @@ def _best_leads(ticks, reads, leads, states):
     """
     followers = [state for state in states if state not in leads]
     V, _ = _fixed(ticks, followers, leads)
-    cost = sum(tick.terms[0].max(tuple(range(tick.terms[0].ndim - 2))).sum(-1) for tick in ticks.maps)
+    cost = sum(
+        tick.terms[0].max(tuple(range(tick.terms[0].ndim - 2))).sum(-1) for tick in ticks.maps
+    )
     weight = np.where(cost > 0, cost, 1.0)
     in_position = (reads != 0).any(tuple(range(reads.ndim - 1)))
     chosen = []
@@ -317,7 +330,9 @@ def _fixed(ticks, followers, leads):
 
 def _one_above_the_other(matrices):
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
-    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices], axis=-2)
+    return np.concatenate(
+        [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices], axis=-2
+    )
 
 
 def reached(start, reads) -> np.ndarray:

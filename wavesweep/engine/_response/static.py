@@ -57,7 +57,9 @@ def relative_response(quantities, error) -> Response:
     of_position, of_force = relative[..., 0, :], relative[..., 1, :]
     admittance = np.where(np.isnan(of_position), np.nan, position)
     impedance = np.where(np.isnan(of_force), np.nan, force / admittance)
-    finite = np.isfinite(impedance)  # an admittance may be so small that it has no inverse in double precision
+    finite = np.isfinite(
+        impedance
+    )  # an admittance may be so small that it has no inverse in double precision
     impedance = np.where(finite, impedance, np.nan)
     of_impedance = np.where(finite, of_position + of_force, np.nan)
     return Response(admittance, impedance, of_position, of_impedance)
@@ -210,7 +212,9 @@ def _limits(loop) -> list[_Limit]:
     slopes = (np.moveaxis(array, -1, 0) / M for array in (slope, error_1, size_1))
     return [
         _Limit(_Known(*of_value), _Known(*of_slope))
-        for of_value, of_slope in zip(zip(*values, strict=True), zip(*slopes, strict=True), strict=True)
+        for of_value, of_slope in zip(
+            zip(*values, strict=True), zip(*slopes, strict=True), strict=True
+        )
     ]
 
 

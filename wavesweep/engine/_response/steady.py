@@ -19,14 +19,20 @@ from wavesweep.engine._response.static import (
 )
 from wavesweep.engine.rows import different
 
-GOOD = 1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
-EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
+GOOD = (
+    1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
+)
+EXTRAPOLATED = (
+    85 / 45
+)  # the sum of the sizes of the weights by which an extrapolation adds up three values
 LOW = 2e-4  # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
 TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
 
 
-def respond(loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD) -> Response:
+def respond(
+    loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD
+) -> Response:
     """Return transmitted admittance and impedance with bounds on their relative errors.
 
     frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not computed again in a
@@ -40,7 +46,9 @@ def respond(loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, go
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     still = frequency == 0
     shape = *loop.port.batch, frequency.size
-    response = Response(np.empty(shape, complex), np.empty(shape, complex), np.empty(shape), np.empty(shape))
+    response = Response(
+        np.empty(shape, complex), np.empty(shape, complex), np.empty(shape), np.empty(shape)
+    )
     with np.errstate(all="ignore"):
         for at in _portions(loop, np.flatnonzero(~still)):
             moving = _responses(loop, loop.circle(frequency[at]), good)
@@ -156,7 +164,10 @@ def _from_low_frequencies(loop, limits):
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for power in different(level):
         response = _responses(loop, loop.circle(4.0**power * np.array([1, 0.5, 0.25])), GOOD)
-        low = [np.where((level == power)[..., None], new, old) for new, old in zip(response, low, strict=True)]
+        low = [
+            np.where((level == power)[..., None], new, old)
+            for new, old in zip(response, low, strict=True)
+        ]
     off = []
     for value, at_low, error in zip(limits, low[:2], low[2:], strict=True):
         first = (4 * at_low[..., 1] - at_low[..., 0]).real / 3

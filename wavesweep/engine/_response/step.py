@@ -16,7 +16,11 @@ MOST = 8_000_000  # samples times states
 REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
 HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
 LONGER = 1.4  # times the time to settle: the end of what is worth showing
-BAND, LOW, HIGH = 0.02, 0.1, 0.9  # of the final value: where a response has settled, and between which it rises
+BAND, LOW, HIGH = (
+    0.02,
+    0.1,
+    0.9,
+)  # of the final value: where a response has settled, and between which it rises
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +73,9 @@ class Step:
         if self.settling_s > 0:
             last = self.settling_s / self.period
         else:
-            moving = np.flatnonzero(np.abs(self.value - self.final) > BAND * np.abs(self.value).max())
+            moving = np.flatnonzero(
+                np.abs(self.value - self.final) > BAND * np.abs(self.value).max()
+            )
             last = moving[-1] if moving.size else self.value.size
         return int(min(max(LONGER * last, 10), self.value.size - 1)) + 1
 
@@ -136,7 +142,9 @@ def step_of(port: Port, most: int = MOST) -> Step:
             if size <= HALF and tail <= REST * np.abs(value).max():
                 break
             if not np.isfinite(largest).all() or 2 * rows.size > most:
-                raise UsageError("step: expected a loop that comes to rest, found one that is unstable, or too slow to tell")
+                raise UsageError(
+                    "step: expected a loop that comes to rest, found one that is unstable, or too slow to tell"
+                )
             X = np.concatenate([X, X + X @ power.T + after])
             rows = np.concatenate([rows, rows + rows @ power])
             after = after + power @ after + after

@@ -37,10 +37,14 @@ class AtPort:
 def buildable(loops: Loops, along: str) -> Loops:
     """The loops at any value of the number: without the whole numbers of ticks of dead times, which follow from it."""
     building = loops.drawing.building if name_of(along) in timing(loops.drawing) else ()
-    return Loops(loops.drawing, {path: v for path, v in loops.values.items() if path not in building})
+    return Loops(
+        loops.drawing, {path: v for path, v in loops.values.items() if path not in building}
+    )
 
 
-def lines_at_ends(question: Question, loops: Loops, opened: Opened | None, place, p, omega) -> np.ndarray:
+def lines_at_ends(
+    question: Question, loops: Loops, opened: Opened | None, place, p, omega
+) -> np.ndarray:
     """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN where no mode starts.
 
     Ends that a gain sets have an omega with a minus. opened: the loops without the number.
@@ -51,7 +55,10 @@ def lines_at_ends(question: Question, loops: Loops, opened: Opened | None, place
     if opened and opened.loops.cut and (bound is None or bound.on_circle):
         lines[end, row] = strongest_in_cut(loops.drawing, opened, place, omega, bound)
         return lines
-    strongest, few = omega / (2 * np.pi), 1 if name_of(question.along) in timing(loops.drawing) else BATCH
+    strongest, few = (
+        omega / (2 * np.pi),
+        1 if name_of(question.along) in timing(loops.drawing) else BATCH,
+    )
     for batch in (slice(first, first + few) for first in range(0, place.size, few)):
         varied = buildable(loops, question.along).some(place[batch])
         varied = varied.changed({question.along: np.where(p[batch] == 0, TINY, p[batch])})
@@ -59,7 +66,11 @@ def lines_at_ends(question: Question, loops: Loops, opened: Opened | None, place
             drawn = varied.drawn()
             period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[batch].shape)
             if drawn.ticks > 1:
-                s = bound.logarithms(period, omega[batch]) if bound else 1j * (omega[batch] * period)[:, None]
+                s = (
+                    bound.logarithms(period, omega[batch])
+                    if bound
+                    else 1j * (omega[batch] * period)[:, None]
+                )
                 strongest[batch] = lines_in_loops(varied, s)[:, 0]
     lines[end, row] = strongest
     return lines

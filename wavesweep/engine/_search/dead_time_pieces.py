@@ -28,19 +28,27 @@ def applies(question: Question, slices: Slices) -> bool:
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals of all pieces, those that meet as one."""
     loops, batches = slices.loops, []
-    times = {path: v for path, v in loops.values.items() if np.ndim(v) and name_of(path) in timing(loops.drawing)}
+    times = {
+        path: v
+        for path, v in loops.values.items()
+        if np.ndim(v) and name_of(path) in timing(loops.drawing)
+    }
     first, label = distinct_rows(times, slices.size)
     for number, place in enumerate(first.tolist()):
         columns = np.flatnonzero(label == number)
         alike, loop = loops.some(columns), loops.some(place)
         ends = loop.breaks(question.along, question.span)
-        pieces = [_in_piece(question, piece, alike, loop, columns.size, rest) for piece in pairwise(ends)]
+        pieces = [
+            _in_piece(question, piece, alike, loop, columns.size, rest) for piece in pairwise(ends)
+        ]
         intervals = without_seams(joined(pieces))
         batches.append(replace(intervals, column=columns[intervals.column]))
     return by_slice(batches)
 
 
-def about(question: Question, loop: Loops, value: float, work: float, rest: Rest) -> tuple[np.ndarray, tuple[float, float]]:
+def about(
+    question: Question, loop: Loops, value: float, work: float, rest: Rest
+) -> tuple[np.ndarray, tuple[float, float]]:
     """The intervals of a single loop about a value of the number as records, and the part of the range that was searched.
 
     It grows piece by piece, the nearest first, until the interval of the value has both of its ends, or the work is spent:
@@ -55,9 +63,16 @@ def about(question: Question, loop: Loops, value: float, work: float, rest: Rest
         work -= LEAST_WORK + len(loop.changed(_built(question, piece, loop)).drift().states) ** 2
         records = records_of(without_seams(joined(pieces)), RECORD)
         inside = records[(records["low"] <= value) & (value <= records["high"])]
-        low, high = np.fmin(inside["low"], inside["open_low"]), np.fmax(inside["high"], inside["open_high"])
+        low, high = (
+            np.fmin(inside["low"], inside["open_low"]),
+            np.fmax(inside["high"], inside["open_high"]),
+        )
         below = value - ends[first - 1] if first and (low == ends[first]).all() else np.inf
-        above = ends[last + 1] - value if last + 1 < len(ends) and (high == ends[last]).all() else np.inf
+        above = (
+            ends[last + 1] - value
+            if last + 1 < len(ends) and (high == ends[last]).all()
+            else np.inf
+        )
         if np.isinf(min(below, above)) or work < 0:
             return records, (ends[first], ends[last])
         place = first - 1 if below < above else last

@@ -55,7 +55,9 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
 def _drifts_at_zero_alone(question, loops):
     """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1 where the number is 0."""
 
-    held, free = (loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0))
+    held, free = (
+        loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0)
+    )
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
 
 
@@ -68,5 +70,7 @@ def _meeting_one_at_zero(span, intervals):
         value, omega = getattr(intervals, end), getattr(intervals, f"{end}_omega")
         at_zero = np.abs(value) <= nothing
         changes[end] = np.where(at_zero, 0.0, value)
-        changes[f"{end}_omega"] = np.where(at_zero & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
+        changes[f"{end}_omega"] = np.where(
+            at_zero & ~(omega > 0), 0.0, omega
+        )  # another mode may cross there as well
     return replace(intervals, **changes)

@@ -46,18 +46,30 @@ class FramesAlong:
     @staticmethod
     def of(question: Question, loops: Loops, size: int) -> "FramesAlong":
         """The loops of `size` slices within the span, without the number in their ticks if it is one scalar gain of them."""
-        drawn, along, span, open_ticks, shared = loops.drawn(), question.along, question.span, None, ""
+        drawn, along, span, open_ticks, shared = (
+            loops.drawn(),
+            question.along,
+            question.span,
+            None,
+            "",
+        )
         if scalar_place(loops.drawing, question.number):
             with suppress(IllPosedLoopError), np.errstate(all="ignore"):
                 at_one = loops.changed({along: 1.0})
-                open_ticks = OpenTicks.of(at_one.drawn(question.number), at_one.drawn(), PRODUCT, FACTOR)
+                open_ticks = OpenTicks.of(
+                    at_one.drawn(question.number), at_one.drawn(), PRODUCT, FACTOR
+                )
         if open_ticks is None:
             others = [path for path, v in loops.values.items() if np.ndim(v) and path != along]
-            shared = next((path for path in others if scalar_place(loops.drawing, name_of(path))), "")
+            shared = next(
+                (path for path in others if scalar_place(loops.drawing, name_of(path))), ""
+            )
         drift = loops.changed({along: np.array(span)}).drift()
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         bounds = domains(*loops, along, span, size)
-        return FramesAlong(loops, along, period, bounds, ResolvedAlong(*loops, along), drift, open_ticks, shared)
+        return FramesAlong(
+            loops, along, period, bounds, ResolvedAlong(*loops, along), drift, open_ticks, shared
+        )
 
     def _at(self, number, p):
         return self.loops.some(number).changed({self.along: p})
@@ -73,20 +85,30 @@ class FramesAlong:
             E, *facts = self.open_ticks.frames(number, p)
             frames = _frames(self.drift.removed_from(E), facts, shape)
         if self.radius is not None:
-            frames = replace(frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel()))
+            frames = replace(
+                frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel())
+            )
         divisors = varied.guards_at(self.along, shape)
-        return replace(frames, pivots=np.concatenate([frames.pivots, divisors.reshape(p.size, -1)], axis=-1))
+        return replace(
+            frames, pivots=np.concatenate([frames.pivots, divisors.reshape(p.size, -1)], axis=-1)
+        )
 
     def _shared(self, number, p):
         """The frames from ticks without the shared number; None if too few loops share them, or some have no solution."""
         number, p = (array.ravel() for array in np.broadcast_arrays(number, p))
-        others = {path: v[number] for path, v in self.loops.values.items() if np.ndim(v) and path != self.shared}
+        others = {
+            path: v[number]
+            for path, v in self.loops.values.items()
+            if np.ndim(v) and path != self.shared
+        }
         first, label = distinct_rows(others | {"real": p.real, "imag": p.imag}, p.size)
         if 2 * first.size > p.size:
             return None
         at_one = self._at(number[first], p[first]).changed({self.shared: 1.0})
         with suppress(IllPosedLoopError), np.errstate(all="ignore"):
-            ticks = OpenTicks.of(at_one.drawn(name_of(self.shared)), at_one.drawn(), PRODUCT, FACTOR)
+            ticks = OpenTicks.of(
+                at_one.drawn(name_of(self.shared)), at_one.drawn(), PRODUCT, FACTOR
+            )
             E, *facts = ticks.frames(label, self.loops.values[self.shared][number])
             return _frames(self.drift.removed_from(E), facts, p.shape)
         return None
@@ -99,14 +121,26 @@ class FramesAlong:
         p = np.where(p == 0, TINY, p)
         try:
             ticks = (
-                self.open_ticks.closed(number, p, terms=True) if self.open_ticks else _ticks(self._at(number, p), terms=True)
+                self.open_ticks.closed(number, p, terms=True)
+                if self.open_ticks
+                else _ticks(self._at(number, p), terms=True)
             )
         except IllPosedLoopError:
             if p.size == 1:
-                return (np.full((1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))), np.nan),) * 2
-            points = zip(*(array.reshape(-1, 1) for array in np.broadcast_arrays(number, p)), strict=True)
+                return (
+                    np.full(
+                        (1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))),
+                        np.nan,
+                    ),
+                ) * 2
+            points = zip(
+                *(array.reshape(-1, 1) for array in np.broadcast_arrays(number, p)), strict=True
+            )
             return tuple(
-                np.concatenate(arrays) for arrays in zip(*(self.errors(*point, tight=tight) for point in points), strict=True)
+                np.concatenate(arrays)
+                for arrays in zip(
+                    *(self.errors(*point, tight=tight) for point in points), strict=True
+                )
             )
         with np.errstate(all="ignore"):
             arrays = self.drift.frames_with_errors(ticks, tight=tight)
@@ -120,8 +154,12 @@ class FramesAlong:
 def _frames(E, facts, shape):
     """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after the other."""
     size, (pivot, condition) = prod(shape), facts
-    arrays = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
-    return Frames(*(np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail) for array, tail in arrays))
+    arrays = zip(
+        (E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True
+    )
+    return Frames(
+        *(np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail) for array, tail in arrays)
+    )
 
 
 def _ticks(loops, *, terms=False):
@@ -144,9 +182,13 @@ def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, 
         if size == 1:
             order = max(2, len(drift.remaining))
             return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
-    loops = loops.changed({path: np.broadcast_to(v, shape).ravel() for path, v in loops.values.items() if np.ndim(v)})
+    loops = loops.changed(
+        {path: np.broadcast_to(v, shape).ravel() for path, v in loops.values.items() if np.ndim(v)}
+    )
     halves = np.array_split(np.arange(size), 2)
-    return Frames.join([frames_where_solvable(loops.some(half), drift, half.shape) for half in halves])
+    return Frames.join(
+        [frames_where_solvable(loops.some(half), drift, half.shape) for half in halves]
+    )
 
 
 def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:

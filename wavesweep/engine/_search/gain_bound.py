@@ -24,8 +24,16 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     loops, bound = slices.loops, question.bound
     stable = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
-    small = bound.within_gain(loops, question.along, question.span, frames.period, frames.bounds, frames.resolved, stable)
-    timed = in_own_time(small, loops, question.along)  # ends of stability are so already; those of the gain have a minus
-    omegas = {name: (getattr(small, name), getattr(timed, name)) for name in ("low_omega", "high_omega")}
-    omegas = {name: np.where(omega < 0, in_time, omega) for name, (omega, in_time) in omegas.items()}
+    small = bound.within_gain(
+        loops, question.along, question.span, frames.period, frames.bounds, frames.resolved, stable
+    )
+    timed = in_own_time(
+        small, loops, question.along
+    )  # ends of stability are so already; those of the gain have a minus
+    omegas = {
+        name: (getattr(small, name), getattr(timed, name)) for name in ("low_omega", "high_omega")
+    }
+    omegas = {
+        name: np.where(omega < 0, in_time, omega) for name, (omega, in_time) in omegas.items()
+    }
     return common([stable, replace(small, **omegas)])

@@ -31,7 +31,11 @@ def record_type(*own: tuple[str, str]) -> np.dtype:
 
 RECORD = record_type()
 
-FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)  # what numerics raise where they have no answer
+FAILURES = (
+    ArithmeticError,
+    np.linalg.LinAlgError,
+    IndexError,
+)  # what numerics raise where they have no answer
 
 
 def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
@@ -66,7 +70,9 @@ def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndar
     return records
 
 
-def unanswered(dtype: np.dtype, number: int, span: tuple[float, float], error: Exception) -> np.ndarray:
+def unanswered(
+    dtype: np.dtype, number: int, span: tuple[float, float], error: Exception
+) -> np.ndarray:
     """The record of a slice whose search failed in arithmetic: nothing is known from one end of the range to the other.
 
     Where it failed is a warning.

@@ -20,7 +20,13 @@ from wavesweep.engine._search import (
     subloops,
 )
 from wavesweep.engine._search.at_ends import AtPort, lines_at_ends
-from wavesweep.engine._search.interval_records import FAILURES, LINES, RECORD, records_of, unanswered
+from wavesweep.engine._search.interval_records import (
+    FAILURES,
+    LINES,
+    RECORD,
+    records_of,
+    unanswered,
+)
 from wavesweep.engine._search.open_loops import Opened, varied_beside
 from wavesweep.engine._search.question import Prover, Question, RequiredRegion, Slices
 from wavesweep.engine._stability.intervals import Intervals, by_slice
@@ -33,10 +39,14 @@ ENDS, OMEGAS = ("low", "high"), ("low_omega", "high_omega")
 Groups = tuple[tuple[np.ndarray, Loops], ...]  # (members, loops) pairs, see `drawn_groups`
 
 
-def intervals_of(question: Question, slices: Slices, methods: Sequence[ModuleType] = METHODS) -> Intervals:
+def intervals_of(
+    question: Question, slices: Slices, methods: Sequence[ModuleType] = METHODS
+) -> Intervals:
     """The intervals of slices by the first of the methods that applies, which asks the ones after it."""
     place = next(place for place, method in enumerate(methods) if method.applies(question, slices))
-    return methods[place].find(question, slices, partial(intervals_of, methods=methods[place + 1 :]))
+    return methods[place].find(
+        question, slices, partial(intervals_of, methods=methods[place + 1 :])
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +71,9 @@ class Search:
     @property
     def question(self) -> Question:
         """What is asked of the loops."""
-        return Question(self.along, self.span, self.prover, self.bound, self.at_port and self.at_port.find_port)
+        return Question(
+            self.along, self.span, self.prover, self.bound, self.at_port and self.at_port.find_port
+        )
 
     def records(self) -> np.ndarray:
         """The intervals as records, with what is asked at their ends."""
@@ -110,8 +122,12 @@ class Search:
             return None
         (first, loops), (second, others) = self.groups
         arrays = [path for path, v in loops.values.items() if np.ndim(v)]
-        zero = [path for path in arrays if np.any(loops.values[path]) != np.any(others.values[path])]
-        alike = all(loops.values[path] == others.values[path] for path in loops.values.keys() - {*arrays})
+        zero = [
+            path for path in arrays if np.any(loops.values[path]) != np.any(others.values[path])
+        ]
+        alike = all(
+            loops.values[path] == others.values[path] for path in loops.values.keys() - {*arrays}
+        )
         question = self.question
         if not alike or zero != [varied_beside(loops, question.number)]:
             return None
@@ -119,7 +135,10 @@ class Search:
             return None
         members = np.concatenate([first, second])
         order = np.argsort(members)
-        values = {path: np.concatenate([loops.values[path], others.values[path]])[order] for path in arrays}
+        values = {
+            path: np.concatenate([loops.values[path], others.values[path]])[order]
+            for path in arrays
+        }
         return members[order], loops.changed(values)
 
     @property
@@ -131,7 +150,9 @@ class Search:
     def about(self, value: float, work: float) -> tuple[np.ndarray, tuple[float, float]]:
         """The intervals of a single loop about a value of the number; see `dead_time_pieces.about`."""
         ((_, loop),) = self.groups
-        return dead_time_pieces.about(self.question, loop, value, work, partial(intervals_of, methods=METHODS[1:]))
+        return dead_time_pieces.about(
+            self.question, loop, value, work, partial(intervals_of, methods=METHODS[1:])
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,6 +176,9 @@ class Searches:
                     return unanswered(search.dtype, int(members[0]), search.span, error)
                 halves = np.array_split(np.arange(members.size), 2)
                 groups = [(search, members[half], loops.some(half)) for half in halves]
-            batches = [Searches((replace(search, groups=(tuple(group),)),)).records() for search, *group in groups]
+            batches = [
+                Searches((replace(search, groups=(tuple(group),)),)).records()
+                for search, *group in groups
+            ]
         records = np.concatenate(batches)
         return records[np.argsort(records["slice"], kind="stable")]

@@ -25,7 +25,10 @@ from wavesweep.engine._stability.spectrum import eigenvalues
 from wavesweep.engine.loop import Loops
 
 MOST = 2**18  # numbers of states that are followed at once
-BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
+BESIDE, ROUNDED = (
+    1e-10,
+    4,
+)  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
 FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
@@ -50,7 +53,9 @@ def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndar
         n, leads = len(ticks.states), drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
-        balanced, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
+        balanced, units = balance(
+            np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner]
+        )
         values, _ = eigenvalues(balanced)
         changes = [(np.eye(n) + tick.E, None) for tick in ticks.maps]
         for s in modes:
@@ -60,7 +65,9 @@ def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndar
             state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
             state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
             for lead in leads:
-                state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
+                state[:, lead, 0] = np.where(
+                    delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta
+                )
             taking = participation > APART * participation.max(-1, keepdims=True)
             rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
             moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
@@ -68,7 +75,9 @@ def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndar
             yield lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
 
 
-def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking) -> tuple[np.ndarray, np.ndarray]:
+def _shown_by(
+    drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking
+) -> tuple[np.ndarray, np.ndarray]:
     """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`, and which it shows of modes
     in which the states `taking` take part, masks `(..., n)`.
 
@@ -77,7 +86,11 @@ def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, t
     """
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
-    blocks, rows, taking = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), taking.copy()
+    blocks, rows, taking = (
+        np.array([name.rpartition(".")[0] for name in states]),
+        np.eye(len(states)),
+        taking.copy(),
+    )
     for lead, factors in drift.constant:
         rows[[index for index, _ in factors], lead] = [factor for _, factor in factors]
         taking[..., lead] = (taking & (blocks == blocks[lead])).any(-1)
@@ -100,7 +113,9 @@ def _in_ticks(kinds, changes, state, rows):
             state += added
 
 
-def strongest_in_cut(drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None) -> np.ndarray:
+def strongest_in_cut(
+    drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None
+) -> np.ndarray:
     """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of loops cut at a number.
 
     bound: see `Question`.
@@ -112,12 +127,16 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, place, omega, bound: Requ
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[label]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
     modes, order = ModesOfCut.of(drawing, loops, cut), np.argsort(label, kind="stable")
-    order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator
+    order = (
+        order[s[order] != 0] if cut.integrates else order
+    )  # there nothing moves but the integrator
     few = max(1, MOST // (n * np.bincount(label[order]).max(initial=1)))
     with np.errstate(all="ignore"):
         rest = order[~(_share_of_first(modes, label, order, s, few) > 1 / 2)]
         for batch in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
-            moved = np.concatenate([*modes.in_ticks(label[batch], np.expm1(s[batch, None]))], axis=-1)
+            moved = np.concatenate(
+                [*modes.in_ticks(label[batch], np.expm1(s[batch, None]))], axis=-1
+            )
             hz[batch] = lines_of(moved, s[batch], period[batch])[:, 0]
     return hz
 
@@ -125,8 +144,13 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, place, omega, bound: Requ
 def _share_of_first(modes, label, order, s, few):
     """The share of the first line in what is shown of each mode, in this order, which is that of their loops `label`."""
     first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
-    row, column = np.repeat(np.arange(first.size), counts), np.arange(order.size) - np.repeat(begins, counts)
-    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)  # of each loop's modes, filled up with its first
+    row, column = (
+        np.repeat(np.arange(first.size), counts),
+        np.arange(order.size) - np.repeat(begins, counts),
+    )
+    index = np.repeat(
+        order[begins][:, None], counts.max(initial=1), axis=1
+    )  # of each loop's modes, filled up with its first
     index[row, column] = order
     share = np.empty(index.shape)
     for batch in (slice(begin, begin + few) for begin in range(0, first.size, few)):
@@ -153,28 +177,46 @@ class ModesOfCut:
     def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> "ModesOfCut":
         """The modes of a batch of loops."""
         states = loops.frame.ticks.states
-        inner, all_states = np.array([states.index(name) for name in cut.states]), np.arange(len(states))
-        rows, shown = cut.remembered("shown", lambda: _shown_by(drawing, states, loops.drift, np.isin(all_states, inner)))
+        inner, all_states = (
+            np.array([states.index(name) for name in cut.states]),
+            np.arange(len(states)),
+        )
+        rows, shown = cut.remembered(
+            "shown", lambda: _shown_by(drawing, states, loops.drift, np.isin(all_states, inner))
+        )
         return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
 
     def in_ticks(self, index, w):
         """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of eigenvalue 1 + w, `(k, columns)`."""
         cut, frame, ticks = self.cut, self.loops.frame, self.loops.frame.ticks
         kinds, n = ticks.kind.tolist(), len(ticks.states)
-        single = cut.batch[0] == index.size == 1 and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= MOST
-        pole, mode = polynomials(cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w)
+        single = (
+            cut.batch[0] == index.size == 1
+            and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= MOST
+        )
+        pole, mode = polynomials(
+            cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w
+        )
         state = np.zeros((index.size, n, w.shape[-1]), complex)
         state[:, self.inner] = mode / pole[:, None]
         for lead in self.loops.drift.leads:
-            moved = (_of_loops(frame.E, index)[..., lead, :, None] * state).sum(-2) + _of_loops(frame.B, index)[..., lead, :1]
+            moved = (_of_loops(frame.E, index)[..., lead, :, None] * state).sum(-2) + _of_loops(
+                frame.B, index
+            )[..., lead, :1]
             state[:, lead] = np.where(w == 0, 0.0, moved / w)
         if single:
             all_ticks = cut.remembered("ticks", self._in_one_product)
-            moved = times(all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0))
+            moved = times(
+                all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0)
+            )
             return moved.reshape(len(kinds), 1, len(self.rows), -1)
         changes = []
         for tick in ticks.maps:
-            force = _of_loops(tick.B, index)[..., self.force, None] if np.any(tick.B[..., self.force]) else None
+            force = (
+                _of_loops(tick.B, index)[..., self.force, None]
+                if np.any(tick.B[..., self.force])
+                else None
+            )
             changes.append((np.eye(n) + _of_loops(tick.E, index), force))
         return _in_ticks(kinds, changes, state, self.rows)
 
@@ -188,9 +230,20 @@ class ModesOfCut:
         n = len(ticks.states)
         matrices = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
         for matrix, tick in zip(matrices, ticks.maps, strict=True):
-            matrix[:n] += np.append(tick.E.reshape(n, n), tick.B[..., self.force].reshape(n, 1), axis=-1)
+            matrix[:n] += np.append(
+                tick.E.reshape(n, n), tick.B[..., self.force].reshape(n, 1), axis=-1
+            )
         changes = [(matrix, None) for matrix in matrices]
-        return np.stack([*_in_ticks(ticks.kind.tolist(), changes, np.eye(n + 1), np.append(rows, 0 * rows[:, :1], axis=-1))])
+        return np.stack(
+            [
+                *_in_ticks(
+                    ticks.kind.tolist(),
+                    changes,
+                    np.eye(n + 1),
+                    np.append(rows, 0 * rows[:, :1], axis=-1),
+                )
+            ]
+        )
 
 
 def _of_loops(arrays, index):
@@ -204,14 +257,21 @@ def vectors_of(E, w):
     They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
     """
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is not known.
-    step, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
+    step, back = (
+        BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)),
+        np.full(E.shape, np.nan + 0j),
+    )
     for farther in FARTHER:
         rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
         if rest.size:
-            back[rest] = inverse(E[rest] - (w + farther * step)[rest, None, None] * np.eye(E.shape[-1]))
+            back[rest] = inverse(
+                E[rest] - (w + farther * step)[rest, None, None] * np.eye(E.shape[-1])
+            )
     start = np.cos(np.arange(1, E.shape[-1] + 1))
     right, left = back @ start[:, None], start @ back
-    right, left = (v / np.abs(v).max((-1, -2) if v.ndim > 2 else -1, keepdims=True) for v in (right, left))
+    right, left = (
+        v / np.abs(v).max((-1, -2) if v.ndim > 2 else -1, keepdims=True) for v in (right, left)
+    )
     right, left = back @ right, left[:, None] @ back
     right, left = (v / np.abs(v).max((-1, -2), keepdims=True) for v in (right, left))
     return left / (left @ right), right
@@ -226,14 +286,18 @@ def lines_of(moved, s, period) -> np.ndarray:
     ticks, theta = moved.shape[-1], s.imag[..., None]
     turns, index = np.round(np.fft.fftfreq(ticks) * ticks).astype(int), np.arange(ticks)
     with np.errstate(all="ignore"):
-        energy = np.abs(np.fft.fft(moved * np.exp(-s[..., None] * index / ticks)[..., None, :])) ** 2
+        energy = (
+            np.abs(np.fft.fft(moved * np.exp(-s[..., None] * index / ticks)[..., None, :])) ** 2
+        )
         share = np.nan_to_num(energy / energy.sum(-1, keepdims=True)).sum(-2)
         share = np.nan_to_num(share / share.sum(-1, keepdims=True))
     half = np.where(np.abs(theta) >= np.pi - REAL, np.sign(theta), 0).astype(int)
     conjugate = np.where((np.abs(theta) <= REAL) | (half != 0), (-turns - half) % ticks, index)
     share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
     first = np.argmax(share, -1)[..., None]
-    rest = np.where((index == first) | (index == np.take_along_axis(conjugate, first, -1)), 0.0, share)
+    rest = np.where(
+        (index == first) | (index == np.take_along_axis(conjugate, first, -1)), 0.0, share
+    )
     both = np.concatenate([first, np.argmax(rest, -1)[..., None]], -1)
     hz = np.abs(theta / (2 * np.pi) + turns[both]) / np.asarray(period)[..., None]
     hz[..., 1] = np.where(rest.max(-1) > SECOND, hz[..., 1], np.nan)
@@ -243,7 +307,12 @@ def lines_of(moved, s, period) -> np.ndarray:
 def share_of_first(observed, ticks, s) -> np.ndarray:
     """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; observed: the states, tick by tick,
     `(..., states, columns)`, or an array of all of them."""
-    near, total, turn, step = 0.0, 0.0, np.ones_like(s)[..., None, :], np.exp(-s / ticks)[..., None, :]
+    near, total, turn, step = (
+        0.0,
+        0.0,
+        np.ones_like(s)[..., None, :],
+        np.exp(-s / ticks)[..., None, :],
+    )
     if isinstance(observed, np.ndarray):
         moved = observed * np.multiply.accumulate(np.stack([turn, *[step] * (ticks - 1)]))
         near, total = moved.sum(0), (moved.real**2 + moved.imag**2).sum(0)

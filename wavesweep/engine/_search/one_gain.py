@@ -30,18 +30,26 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     if not doubtful.size:
         return intervals
     if opened.alone or slices.size == 1:
-        return in_place(intervals, doubtful, rest(question, Slices(loops.some(doubtful), doubtful.size)))
+        return in_place(
+            intervals, doubtful, rest(question, Slices(loops.some(doubtful), doubtful.size))
+        )
     for alike in by_zeros(loops, doubtful):
         columns = doubtful[alike]
         few = loops.some(columns)
         find_port = question.find_port if opened.loops.port else None
-        alone = Slices(few, columns.size, Opened.of_each(few, question.number, columns.size, find_port=find_port))
+        alone = Slices(
+            few,
+            columns.size,
+            Opened.of_each(few, question.number, columns.size, find_port=find_port),
+        )
         answer = find(question, alone, rest) if applies(question, alone) else rest(question, alone)
         intervals = in_place(intervals, columns, answer)
     return intervals
 
 
-def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None) -> Intervals:
+def of_cut(
+    opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None
+) -> Intervals:
     """The intervals of slices whose loops are cut, sorted by slice; loops with equally many slices go together."""
     cut = opened.loops.batch(int(opened.loop_of.max()) + 1)
     order, counts = np.argsort(opened.loop_of, kind="stable"), np.bincount(opened.loop_of)
@@ -51,6 +59,8 @@ def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | No
         slices = order[starts[alike][:, None] + np.arange(count)]
         loops = cut if alike.size == cut.batch[0] else cut.at(alike)
         radius = bound and bound.radius_of(loops.period)
-        intervals = stable_intervals(loops, SECOND if opened.swapped else FIRST, span, opened.second[slices], radius)
+        intervals = stable_intervals(
+            loops, SECOND if opened.swapped else FIRST, span, opened.second[slices], radius
+        )
         batches.append(replace(intervals, column=slices.reshape(-1)[intervals.column]))
     return by_slice(batches)

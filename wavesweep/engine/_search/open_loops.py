@@ -10,7 +10,14 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine._loops.algebraic import WORST_CONDITION
-from wavesweep.engine._loops.from_drawing import BESIDE, FACTOR, PRODUCT, Ports, scalar_place, shares_wire
+from wavesweep.engine._loops.from_drawing import (
+    BESIDE,
+    FACTOR,
+    PRODUCT,
+    Ports,
+    scalar_place,
+    shares_wire,
+)
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
@@ -25,7 +32,9 @@ FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], 
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
-FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
+FEW = (
+    200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +71,12 @@ class OpenLoops:
 
 
 def open_loops(
-    loops: Loops, number: str, second: str = "", *, find_port: FindPort | None = None, per_loop: bool = False
+    loops: Loops,
+    number: str,
+    second: str = "",
+    *,
+    find_port: FindPort | None = None,
+    per_loop: bool = False,
 ) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
@@ -72,7 +86,10 @@ def open_loops(
     drawing = loops.drawing
     if not scalar_place(drawing, number):
         return None
-    read, both = (FACTOR, BESIDE)[: 1 + bool(second)], dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
+    read, both = (
+        (FACTOR, BESIDE)[: 1 + bool(second)],
+        dict.fromkeys(map(path_of, filter(None, (number, second))), ANY),
+    )
     closed, loops = loops.changed(both).drift(), loops.changed(dict.fromkeys(both, 0.0))
     drift = loops.drift(number, read, second)
     if drift.varying:
@@ -114,7 +131,9 @@ class Opened:
     alone: bool = False
 
     @staticmethod
-    def of(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
+    def of(
+        loops: Loops, number: str, size: int, *, find_port: FindPort | None = None
+    ) -> "Opened | None":
         """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
 
         loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
@@ -128,14 +147,18 @@ class Opened:
                 if opened and opened.loops.cut:
                     # Loops of direct terms that the second number closes have to have solutions.
                     direct = opened.loops.frame.D[..., int(not swapped), 0]
-                    direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[opened.loop_of]
+                    direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[
+                        opened.loop_of
+                    ]
                     through = opened.second * direct
                     if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
                         return opened
         return _without(loops, number, size, find_port=find_port)
 
     @staticmethod
-    def of_each(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
+    def of_each(
+        loops: Loops, number: str, size: int, *, find_port: FindPort | None = None
+    ) -> "Opened | None":
         """`of` slices that have a loop each, with bounds on rounding of its own."""
         return _without(loops, number, size, alone=True, find_port=find_port)
 
@@ -147,18 +170,29 @@ def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
 
 def varied_beside(loops: Loops, number: str) -> str:
     """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
-    paths = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
+    paths = [
+        path
+        for path, v in loops.values.items()
+        if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))
+    ]
     return paths[-1] if paths else ""
 
 
 def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
-    loop_of, second, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
+    loop_of, second, numbers = (
+        np.arange(size),
+        np.zeros(size),
+        (number, name_of(path) if path else ""),
+    )
     numbers = numbers[::-1] if swapped else numbers
     if path:
         distinct_in = {name: v for name, v in loops.values.items() if np.ndim(v) and name != path}
         first, loop_of = distinct_rows(distinct_in, size)
-        second, loops = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
+        second, loops = (
+            loops.values[path],
+            loops.some(first) if first.size > 1 else loops.one(first[0]),
+        )
         loops = loops.changed({path: 0.0})
     elif size == 1 and not alone:
         loops = loops.one(0)

@@ -39,7 +39,9 @@ class RequiredRegion(Protocol):
     def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
         """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`."""
 
-    def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
+    def within_gain(
+        self, loops, along: str, span, period, bounds, resolved, stable: Intervals
+    ) -> Intervals:
         """All intervals along a number in which the gain is within its bound, as far as they are in `stable`.
 
         An omega at an end that the gain sets has a minus.

@@ -21,7 +21,17 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 
     bound, frames = question.bound, FramesAlong.of(question, slices.loops, slices.size)
     inside = bound.intervals(
-        frames.frames, frames.errors, question.span, slices.size, frames.period, frames.bounds, frames.resolved
+        frames.frames,
+        frames.errors,
+        question.span,
+        slices.size,
+        frames.period,
+        frames.bounds,
+        frames.resolved,
     )
     inside = in_own_time(inside, slices.loops, question.along)
-    return common([inside, rest(replace(question, bound=bound.of_size), slices)]) if bound.of_size else inside
+    return (
+        common([inside, rest(replace(question, bound=bound.of_size), slices)])
+        if bound.of_size
+        else inside
+    )

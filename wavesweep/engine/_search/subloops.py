@@ -32,14 +32,22 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals in which all subloops are stable."""
     loops, along, span, bound = slices.loops, question.along, question.span, question.bound
     drawings = subloops_along(question, loops)
-    if not _drift_alike(question, loops, drawings):  # a cut would leave out a mode that grows and that the number does not see
+    if not _drift_alike(
+        question, loops, drawings
+    ):  # a cut would leave out a mode that grows and that the number does not see
         return rest(question, Slices(loops, slices.size))
     domains(*loops, along, span, slices.size)  # of what leads from one subloop to another, too
     ticks, answers = loops.drawn().ticks if bound else 0, []
     for subloop in (Loops(drawing, loops.values) for drawing in drawings):
-        of_subloop = replace(question, bound=bound.over(ticks // subloop.drawn().ticks)) if bound else question
+        of_subloop = (
+            replace(question, bound=bound.over(ticks // subloop.drawn().ticks))
+            if bound
+            else question
+        )
         opened = None
-        with suppress(IllPosedLoopError):  # it may have no solution at 0 of the number, which may be beyond the range
+        with suppress(
+            IllPosedLoopError
+        ):  # it may have no solution at 0 of the number, which may be beyond the range
             opened = Opened.of(subloop, question.number, slices.size)
         answers.append(rest(of_subloop, Slices(subloop, slices.size, opened)))
     return common(answers)
@@ -68,13 +76,17 @@ def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, se
     """Return the blocks that read the outputs of each block."""
     feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in (*drawing.wires, *drawing.couplings):
-        for source in (signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent):
+        for source in (
+            signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent
+        ):
             if source in feeds:
                 feeds[source].add(port.rpartition(".")[0])
     return feeds
 
 
-def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False) -> tuple[Drawing, ...]:
+def subloops(
+    drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False
+) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
     silent: ports and signals of the terms whose gain is 0, through which nothing acts. every: whether blocks that come to rest
@@ -87,13 +99,20 @@ def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(),
     """
     feeds = _feeds(drawing, silent)
     reached = {name: _reached(feeds, name) for name in feeds}
-    parts = dict.fromkeys(frozenset({name, *(other for other in reached[name] if name in reached[other])}) for name in feeds)
+    parts = dict.fromkeys(
+        frozenset({name, *(other for other in reached[name] if name in reached[other])})
+        for name in feeds
+    )
     alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
     rests = {frozenset({block.name}) for block in alone if TYPES[block.type].settles}
-    return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (drawing,)
+    return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (
+        drawing,
+    )
 
 
-def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> frozenset[tuple[str, str]]:
+def silent(
+    drawing: Drawing, values: Mapping[str, object], number: str
+) -> frozenset[tuple[str, str]]:
     """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do not read a number.
 
     values: flat numbers, or arrays over a batch.
@@ -108,7 +127,11 @@ def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> froze
 @lru_cache(maxsize=64)
 def _terms(drawing, number):
     """Ports and signals of the terms that read a number, and those of the others, each with its gain."""
-    terms = [((port, signal), gain) for port, terms in (*drawing.wires, *drawing.couplings) for signal, gain in terms]
+    terms = [
+        ((port, signal), gain)
+        for port, terms in (*drawing.wires, *drawing.couplings)
+        for signal, gain in terms
+    ]
     reads = [number in dict(names_in(gain)) for _, gain in terms]
     reading = {place for (place, _), read in zip(terms, reads, strict=True) if read}
     return reading, [term for term, read in zip(terms, reads, strict=True) if not read]
@@ -128,7 +151,10 @@ def _part(drawing, names):
 
     def within(wires):
         inner = ((port, terms) for port, terms in wires if port.rpartition(".")[0] in names)
-        return tuple((port, tuple(term for term in terms if term[0].rpartition(".")[0] in names)) for port, terms in inner)
+        return tuple(
+            (port, tuple(term for term in terms if term[0].rpartition(".")[0] in names))
+            for port, terms in inner
+        )
 
     blocks = tuple(block for block in drawing.blocks if block.name in names)
     wires, couplings = within(drawing.wires), within(drawing.couplings)

@@ -54,7 +54,9 @@ class Side:
         with np.errstate(all="ignore"):
             if np.isnan(self.zero):
                 return np.array(t)
-            return self.zero + (np.exp(t) if np.isinf(self.end) else (self.end - self.zero) / (1 + np.exp(-t)))
+            return self.zero + (
+                np.exp(t) if np.isinf(self.end) else (self.end - self.zero) / (1 + np.exp(-t))
+            )
 
     def place(self, number: Any) -> Any:
         """Return t at numbers, doubles or arrays."""
@@ -68,7 +70,9 @@ class Side:
         """Return the number at a place that is a model or an arb."""
         if np.isnan(self.zero):
             return t
-        return self.zero + (t.exp() if np.isinf(self.end) else (self.end - arb(self.zero)) / (1 + (-t).exp()))
+        return self.zero + (
+            t.exp() if np.isinf(self.end) else (self.end - arb(self.zero)) / (1 + (-t).exp())
+        )
 
 
 class BlockModel(NamedTuple):
@@ -86,7 +90,9 @@ class EnclosedLoop:
     drawing, values: of one loop, flat; values have the whole ticks of dead times. sides: of the cells.
     """
 
-    def __init__(self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side], order: int) -> None:
+    def __init__(
+        self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side], order: int
+    ) -> None:
         self.drawing, self.sides, self.order = drawing, tuple(sides), order
         numbers = {name: value for name, value in scalars(values).items() if value is not None}
         self.known = dead_time.built(drawing, numbers)
@@ -119,7 +125,11 @@ class LoopModel:
     order: int
 
     def tick(
-        self, loop: MultirateLoop, place: int, held: Mapping[str, Sequence[str]], exact: Collection[str] = ()
+        self,
+        loop: MultirateLoop,
+        place: int,
+        held: Mapping[str, Sequence[str]],
+        exact: Collection[str] = (),
     ) -> Polynomials:
         """Return the map of a tick less the identity, `(n, n)`, with the states of `Ticks.of`.
 
@@ -131,13 +141,18 @@ class LoopModel:
         placed = [scheduled.block for scheduled in loop.placed]
         runs = [bool(scheduled.runs(place + 1)[place]) for scheduled in loop.placed]
         models = [
-            self._exactly(block) if block.name in exact or block.name not in self.blocks else self.blocks[block.name]
+            self._exactly(block)
+            if block.name in exact or block.name not in self.blocks
+            else self.blocks[block.name]
             for block in placed
         ]
         n = sum(len(block.states) + len(held[block.name]) for block in placed)
         ports = [f"{block.name}.{port}" for block in placed for port in block.inputs]
         made = [f"{block.name}.{port}" for block in placed for port in block.outputs]
-        A, B, C, D = (self._zeros(*shape) for shape in ((n, n), (n, len(ports)), (len(made), n), (len(made), len(ports))))
+        A, B, C, D = (
+            self._zeros(*shape)
+            for shape in ((n, n), (n, len(ports)), (len(made), n), (len(made), len(ports)))
+        )
         state = entry = out = 0
         for block, model, on in zip(placed, models, runs, strict=True):
             own = slice(state, state + len(block.states))
@@ -167,7 +182,10 @@ class LoopModel:
         """Yield the sizes of the terms of each matrix of a block, and of each gain, and what is left out of it."""
         for block in self.blocks.values():
             for matrix in block:
-                yield np.abs(matrix.terms).reshape(len(matrix.terms), -1).sum(1), float(matrix.rest.sum())
+                yield (
+                    np.abs(matrix.terms).reshape(len(matrix.terms), -1).sum(1),
+                    float(matrix.rest.sum()),
+                )
         for terms in self.sums.values():
             for gain in terms.values():
                 if isinstance(gain, TaylorModel):
@@ -177,11 +195,18 @@ class LoopModel:
         return Polynomials.constant(np.zeros(shape), self.numbers, self.order)
 
     def _exactly(self, block):
-        return BlockModel(*(Polynomials.constant(getattr(block, name), self.numbers, self.order) for name in "EBCD"))
+        return BlockModel(
+            *(
+                Polynomials.constant(getattr(block, name), self.numbers, self.order)
+                for name in "EBCD"
+            )
+        )
 
     def _wires(self, loop, ports, made):
         """The gains from outputs to ports, those of other junctions put in."""
-        traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made} | {signal: {} for signal in loop.inputs}
+        traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made} | {
+            signal: {} for signal in loop.inputs
+        }
 
         def trace(signal):
             if signal not in traced:
@@ -218,31 +243,46 @@ class LoopModel:
 class _Evaluation:
     """One cell of a loop: the values of its expressions, and the blocks that these make."""
 
-    def __init__(self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray, known: dict[Any, BlockModel]) -> None:
+    def __init__(
+        self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray, known: dict[Any, BlockModel]
+    ) -> None:
         self.loop, self.numbers, self.order, self.known = loop, wide.size, loop.order, known
         self.values = {}
         for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
             low, high = map(float, cell[:, at])
             if low < high:
-                value = TaylorModel.side(int(np.searchsorted(wide, at)), low, high, wide.size, loop.order)
+                value = TaylorModel.side(
+                    int(np.searchsorted(wide, at)), low, high, wide.size, loop.order
+                )
             else:
                 value = arb(low)
             self.values[name] = side.model(value)
         self.library = SimpleNamespace(
-            **{name: _function(name) for name in FUNCTIONS}, pi=arb.pi(), hypot=lambda a, b: _function("sqrt")(a * a + b * b)
+            **{name: _function(name) for name in FUNCTIONS},
+            pi=arb.pi(),
+            hypot=lambda a, b: _function("sqrt")(a * a + b * b),
         )
 
     def model(self) -> LoopModel:
         drawing = self.loop.drawing
         rate = self.value(drawing.tick_hz)
         tick = 1 / rate
-        blocks = {block.name: self._once(block, self._block, block, tick) for block in drawing.alone if not block.dead_time}
+        blocks = {
+            block.name: self._once(block, self._block, block, tick)
+            for block in drawing.alone
+            if not block.dead_time
+        }
         blocks |= {name: self._dead_time(name) for name in drawing.dead_times}
         shares = self._shares(rate)
-        blocks |= {plant.name: self._once(plant, self._plant, plant, tick, shares) for plant in drawing.plants}
+        blocks |= {
+            plant.name: self._once(plant, self._plant, plant, tick, shares)
+            for plant in drawing.plants
+        }
         inside = drawing.inside
         sums = {
-            inside.get(port, port): {inside.get(signal, signal): self.value(gain) for signal, gain in terms}
+            inside.get(port, port): {
+                inside.get(signal, signal): self.value(gain) for signal, gain in terms
+            }
             for port, terms in drawing.wires
         }
         if drawing.dead_times:
@@ -255,13 +295,18 @@ class _Evaluation:
         Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if another one may come before it.
         """
         drawing, known = self.loop.drawing, self.loop.known
-        shares = {name: known[f"block.{name}.ticks"] - self.value(tree) * rate for name, tree in drawing.dead_times.items()}
+        shares = {
+            name: known[f"block.{name}.ticks"] - self.value(tree) * rate
+            for name, tree in drawing.dead_times.items()
+        }
         for path, names in drawing.building.items():
             total = sum(shares[name] for name in names)
             low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
             for beyond in (low - total, total - high):
                 if _largest(beyond) > dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"]):
-                    raise UnresolvedError(beyond.widest() if isinstance(beyond, TaylorModel) else None)
+                    raise UnresolvedError(
+                        beyond.widest() if isinstance(beyond, TaylorModel) else None
+                    )
         return shares
 
     def _once(self, block, make, *arguments):
@@ -303,7 +348,9 @@ class _Evaluation:
         period = tick * every / max(1, len(block.phases))
         if TYPES[block.type].formula:
             of_names, keys = block.core(ONE, named=True), self._keys(block)
-            numbers = {name: value for name, value in keys.items() if not isinstance(value, str)} | {"T": period}
+            numbers = {
+                name: value for name, value in keys.items() if not isinstance(value, str)
+            } | {"T": period}
             coefficients = []
             for _, trees in of_names.keys[:2]:
                 coefficients.append([self._in_names(tree, numbers) for tree in trees])
@@ -318,7 +365,9 @@ class _Evaluation:
             return self._filter(keys["order"], keys["cutoff_hz"], highpass, period)
         if core.type == "tf" and keys["discrete"] is True:
             trees = dict(core.keys)
-            written = [None if dict(names_in(tree)) else float(evaluate(tree, {})) for tree in trees["den"]]
+            written = [
+                None if dict(names_in(tree)) else float(evaluate(tree, {})) for tree in trees["den"]
+            ]
             return self._discrete(keys["num"], keys["den"], written)
         if core.type not in CONTINUOUS:
             return self._arranged(definitions.running(core.type, period, keys, self.library.sqrt))
@@ -327,7 +376,10 @@ class _Evaluation:
             return self._arranged(equations)
         if keys.get("discrete"):
             if keys["discrete"] is True:
-                E = [[entry - int(i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+                E = [
+                    [entry - int(i == j) for j, entry in enumerate(row)]
+                    for i, row in enumerate(equations.E)
+                ]
                 equations = equations._replace(E=E)
             return self._arranged(equations)
         rates = self._arranged(equations)
@@ -345,7 +397,9 @@ class _Evaluation:
         n, p = len(equations.states), len(equations.D)
         m = len(equations.D[0]) if p else 0
         shapes = (n, n), (n, m), (p, n), (p, m)
-        return BlockModel(*(self._matrix(rows, shape) for rows, shape in zip(equations[1:], shapes, strict=True)))
+        return BlockModel(
+            *(self._matrix(rows, shape) for rows, shape in zip(equations[1:], shapes, strict=True))
+        )
 
     def _matrix(self, rows, shape):
         return Polynomials.of_entries(rows, shape, self.numbers, self.order)
@@ -357,7 +411,10 @@ class _Evaluation:
         num = [0] * (len(den) - len(num)) + list(num)
         shifted = [_recentred(centre, row[: n + 1]) for row in (num, den)]
         equations = definitions.controllable(*shifted)
-        E = [[entry + (centre - 1) * int(i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+        E = [
+            [entry + (centre - 1) * int(i == j) for j, entry in enumerate(row)]
+            for i, row in enumerate(equations.E)
+        ]
         later = [coefficient / den[0] for coefficient in num[n + 1 :]]
         return self._arranged(definitions.with_delays(equations._replace(E=E), later))
 
@@ -369,7 +426,10 @@ class _Evaluation:
             n = len(E)
             through = d[0][0]
             E = [[*row, *[0] * len(e)] for row in E]
-            E += [[*(b_row[0] * entry for entry in C), *e_row] for b_row, e_row in zip(b, e, strict=True)]
+            E += [
+                [*(b_row[0] * entry for entry in C), *e_row]
+                for b_row, e_row in zip(b, e, strict=True)
+            ]
             B += [[b_row[0] * D] for b_row in b]
             C = [*(through * entry for entry in C[:n]), *c[0]]
             D = through * D
@@ -389,7 +449,10 @@ class _Evaluation:
     def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
         """Blocks that act on each other by `u = K y + e`, e held over the period; see `_loops.plant.plant_of`."""
         inputs, outputs = plant.drawn_ports
-        members = [self._arranged(definitions.continuous(block.type, self._keys(block))) for block in plant.members]
+        members = [
+            self._arranged(definitions.continuous(block.type, self._keys(block)))
+            for block in plant.members
+        ]
         A, B, C, D = (_diagonal([member[i] for member in members]) for i in range(4))
         gains = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
@@ -406,8 +469,12 @@ class _Evaluation:
         states = range(len(A.rest))
         columns, rows_of_C, rows_of_D = [G], [shown], []
         for port, name in plant.arriving:
-            columns.append(self._held(A, B.at(states, [inputs.index(port)]), shares[name] * period)[1])
-        nothing = Polynomials.constant(np.zeros((len(outputs), len(plant.arriving))), self.numbers, self.order)
+            columns.append(
+                self._held(A, B.at(states, [inputs.index(port)]), shares[name] * period)[1]
+            )
+        nothing = Polynomials.constant(
+            np.zeros((len(outputs), len(plant.arriving))), self.numbers, self.order
+        )
         rows_of_D.append(_joined([through, nothing], -1))
         for signal, name in plant.sensed:
             i = [outputs.index(signal)]
@@ -428,12 +495,21 @@ class _Evaluation:
     def _dead_time(self, name):
         """The block of a dead time, whose entries are whole numbers."""
         drawing = self.loop.drawing
-        sensed = {signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name}
+        sensed = {
+            signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name
+        }
         arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
         others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
         ticks = self.loop.known[f"block.{name}.ticks"]
-        block = dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving)
-        return BlockModel(*(Polynomials.constant(getattr(block, name), self.numbers, self.order) for name in "EBCD"))
+        block = dead_time.block_of(
+            name, ticks, sensed=bool(sensed), others=others, arriving=arriving
+        )
+        return BlockModel(
+            *(
+                Polynomials.constant(getattr(block, name), self.numbers, self.order)
+                for name in "EBCD"
+            )
+        )
 
 
 def _largest(value):
@@ -477,4 +553,6 @@ def _diagonal(parts):
 def _joined(parts, axis):
     """Matrices side by side (axis -1) or below each other (-2)."""
     terms = np.concatenate([part.terms for part in parts], axis)
-    return Polynomials(terms, np.concatenate([part.rest for part in parts], axis), parts[0].numbers, parts[0].order)
+    return Polynomials(
+        terms, np.concatenate([part.rest for part in parts], axis), parts[0].numbers, parts[0].order
+    )

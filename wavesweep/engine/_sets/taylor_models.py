@@ -91,7 +91,9 @@ def midpoint(value: Any) -> tuple[float, float]:
         return float(value), 0.0
     middle = float(value.mid())
     radius = float((value - arb(middle)).abs_upper())
-    return middle, radius * OUTWARD + LEAST if radius or (middle == 0 and not value.is_zero()) else 0.0
+    return middle, radius * OUTWARD + LEAST if radius or (
+        middle == 0 and not value.is_zero()
+    ) else 0.0
 
 
 class TaylorModel:
@@ -158,7 +160,9 @@ class TaylorModel:
         one = np.bincount(degree, np.abs(self.terms), self.order + 1)
         two = np.bincount(degree, np.abs(other.terms), self.order + 1)
         all_one, all_two = one.sum(), two.sum()
-        above = np.maximum(all_two - np.cumsum(two), 0.0) + 4 * len(two) * UNIT * all_two  # of degrees above the index
+        above = (
+            np.maximum(all_two - np.cumsum(two), 0.0) + 4 * len(two) * UNIT * all_two
+        )  # of degrees above the index
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + one[1:] @ above[::-1][1:]
         added = min(np.count_nonzero(self.terms), np.count_nonzero(other.terms))
         return self._like(terms, rest + 2 * (added + 2) * UNIT * all_one * all_two + LEAST)
@@ -257,7 +261,9 @@ class TaylorModel:
         if left_out > largest:
             if largest > NOTHING:
                 raise UnresolvedError(self.widest())
-            return self._constant(arb(largest / 2, largest / 2))  # as far from the peak of a Gaussian
+            return self._constant(
+                arb(largest / 2, largest / 2)
+            )  # as far from the peak of a Gaussian
         return self._composed(coefficients, left_out)
 
     def sin(self) -> TaylorModel:
@@ -285,7 +291,9 @@ class TaylorModel:
     def _last(self, radius):
         """A bound on `r^(order + 1)/(order + 1)!`."""
         with np.errstate(over="ignore"):
-            return float(np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD)
+            return float(
+                np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD
+            )
 
     def widest(self) -> int | None:
         """Return the number on which it depends most; None if it is on none."""
@@ -329,7 +337,9 @@ class Polynomials:
         return Polynomials(terms, np.zeros(np.shape(matrix)), numbers, order)
 
     @staticmethod
-    def of_entries(rows: Sequence[Sequence[Any]], shape: tuple[int, int], numbers: int, order: int) -> Polynomials:
+    def of_entries(
+        rows: Sequence[Sequence[Any]], shape: tuple[int, int], numbers: int, order: int
+    ) -> Polynomials:
         """Return the matrix of these entries: models, arbs or numbers."""
         terms = np.zeros((len(monomials(numbers, order)[0]), *shape))
         rest = np.zeros(shape)
@@ -389,15 +399,21 @@ class Polynomials:
         one, two = self.sizes, other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
         roundings = 2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT
-        rest = multiply(self.rest, two.whole + other.rest) + multiply(one.whole, other.rest + roundings * two.whole)
+        rest = multiply(self.rest, two.whole + other.rest) + multiply(
+            one.whole, other.rest + roundings * two.whole
+        )
         if one.present[1:].any() and two.present[1:].any():
             rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
         entries = max(self.rest.size, other.rest.size, rest.size)
         at_once = 1 << max(0, int(log2(PIECE / 8 / max(entries, 1))))
         terms = np.zeros((len(self.terms), *rest.shape))
-        plan = _pairs(self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once)
+        plan = _pairs(
+            self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once
+        )
         for first, second, starts, target in plan:
-            terms[target] = np.add.reduceat(multiply(self.terms[first], other.terms[second]), starts, axis=0)
+            terms[target] = np.add.reduceat(
+                multiply(self.terms[first], other.terms[second]), starts, axis=0
+            )
         return self._like(terms, rest)
 
     def scaled(self, model: TaylorModel | Any) -> Polynomials:
@@ -405,14 +421,19 @@ class Polynomials:
         shape = self.rest.shape
         one = Polynomials.of_entries([[model]], (1, 1), self.numbers, self.order)
         return self.entrywise(
-            self._like(np.broadcast_to(one.terms, (len(one.terms), *shape)), np.broadcast_to(one.rest, shape))
+            self._like(
+                np.broadcast_to(one.terms, (len(one.terms), *shape)),
+                np.broadcast_to(one.rest, shape),
+            )
         )
 
     def of(self, which: Any) -> Polynomials:
         """The matrices at some places of a leading axis."""
         return self._like(self.terms[:, which], self.rest[which])
 
-    def at(self, rows: np.ndarray | Sequence[int], columns: np.ndarray | Sequence[int]) -> Polynomials:
+    def at(
+        self, rows: np.ndarray | Sequence[int], columns: np.ndarray | Sequence[int]
+    ) -> Polynomials:
         """Some rows and columns."""
         place = np.ix_(rows, columns)
         return self._like(self.terms[..., *place], self.rest[..., *place])
@@ -437,7 +458,9 @@ class Polynomials:
         """
         size, n = np.abs(inverse), len(basis)
         terms = inverse @ self.terms @ basis
-        rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT * (size @ np.abs(self.terms).sum(0) @ np.abs(basis))
+        rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT * (
+            size @ np.abs(self.terms).sum(0) @ np.abs(basis)
+        )
         D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT * (size @ np.abs(basis))
         share = D.sum(1).max()
         off = D + share * D.max() / (1 - share) if share < 0.5 else np.full_like(D, np.inf)
@@ -508,7 +531,11 @@ class Polynomials:
         total = one
         for _ in range(self.order + 1):
             total = one + D @ total
-        left_out = np.linalg.matrix_power(size, self.order + 2) @ np.abs(np.linalg.inv(np.eye(n) - size)) * (1 + 1e-6)
+        left_out = (
+            np.linalg.matrix_power(size, self.order + 2)
+            @ np.abs(np.linalg.inv(np.eye(n) - size))
+            * (1 + 1e-6)
+        )
         return self._like(total.terms, total.rest + left_out) @ C
 
 

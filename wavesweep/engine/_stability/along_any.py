@@ -123,7 +123,8 @@ def regions_along_any(
         span=(v.into(low), v.into(high)),
         slack=slack,
         balls=balls and _in_variable(balls, v.into, v.out),
-        resolved=resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale)),
+        resolved=resolved
+        and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale)),
         from_one=from_one,
     )
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
@@ -192,7 +193,9 @@ def _in_variable(balls, into, out):
         if intervals is None:
             return None
         exact = {a: low, b: high}
-        return [(*(exact.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in intervals]
+        return [
+            (*(exact.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in intervals
+        ]
 
     return proved_there
 
@@ -220,9 +223,13 @@ class _Search:
         of_columns = _InEvenUnits.of(self, names)
         points = of_columns.points
         columns = names.size
-        resolved = self.resolved and (lambda column, low, high: self.resolved(names[column], low, high))
+        resolved = self.resolved and (
+            lambda column, low, high: self.resolved(names[column], low, high)
+        )
         order = of_columns.ratio.shape[-1]
-        panels, lost = panels_of(of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order)
+        panels, lost = panels_of(
+            of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order
+        )
         found = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
         for reduced, states in [] if panels is None else panels.without_forgotten():
             errors = partial(_of_states, of_columns.errors, states)
@@ -230,7 +237,9 @@ class _Search:
             tiles = tiles_by_lines(reduced, errors, points, self.span, self.slack)
             if tiles is None:
                 functions = errors, tight
-                tiles = tiles_of(reduced, functions, self.span, columns, self.slack, from_one=self.from_one)
+                tiles = tiles_of(
+                    reduced, functions, self.span, columns, self.slack, from_one=self.from_one
+                )
             found.append(tiles)
         tiles = Tiles.join(found)
         attached = self.slack(self.span[0]), self.slack(self.span[1])

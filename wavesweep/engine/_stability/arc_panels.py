@@ -8,17 +8,34 @@ import numpy as np
 from wavesweep.engine._stability.real_roots import at_ends, by_discs
 from wavesweep.engine.rows import Rows
 
-NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
+NODES, KEPT = (
+    20,
+    14,
+)  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
-OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
-DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to these one by one, and what is cut away is added to its error
+OVERLAP = (
+    0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
+)
+DEGREES = (
+    1,
+    2,
+    4,
+    7,
+    10,
+    KEPT,
+)  # an interpolant is cut to these one by one, and what is cut away is added to its error
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
-ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+ELLIPSE, OUTER = (
+    2.5,
+    8,
+)  # sum of the semi-axes of the ellipse about a panel; points on its upper half
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
-INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # over the largest value on the ellipse
+INTERPOLANT_ERROR = (
+    4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)
+)  # over the largest value on the ellipse
 ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
 CUT_AT = 0.48  # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
 MOST_BEYOND = 4  # panels at the ends of a span
@@ -166,8 +183,12 @@ def _with_ellipses(column, low, high, smallest, bounds):
     So are the panels at the ends of a span, and no others unless all of the span is.
     """
     while True:
-        beyond = (high - low > smallest) & ~_ellipse_within(_panels(column, low, high, bounds), bounds)
-        beyond &= np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
+        beyond = (high - low > smallest) & ~_ellipse_within(
+            _panels(column, low, high, bounds), bounds
+        )
+        beyond &= (
+            np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
+        )
         if not beyond.any():
             return column, low, high
         halves = _cut(column, low, high, CUT_AT, beyond)

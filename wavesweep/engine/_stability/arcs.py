@@ -48,7 +48,9 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sampled(column, theta):
-        of = np.zeros(1, int) if fixed.size == 1 else column  # many states are not copied for each panel
+        of = (
+            np.zeros(1, int) if fixed.size == 1 else column
+        )  # many states are not copied for each panel
         systems = StateSpace(*(matrix[of][:, None] for matrix in system))
         value, size, beyond, unsure = _boundary(systems, solver, theta, largest, of)
         magnitude = np.maximum(np.abs([value, beyond]), TINY)
@@ -76,12 +78,16 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     column = np.repeat(np.arange(fixed.size), 4)
     low = np.tile(edges[:-1], fixed.size)
     high = np.tile(edges[1:], fixed.size)
-    roots = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    roots = panel_roots(
+        sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1
+    )
     at = np.flatnonzero(roots.open_low)
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in opened))
         roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at])
-    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots)
+    return _collect(
+        cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots
+    )
 
 
 @np.errstate(all="ignore")
@@ -107,7 +113,9 @@ def _is_clear_next_to_one(opened, lines, poles):
     F = value * theta**q
     noise = (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
-    off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius  # twice, for what is between two points of the rim
+    off = (
+        2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
+    )  # twice, for what is between two points of the rim
     return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
 
 
@@ -151,8 +159,12 @@ def _boundary(opened, solver, theta, largest=0.0, of=None) -> _BoundaryFunctions
         return _BoundaryFunctions(value, roundings * size, beyond, roundings * unsure)
     of_value, of_gain = _errors_of_form(solver, of, left, right, theta)
     roundings = CAUTION + E.shape[-1]
-    of_beyond = largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
-    return _BoundaryFunctions(value, roundings * size + of_value, beyond, roundings * unsure + of_beyond)
+    of_beyond = (
+        largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
+    )
+    return _BoundaryFunctions(
+        value, roundings * size + of_value, beyond, roundings * unsure + of_beyond
+    )
 
 
 def _errors_of_form(form, of, left, right, theta):
@@ -222,7 +234,9 @@ def _collect(cut, along, fixed, span, boundary, roots):
     np.maximum.at(last, of[high < np.pi], high[high < np.pi])
     at_one = np.sign(boundary(first / 2))
     at_minus_one = np.sign(boundary((np.pi + last) / 2))
-    ends, at_ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one, many)
+    ends, at_ends = at_both_ends(
+        cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one, many
+    )
     complete &= ~(roots.open_low | roots.open_high)
     return Crossings(
         column=np.concatenate([column, ends.column]),

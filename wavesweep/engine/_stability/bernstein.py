@@ -8,7 +8,9 @@ import numpy as np
 
 MOST = 16  # coefficients; beyond, the change of basis costs more digits than the signs can spare
 HALVINGS = 24  # a piece this small that shows nothing is left to another method
-SHARE = 0.4921875  # of a piece, where it is cut: not the middle, where symmetric loops put their roots
+SHARE = (
+    0.4921875  # of a piece, where it is cut: not the middle, where symmetric loops put their roots
+)
 STEPS = 60  # Newton needs some 5; bisection alone would need 30
 CLOSE = 1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
 
@@ -90,7 +92,9 @@ def _isolated(b, rounding, noise):
         single = ~none & (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
         found.append(pieces.some(single))
         rest = ~none & ~single
-        complete[row[rest & (np.abs(b).max(0) <= level + rounding)]] = False  # a piece that noise alone may be
+        complete[row[rest & (np.abs(b).max(0) <= level + rounding)]] = (
+            False  # a piece that noise alone may be
+        )
         rest = np.flatnonzero(rest & complete[row])
         if not rest.size:
             break
@@ -123,7 +127,9 @@ def _single_root(b):
     """
     n, count = b.shape
     b = b * np.sign(b[-1])
-    after = (b <= 0).sum(0)  # the control polygon, which rises through zero before this coefficient, starts it
+    after = (b <= 0).sum(
+        0
+    )  # the control polygon, which rises through zero before this coefficient, starts it
     before = np.take_along_axis(b, after[None] - 1, 0)[0]
     behind = np.take_along_axis(b, after[None], 0)[0]
     t = (after - 1 + before / (before - behind)) / (n - 1)

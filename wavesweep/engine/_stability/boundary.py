@@ -32,14 +32,18 @@ class Terms:
         return (self.x, self.v) if name == FIRST else (self.v, self.x)
 
 
-def terms_of(cut: LinearFractional, w: np.ndarray, G: np.ndarray, unit: np.ndarray | float = 1.0) -> Terms:
+def terms_of(
+    cut: LinearFractional, w: np.ndarray, G: np.ndarray, unit: np.ndarray | float = 1.0
+) -> Terms:
     """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
 
     unit: a factor that the rows of G have as well.
     """
     if not cut.integrates:
         return Terms(unit + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
-    return Terms(w * unit + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY])
+    return Terms(
+        w * unit + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY]
+    )
 
 
 def terms(cut: LinearFractional, w) -> Terms:
@@ -128,7 +132,9 @@ class PolishedCrossings(NamedTuple):
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[PolishedCrossings, np.ndarray]:
+def polish(
+    cut: LinearFractional, along: str, fixed, theta, scale
+) -> tuple[PolishedCrossings, np.ndarray]:
     """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
 
     cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest; if K is beyond it,
@@ -239,7 +245,9 @@ def _solved(t, slopes, along, fixed, w):
         return value, by_w * (1j * (1 + w))
 
 
-def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0):
+def end_errors(
+    cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0
+):
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode

@@ -18,9 +18,13 @@ PLAIN = 0  # the place is any place, and both sides of it are proved as far as t
 ON_ITS_WAY = 1  # from here on the place moves towards a crossing on the panel's polynomials, a stage with each step,
 ARRIVED = 6  # up to here, where no more steps are made
 EXACT = 7  # from here on the frame at the place itself is taken, as a window about the crossing was tried
-TIGHT = 8  # from here on with tight bounds on its errors, and with each further stage a wider window
+TIGHT = (
+    8  # from here on with tight bounds on its errors, and with each further stage a wider window
+)
 LAST = 12  # no window is tried again
-ELSEWHERE = 13  # the crossing of a short stretch turned out to be beyond it: no window reaches into it
+ELSEWHERE = (
+    13  # the crossing of a short stretch turned out to be beyond it: no window reaches into it
+)
 
 NEXT_TO = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
 # Half of a window about a crossing, and what shapes it.
@@ -29,12 +33,33 @@ AT_LOW_END = 0.9  # the same at the low end of the span, which stands for each c
 OF_ERRORS = 2.5  # times what errors of entries move the crossing by, at least: beyond them the sides have to be proved;
 # a window of more than so many times what an end may be off is rough
 MERGED = 3  # halves of a window: crossings as near to this share one, since less than half a window would be left between two
-WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
-RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
+WIDENED, WIDEST = (
+    2.0,
+    1e-3,
+)  # a window that is not proved even so gets wider with every try, up to this part of half a panel
+RETRIED = (
+    1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
+)
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
-MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
+MOST_TESTS, FOR_EACH, ROUNDS = (
+    1000,
+    40,
+    150,
+)  # of a column, and for each of its panels; of all together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
-PARTS = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+PARTS = (
+    1,
+    0.8,
+    0.64,
+    0.45,
+    0.27,
+    0.13,
+    0.05,
+    0.02,
+    0.004,
+    5e-4,
+    3e-5,
+)  # of the way that is wanted, tried in turn
 FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
 TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
@@ -74,7 +99,9 @@ class Tiles(Rows):
     @classmethod
     def of(cls, column, low, high, outside, doubt=Doubt.NONE) -> "Tiles":
         nothing = np.full(column.size, np.nan)
-        return cls(column, low, high, outside + 0 * column, nothing, nothing, 0 * low, doubt + 0 * column)
+        return cls(
+            column, low, high, outside + 0 * column, nothing, nothing, 0 * low, doubt + 0 * column
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +128,9 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: boo
     if from_one:
         beside, open_ = _beside_one(panels, errors[1], span[0], open_)
         done.append(beside)
-    share = min(1.0, (FULL / panels.error.shape[-1]) ** 3)  # a test takes as long as a few products of matrices
+    share = min(
+        1.0, (FULL / panels.error.shape[-1]) ** 3
+    )  # a test takes as long as a few products of matrices
     panels_of_column = np.bincount(panels.column, minlength=columns)
     tests_left = np.maximum(LEAST, share * (MOST_TESTS + FOR_EACH * panels_of_column))
     for _ in range(ROUNDS):
@@ -154,7 +183,9 @@ def _with_ends_in_gaps(tiles, errors, slack):
     z = 1 + np.linalg.eigvals(np.nan_to_num(E))
     nearest = np.take_along_axis(z, np.abs(np.abs(z) - 1).argmin(1)[:, None], 1)[:, 0]
     theta = np.abs(np.angle(nearest))
-    ends = Tiles(column, low, high, WINDOW + 0 * column, value, theta, high - low, Doubt.NONE + 0 * column)
+    ends = Tiles(
+        column, low, high, WINDOW + 0 * column, value, theta, high - low, Doubt.NONE + 0 * column
+    )
     return Tiles.join([tiles, ends])
 
 
@@ -171,7 +202,11 @@ def _unstable_by_traces(panels):
         large = (np.abs(_traces(panels.coefficients, np.linspace(-1, 1, 5))) > n).any((0, 2))
         candidates = np.flatnonzero(large)
         # A copy is spared where all are candidates.
-        coefficients = panels.coefficients if candidates.size == number.size else panels.coefficients[candidates]
+        coefficients = (
+            panels.coefficients
+            if candidates.size == number.size
+            else panels.coefficients[candidates]
+        )
         points, transform = nodes(2 * degree)
         size = np.eye(n) + sizes_of(coefficients)
         error = panels.error[candidates] + 8 * degree * EPS * size
@@ -326,7 +361,9 @@ class _Round:
         inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
         closing = inside & (np.abs(h) <= NEXT_TO)
         closing &= (h + eps > (open_.low - place) / half) & (h - eps < (open_.high - place) / half)
-        closing &= (open_.stage < ELSEWHERE) | ((crossing.value > open_.low) & (crossing.value < open_.high))
+        closing &= (open_.stage < ELSEWHERE) | (
+            (crossing.value > open_.low) & (crossing.value < open_.high)
+        )
         under_way = (open_.stage >= ON_ITS_WAY) & (open_.stage < ARRIVED)
         toward = inside & ~closing & under_way & (np.abs(h) < 0.3 * length)
 
@@ -372,8 +409,12 @@ class _Round:
         value = np.where(self.at_end != 0, end_of_span, np.clip(self.crossing.value, below, above))
         kind = np.where(self.overlaid, OVERLAID, WINDOW)
         doubt = np.where(self.rough, Doubt.ROUNDING, Doubt.NONE)
-        windows = Tiles(self.column, below, above, kind, value, self.crossing.theta, self.crossing.miss, doubt)
-        new = self.closing & ~failed & ~again & (below < above)  # else the crossing is beyond the stretch
+        windows = Tiles(
+            self.column, below, above, kind, value, self.crossing.theta, self.crossing.miss, doubt
+        )
+        new = (
+            self.closing & ~failed & ~again & (below < above)
+        )  # else the crossing is beyond the stretch
         return [*tiles, windows.take(new)], self._left_open(sides, failed, again)
 
     def _sides(self) -> _Sides:
@@ -443,7 +484,9 @@ class _Round:
         Shares of the way to the edge of the stretch, or to the next crossing, are tried until one is proved.
         """
         m = self.half.size
-        of = np.tile(np.arange(m), 2)  # the test that each side belongs to: those below, then those above
+        of = np.tile(
+            np.arange(m), 2
+        )  # the test that each side belongs to: those below, then those above
         sign = np.repeat([-1.0, 1.0], m)
         edge = np.concatenate([self.open.low, self.open.high])
         begin = np.concatenate(self.begin)
@@ -492,13 +535,17 @@ def _exact_frames(errors, column, open_, n):
     return ExactFrames(tests, E, off)
 
 
-def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> tuple[Tiles, tuple[np.ndarray, ...]]:
+def proved_by_balls(
+    tiles: Tiles, lost, span, columns: int, attached, balls
+) -> tuple[Tiles, tuple[np.ndarray, ...]]:
     """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is proved of these.
 
     balls(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
     doubt; see `Tiles` for theta. lost, attached: see `regions_of`.
     """
-    low_ends, high_ends = (Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span)
+    low_ends, high_ends = (
+        Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span
+    )
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
     joined = Tiles.join([low_ends, tiles, high_ends])
     joined = joined.take(np.argsort(joined.column, kind="stable"))
@@ -580,7 +627,16 @@ def _tiles_of_intervals(column, a, b, intervals):
     if place < b:
         rows.append((place, b, 1, np.nan, np.nan))
     low, high, outside, value, theta = map(np.array, zip(*rows, strict=True))
-    return Tiles(np.full(low.size, column), low, high, outside, value, theta, 0 * low, np.full(low.size, Doubt.NONE))
+    return Tiles(
+        np.full(low.size, column),
+        low,
+        high,
+        outside,
+        value,
+        theta,
+        0 * low,
+        np.full(low.size, Doubt.NONE),
+    )
 
 
 def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
@@ -598,7 +654,9 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
 
     owner, low, high, overflown = lost
     searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
-    doubted(owner[searched].astype(int), np.where(overflown[searched] > 0, Doubt.OVERFLOW, Doubt.SEARCH))
+    doubted(
+        owner[searched].astype(int), np.where(overflown[searched] > 0, Doubt.OVERFLOW, Doubt.SEARCH)
+    )
     doubted(tiles.column, np.where(tiles.outside == UNKNOWN, Doubt.CROWDED, Doubt.NONE))
     # Inside a plain window all may be stable, also at an end of the span.
     doubted(tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, Doubt.NONE))
@@ -610,7 +668,9 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     first = np.append(True, np.diff(column) != 0)
     last = np.append(first[1:], True)
     # The tile before each part, and that after it: of neighbours it is the same.
-    neighbours = tiles.take(np.clip(np.concatenate([at - 1, at[-1:] + 1]), 0, tiles.column.size - 1))
+    neighbours = tiles.take(
+        np.clip(np.concatenate([at - 1, at[-1:] + 1]), 0, tiles.column.size - 1)
+    )
     is_window = neighbours.is_window
     before = neighbours.take(slice(None, -1))
     after = neighbours.take(slice(1, None))
@@ -622,7 +682,9 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     theta_high = np.where(ending, after.theta, np.nan)
     miss_low = np.where(crossed, before.miss, 0.0)
     miss_high = np.where(ending, after.miss, 0.0)
-    rough = np.maximum(np.where(crossed, before.doubt, Doubt.NONE), np.where(ending, after.doubt, Doubt.NONE))
+    rough = np.maximum(
+        np.where(crossed, before.doubt, Doubt.NONE), np.where(ending, after.doubt, Doubt.NONE)
+    )
     doubted(column, np.where(label == 0, rough, Doubt.NONE))
 
     label_before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))

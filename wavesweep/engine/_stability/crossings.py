@@ -21,7 +21,10 @@ FAR = 1e8  # times the span's largest value; beyond, a value may as well be at t
 # a root of the polynomial, has eight digits or more, as a rule twelve; one that moves by so much has gone to another root.
 NEAR_SEED = 1e-4
 SMALL = 0.1  # of a resolvent, what errors of entries may change it by
-NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
+NEAREST, FARTHEST = (
+    1e-3,
+    0.6,
+)  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,9 @@ def warp_scale(cut: LinearFractional, *, alone: bool = False):
     return np.clip(mean, NEAREST, FARTHEST)
 
 
-def sampled_polynomial(cut: LinearFractional, along: str, scale, rough, *, alone: bool = False) -> Polynomial:
+def sampled_polynomial(
+    cut: LinearFractional, along: str, scale, rough, *, alone: bool = False
+) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
     rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether the other number is 0, and
@@ -92,8 +97,14 @@ def sampled_polynomial(cut: LinearFractional, along: str, scale, rough, *, alone
         f_unit = on_unit / (1 - np.cos(phi)) ** factors
         f_fixed = on_fixed / (1 - np.cos(phi)) ** factors
     of_curve = [f_unit.imag, -f_fixed.imag]
-    curve, noise = _sines(of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors)
-    of_value = [on_unit.real * np.sin(phi), on_fixed.real * np.sin(phi), np.abs(solved) ** 2 * np.sin(phi)]
+    curve, noise = _sines(
+        of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors
+    )
+    of_value = [
+        on_unit.real * np.sin(phi),
+        on_fixed.real * np.sin(phi),
+        np.abs(solved) ** 2 * np.sin(phi),
+    ]
     sizes = [largest(on_unit), largest(on_fixed), largest(solved) ** 2]
     value, value_noise = _sines(of_value, sizes, transform, cut.order + 1)
     at = np.flatnonzero(rough)
@@ -142,7 +153,10 @@ def _scaled(cut, zeta, scale, along):
     bottom = 1 + a * zeta
     w = (1 - a) * (zeta - 1) / bottom
     n = cut.E.shape[-1]
-    loops = (np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:])) for matrix in (cut.E, cut.B, cut.C))
+    loops = (
+        np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
+        for matrix in (cut.E, cut.B, cut.C)
+    )
     system = in_even_units(*loops)
     reverse = np.concatenate([system[n - 1 :: -1], system[n:]])[:, [0, *range(n, 0, -1)]]
     both = reduced(np.concatenate([system, reverse], axis=-1))
@@ -224,15 +238,21 @@ class Crossings:
 
 def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
     """Return the roots of the polynomials of columns with the loops `owner` and the other number `fixed`."""
-    coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
+    coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(
+        owner, axis=0
+    )
     n = coefficients.shape[-1]
-    noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
+    noise = (
+        polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]
+    )  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     roots.proved[~np.isfinite(coefficients).all(-1)] = False
     return roots
 
 
-def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots) -> Crossings:
+def crossings(
+    cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots
+) -> Crossings:
     """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
 
     polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue moves outward with the sign
@@ -271,7 +291,9 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
     growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
     growth = np.where(size > FAR * largest, np.nan, growth)
-    growth = np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
+    growth = np.where(
+        np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth)
+    )
     growth_to_infinity = growth_to_infinity + np.bincount(column, growth, minlength=fixed.size)
     growth_to_infinity[~complete] = np.nan
     every_inverse = np.concatenate([inverses, at_ends])
@@ -326,7 +348,9 @@ def at_both_ends(
     inverses = []
     for w in (0.0, -2.0):
         if many is None:
-            t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+            t, inverse = cut.remembered(
+                w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w))
+            )
             inverses.append(inverse)
         else:
             t = real_terms(cut.at(0), w, many)
@@ -337,7 +361,9 @@ def at_both_ends(
         solved, fixed_term = t.along(along)
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
-        if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
+        if (
+            w == 0.0 and cut.poles_at_one and not cut.integrates
+        ):  # a mass that nothing brakes, but for this wall
             values[-1] = np.where(fixed == 0, 0.0, values[-1])
     ends = CrossingsAtEnds(
         column=np.tile(np.arange(fixed.size), 2),

@@ -24,17 +24,27 @@ from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._stability.entries import DEGREES, EPS, ORDER, Panels, taylor
 from wavesweep.engine.rows import Rows
 
-CLUSTER = 0.5  # of their distance from the circle: eigenvalues so near to each other are not told apart
+CLUSTER = (
+    0.5  # of their distance from the circle: eigenvalues so near to each other are not told apart
+)
 STEEP = 0.25  # most of `h^2 |K_ij K_ji|` at half of the range that is wanted, beyond which two vectors are not turned
 WANTED = 0.3  # the most of h that is wanted
 REAL = 0.3  # size of an eigenvalue that may be on its way to the circle
-OUTSIDE = 1e-6  # of the logarithm of an eigenvalue, from which on it is outside and not on its way there
+OUTSIDE = (
+    1e-6  # of the logarithm of an eigenvalue, from which on it is outside and not on its way there
+)
 SURELY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
 MANY = 64  # states, beyond which a block makes tests shorter
-SMALLEST, LARGEST = 0.2, 0.98  # sizes of eigenvalues, below which all are alike for a block, and beyond which none is in it
-SLACK, DOUBLED = 0.5, 12  # of what is left to 1, how much a block leaves; terms of its unit's series, as a power of two
+SMALLEST, LARGEST = (
+    0.2,
+    0.98,
+)  # sizes of eigenvalues, below which all are alike for a block, and beyond which none is in it
+SLACK, DOUBLED = (
+    0.5,
+    12,
+)  # of what is left to 1, how much a block leaves; terms of its unit's series, as a power of two
 TINY = 1e-150  # added to norms, whose squares may underflow
 
 
@@ -440,7 +450,9 @@ class DominanceTests:
             distance = (side * (excess + h[:, None] * slope) - a**2 * (bends + a * cubic)) / largest
             d = distance - _diagonal(off)
             # What dividing by 1 - h^2 k2 leaves of the powers of h beyond the second.
-            d -= a**3 * mu.k2 * (b + a * mu.d2) + a**4 * mu.k2**2 * (w + a * b + a**2 * mu.d2) / safe
+            d -= (
+                a**3 * mu.k2 * (b + a * mu.d2) + a**4 * mu.k2**2 * (w + a * b + a**2 * mu.d2) / safe
+            )
             d = np.where(left > 0.1, d, -1.0)[:, :, None]
             n = w.shape[1]
             off[:, range(n), range(n)] = 0

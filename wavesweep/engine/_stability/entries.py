@@ -8,11 +8,17 @@ import numpy as np
 from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
 from wavesweep.engine.rows import Rows
 
-DEGREES = (14, 28)  # of the polynomials; the points of the lower one are points of the higher one, too
+DEGREES = (
+    14,
+    28,
+)  # of the polynomials; the points of the lower one are points of the higher one, too
 ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
 MODEL = 1e-11  # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
 NOISY = 1e-8  # the same where the values have larger errors than MODEL
-ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+ELLIPSE, OUTER = (
+    2.5,
+    8,
+)  # sum of the semi-axes of the ellipse about a panel; points on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
 PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
@@ -50,7 +56,9 @@ class Panels(Rows):
     def joined(cls, batches):
         """Return the panels of all batches, filled up to as many states as the largest has; those added have z = 0."""
         most = max(batch.error.shape[-1] for batch in batches)
-        return cls.join([batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches])
+        return cls.join(
+            [batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches]
+        )
 
     def filled(self, order: int) -> "Panels":
         """The same with as many states."""
@@ -64,7 +72,9 @@ class Panels(Rows):
         coefficients = padded(self.coefficients)
         new = np.arange(n, order)
         coefficients[:, 0, new, new] = -1
-        return replace(self, coefficients=coefficients, error=padded(self.error), rest=padded(self.rest))
+        return replace(
+            self, coefficients=coefficients, error=padded(self.error), rest=padded(self.rest)
+        )
 
     def of_states(self, states) -> "Panels":
         """The same without all other states."""
@@ -72,7 +82,12 @@ class Panels(Rows):
         def chosen(entries):
             return np.ascontiguousarray(entries[..., states[:, None], states])
 
-        return replace(self, coefficients=chosen(self.coefficients), error=chosen(self.error), rest=chosen(self.rest))
+        return replace(
+            self,
+            coefficients=chosen(self.coefficients),
+            error=chosen(self.error),
+            rest=chosen(self.rest),
+        )
 
     def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
         """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
@@ -182,7 +197,9 @@ def _followed(frames, errors, spans):
     column, _, _, middle, half = spans
 
     def sample(index, x):
-        sampled = Frames.of(frames(column[index, None], middle[index, None] + half[index, None] * x))
+        sampled = Frames.of(
+            frames(column[index, None], middle[index, None] + half[index, None] * x)
+        )
         shape = index.size, x.size
         E = sampled.E.reshape(*shape, *sampled.E.shape[1:])
         return E, sampled.pivots.reshape(*shape, *sampled.pivots.shape[1:])
@@ -227,7 +244,9 @@ def _followed(frames, errors, spans):
                 fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
                 fine &= ~pole_inside(pivots, inner[open_[ready]])
                 fine &= np.isfinite(off).all((1, 2))
-                error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
+                error = (
+                    missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
+                )
                 ready = ready[fine]
                 done.append(_panels(spans, open_[ready], c[ready], error[fine]))
                 followed.append(open_[ready])
@@ -247,7 +266,9 @@ def _followed(frames, errors, spans):
 
 def _panels(spans, index, c, error):
     k = np.arange(c.shape[1])
-    steepest = np.prod([(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0)  # at x = 1 (Markov 1892)
+    steepest = np.prod(
+        [(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0
+    )  # at x = 1 (Markov 1892)
     padded = np.zeros((index.size, DEGREES[-1] + 1, *c.shape[2:]))
     padded[:, : c.shape[1]] = c
     rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))

@@ -50,7 +50,9 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     first = np.flatnonzero(np.append(True, ~alike) & (label < 1))
     last = np.flatnonzero(np.append(~alike, True) & (label < 1))
     column = r.column[first]
-    unknown = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
+    unknown = same & (
+        np.minimum(label[1:], label[:-1]) < 0
+    )  # what is next to an open place has no end there
     low_theta = np.where(np.append(False, unknown), np.nan, r.low_theta)
     high_theta = np.where(np.append(unknown, False), np.nan, r.high_theta)
     stable = label[first] == 0
@@ -111,7 +113,9 @@ def doubts_of(regions: Regions, doubt) -> np.ndarray:
 def joined(intervals) -> Intervals:
     """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
     merged = Intervals.join(intervals)
-    merged = merged.take(np.lexsort((merged.low, merged.column)))  # NaN, of a range with nothing to say, goes last
+    merged = merged.take(
+        np.lexsort((merged.low, merged.column))
+    )  # NaN, of a range with nothing to say, goes last
     doubt = np.zeros(int(merged.column.max(initial=-1)) + 1, int)
     np.maximum.at(doubt, merged.column, merged.doubt)
     first = np.append(True, np.diff(merged.column) != 0)[: merged.column.size]
@@ -190,7 +194,9 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     places = np.add.reduceat(open_ & ~np.append(False, linked & open_[:-1]), begin)
     open_low = np.where(open_, intervals.low, np.nan)
     open_high = np.where(open_, intervals.high, np.nan)
-    return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(open_low, begin), np.fmax.reduceat(open_high, begin))
+    return _numbered(rows), OpenPlaces(
+        places, np.fmin.reduceat(open_low, begin), np.fmax.reduceat(open_high, begin)
+    )
 
 
 def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NONE) -> Intervals:
@@ -237,7 +243,9 @@ def common(loops: Sequence[Intervals]) -> Intervals:
             rows.append((column, index, count, *piece[:4], doubt, piece.residual))
     facts = zip(*rows, strict=True) if rows else [()] * len(fields(Intervals))
     named = zip(fields(Intervals), facts, strict=True)
-    return Intervals(*(np.array(values, getattr(loops[0], field.name).dtype) for field, values in named))
+    return Intervals(
+        *(np.array(values, getattr(loops[0], field.name).dtype) for field, values in named)
+    )
 
 
 class _Piece(NamedTuple):
@@ -255,7 +263,9 @@ def _by_column(intervals):
     """Column -> its pieces, and its doubt."""
     columns = {}
     for place in range(intervals.column.size):
-        pieces, _ = columns.setdefault(int(intervals.column[place]), ([], int(intervals.doubt[place])))
+        pieces, _ = columns.setdefault(
+            int(intervals.column[place]), ([], int(intervals.doubt[place]))
+        )
         if not np.isnan(intervals.low[place]):
             ends = (float(getattr(intervals, name)[place]) for name in _Piece._fields[:5])
             pieces.append(_Piece(*ends, bool(intervals.index[place] >= 0)))
@@ -288,4 +298,6 @@ def _overlap(first, second):
         return None
     stable = first.stable and second.stable
     omegas = (begins.low_omega, ends.high_omega) if stable else (np.nan, np.nan)
-    return _Piece(begins.low, ends.high, *omegas, max(first.residual, second.residual) * stable, stable)
+    return _Piece(
+        begins.low, ends.high, *omegas, max(first.residual, second.residual) * stable, stable
+    )

@@ -28,12 +28,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine._monodromy.unit_circle import solve
-from wavesweep.engine._stability.dominance import SURELY, ExactFrames, eigenbasis, expansions, rounding_of
+from wavesweep.engine._stability.dominance import (
+    SURELY,
+    ExactFrames,
+    eigenbasis,
+    expansions,
+    rounding_of,
+)
 from wavesweep.engine._stability.entries import Panels
 
-REACHES = 0.25 ** np.arange(25)  # of half a panel, how far the proof may reach: the first that succeeds
+REACHES = 0.25 ** np.arange(
+    25
+)  # of half a panel, how far the proof may reach: the first that succeeds
 REFINED = 2  # times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
-TURNED, SPREAD, AWAY, WITHIN = 0.1, 0.3, 0.15, 3.0  # the most of |a|, of |s/b - 1| and of |h b|; up to which |w| over |h b|
+TURNED, SPREAD, AWAY, WITHIN = (
+    0.1,
+    0.3,
+    0.15,
+    3.0,
+)  # the most of |a|, of |s/b - 1| and of |h b|; up to which |w| over |h b|
 
 
 def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +148,9 @@ class _BesideOne:
 
         def off(w):
             """The most of `|s - b|` up to so large a w."""
-            return unsure + self._of_h(index, entries + w[:, None, None] * G, slopes + changes, inverse)
+            return unsure + self._of_h(
+                index, entries + w[:, None, None] * G, slopes + changes, inverse
+            )
 
         near = off(WITHIN * h * size)
         far = off(np.full(index.size, 2.0))
@@ -160,7 +175,9 @@ class _BesideOne:
         _, M_iR, M_Ri, _ = self._parts(entries + 2 * G, index)
         left = M_iR @ inverse
         right = inverse @ M_Ri
-        return (G_ii + G_iR @ right + left @ G_Ri + left @ (np.eye(G_RR.shape[-1]) + G_RR) @ right)[:, 0, 0]
+        return (G_ii + G_iR @ right + left @ G_Ri + left @ (np.eye(G_RR.shape[-1]) + G_RR) @ right)[
+            :, 0, 0
+        ]
 
     def _of_h(self, index, M, slopes, inverse):
         """The most of `dS/dh` without the derivative of M_ii."""
@@ -176,7 +193,12 @@ class _BesideOne:
         one = self.one[index, None, None]
         across = self.others[index][:, None, :]
         down = self.others[index][:, :, None]
-        return array[number, one, one], array[number, one, across], array[number, down, one], array[number, down, across]
+        return (
+            array[number, one, one],
+            array[number, one, across],
+            array[number, down, one],
+            array[number, down, across],
+        )
 
 
 def _refined(X, Z, E):
@@ -187,9 +209,13 @@ def _refined(X, Z, E):
     one = order[:, :1]
     others = order[:, 1:]
     value = B[number, one, one][:, :, None]
-    rest = B[number[:, :, None], others[:, :, None], others[:, None, :]] - value * np.eye(others.shape[1])
+    rest = B[number[:, :, None], others[:, :, None], others[:, None, :]] - value * np.eye(
+        others.shape[1]
+    )
     turn = np.zeros_like(B)
-    turn[number, one, others] = solve(rest.swapaxes(1, 2), B[number, one, others][:, :, None])[:, :, 0]
+    turn[number, one, others] = solve(rest.swapaxes(1, 2), B[number, one, others][:, :, None])[
+        :, :, 0
+    ]
     turn[number, others, one] = -solve(rest, B[number, others, one][:, :, None])[:, :, 0]
     turn = np.nan_to_num(turn, nan=0.0, posinf=0.0, neginf=0.0)
     return X + X @ turn, Z - turn @ Z

@@ -53,7 +53,9 @@ def _left_eigenvectors(right):
     return np.linalg.pinv(right)
 
 
-def named_modes(E: np.ndarray, drawn: MultirateLoop, drift: MarginalModes) -> tuple[list[str], Modes]:
+def named_modes(
+    E: np.ndarray, drawn: MultirateLoop, drift: MarginalModes
+) -> tuple[list[str], Modes]:
     """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
     labels, order = drawn.labels(), len(drift.remaining)
     return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:order, :order])

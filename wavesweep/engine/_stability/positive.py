@@ -14,7 +14,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
-ELLIPSE, RIM_POINTS = 4.0, 8  # sum of the semi-axes of the ellipse about a number; points on its upper half
+ELLIPSE, RIM_POINTS = (
+    4.0,
+    8,
+)  # sum of the semi-axes of the ellipse about a number; points on its upper half
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
@@ -78,7 +81,9 @@ class Resolved(Protocol):
         """Along which numbers a box may have to be divided, a mask `(numbers,)`; none of them if it is narrow enough."""
 
 
-def positive(functions: Functions, box: Box, bounds: Box, most: int, resolution: Resolved | None = None) -> Cover:
+def positive(
+    functions: Functions, box: Box, bounds: Box, most: int, resolution: Resolved | None = None
+) -> Cover:
     """Prove that functions are positive on a box; the points `unstable` are those where one is surely negative.
 
     box: a number whose two ends are equal is no dimension of it. bounds: the range of each number in which the functions are
@@ -97,13 +102,21 @@ def positive(functions: Functions, box: Box, bounds: Box, most: int, resolution:
 
 
 def any_positive(
-    alternatives: Sequence[Functions], box: Box, bounds: Box, most: int, resolution: Resolved | None = None
+    alternatives: Sequence[Functions],
+    box: Box,
+    bounds: Box,
+    most: int,
+    resolution: Resolved | None = None,
 ) -> Cover:
     """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
     box, bounds = np.asarray(box, float), np.asarray(bounds, float)
     proofs = [_BoxProof(functions, box, bounds, resolution) for functions in alternatives]
     queue = [box]
-    while queue and sum(proof.used for proof in proofs) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
+    while (
+        queue
+        and sum(proof.used for proof in proofs) < most
+        and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any()
+    ):
         piece, negatives, rest = queue.pop(), [], None
         for proof in proofs:
             with np.errstate(all="ignore"):
@@ -114,10 +127,17 @@ def any_positive(
             negatives.append(negative)
         if rest is None:  # divide between the points at which the alternatives are negative
             wide = np.flatnonzero(piece[0] < piece[1])
-            away = [np.abs(points.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for points in negatives]
+            away = [
+                np.abs(points.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide]
+                for points in negatives
+            ]
             rest = _divided(piece, wide, np.max(away, 0))
         queue += rest
-    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(proof.used for proof in proofs))
+    return Cover(
+        np.array(queue).reshape(-1, *box.shape),
+        np.zeros((0, box.shape[1])),
+        sum(proof.used for proof in proofs),
+    )
 
 
 class _BoxProof:
@@ -136,9 +156,13 @@ class _BoxProof:
         phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
         if (surely := (phase.real < 0) & (EPS * error < 1)).any():
             return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
-        outside = (middle - EXTENT * half < self.limits[0]) | (middle + EXTENT * half > self.limits[1])
+        outside = (middle - EXTENT * half < self.limits[0]) | (
+            middle + EXTENT * half > self.limits[1]
+        )
         if not np.isfinite(log).all() or outside[wide].any():
-            return self._none, _divided(piece, wide, half[wide] * (outside[wide] | ~outside[wide].any()))
+            return self._none, _divided(
+                piece, wide, half[wide] * (outside[wide] | ~outside[wide].any())
+            )
         if self.resolution is not None:
             before = self.resolution.used
             unresolved = self.resolution.unresolved(piece)[wide]
@@ -154,15 +178,27 @@ class _BoxProof:
         peak = (log - trend @ grid.T).max(1)
         least = np.exp((log - trend @ grid.T).min(1) - peak)
         centre = pivots.real.mean(0)
-        rims = [self._beyond(middle, half, wide, at, units, trend, peak, centre) for at in range(wide.size)]
-        far, steps = np.stack([size for size, _ in rims]), np.max([step for _, step in rims], axis=0)
-        needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(1, initial=0.0)
-        counts = np.clip(np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf)
+        rims = [
+            self._beyond(middle, half, wide, at, units, trend, peak, centre)
+            for at in range(wide.size)
+        ]
+        far, steps = (
+            np.stack([size for size, _ in rims]),
+            np.max([step for _, step in rims], axis=0),
+        )
+        needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(
+            1, initial=0.0
+        )
+        counts = np.clip(
+            np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf
+        )
         if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
             # Divide along the number along which the sizes on the other ellipses change most.
             steep = np.isfinite(counts).all() and steps.max() > STEEP
             return self._none, _divided(piece, wide, steps if steep else counts)
-        return self._within(piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far)
+        return self._within(
+            piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far
+        )
 
     @property
     def _none(self):
@@ -182,12 +218,19 @@ class _BoxProof:
         noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
         sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
         noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
-        open_ = [ends for row, off in zip(value, noise, strict=True) for ends in _positive(row.reshape(counts), off)]
+        open_ = [
+            ends
+            for row, off in zip(value, noise, strict=True)
+            for ends in _positive(row.reshape(counts), off)
+        ]
         if not open_:
             return self._none, []
         low, high = np.min([low for low, _ in open_], 0), np.max([high for _, high in open_], 0)
         rest = piece.copy()
-        rest[0, wide], rest[1, wide] = middle[wide] + half[wide] * low, middle[wide] + half[wide] * high
+        rest[0, wide], rest[1, wide] = (
+            middle[wide] + half[wide] * low,
+            middle[wide] + half[wide] * high,
+        )
         if (high - low).prod() <= 2 ** (wide.size - 1):
             return self._none, [rest]
         return self._none, _divided(rest, wide, (high - low) * np.array(counts))
@@ -200,22 +243,32 @@ class _BoxProof:
         """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;
         and the change of its logarithm along each of the others."""
         coarse = _grid([COARSE] * (wide.size - 1))
-        place = np.insert(coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
+        place = np.insert(
+            coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2
+        ).reshape(-1, wide.size)
         _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
         log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
         log = log.reshape(len(log), *[len(COARSE)] * (wide.size - 1), RIM_POINTS)
         # Between two points it may be larger than at both, by no more than they differ.
-        steps = [np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1))) for axis in range(1, wide.size + 1)]
+        steps = [
+            np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1)))
+            for axis in range(1, wide.size + 1)
+        ]
         size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
-        turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1  # a pole may be inside
+        turns = (
+            np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1
+        )  # a pole may be inside
         changes = np.nan_to_num(
-            [0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)], posinf=1e9
+            [0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)],
+            posinf=1e9,
         )
         return np.where(np.isfinite(size) & ~turns, size, np.inf), changes
 
 
 def _grid(nodes):
-    return np.array(list(product(*nodes)), float).reshape(int(np.prod([len(places) for places in nodes])), len(nodes))
+    return np.array(list(product(*nodes)), float).reshape(
+        int(np.prod([len(places) for places in nodes])), len(nodes)
+    )
 
 
 def _placed(middle, half, wide, grid):
@@ -230,7 +283,9 @@ def _divided(piece, wide, size):
     axis = wide[np.argmax(size)]
     both = [piece.copy(), piece.copy()]
     low, high = piece[:, axis]
-    both[0][1, axis] = both[1][0, axis] = np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
+    both[0][1, axis] = both[1][0, axis] = (
+        np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
+    )
     return both
 
 
@@ -245,7 +300,13 @@ def _to_bernstein(count):
     """From coefficients of Chebyshev polynomials to Bernstein coefficients on [-1, 1]."""
     k, x = np.arange(count), np.linspace(-1, 1, count)
     T = np.polynomial.chebyshev.chebvander(x, count - 1)
-    B = np.stack([comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j) for j in k.tolist()], axis=1)
+    B = np.stack(
+        [
+            comb(count - 1, j) * ((1 + x) / 2) ** j * ((1 - x) / 2) ** (count - 1 - j)
+            for j in k.tolist()
+        ],
+        axis=1,
+    )
     return np.linalg.solve(B, T)
 
 
@@ -268,7 +329,9 @@ def _positive(values, noise):
     series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
     to = list(map(_to_bernstein, series.shape))
     noise += left_out
-    rounding = 50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(matrix, np.inf) for matrix in to])
+    rounding = (
+        50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(matrix, np.inf) for matrix in to])
+    )
     pieces = _turned(series, to)
     pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
     over = tuple(range(1, dimensions + 1))
@@ -277,7 +340,10 @@ def _positive(values, noise):
         pieces, low, high = pieces[open_], low[open_], high[open_]
         if not len(pieces) or len(pieces) > MOST_PIECES:
             break
-        slopes = [np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0) for axis in range(dimensions)]
+        slopes = [
+            np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0)
+            for axis in range(dimensions)
+        ]
         steepest, halves = np.stack(slopes).argmax(0), []
         for axis in np.unique(steepest):
             index = steepest == axis
@@ -285,7 +351,9 @@ def _positive(values, noise):
             middle = (lower[:, axis] + upper[:, axis]) / 2
             below, above = upper.copy(), lower.copy()
             below[:, axis] = above[:, axis] = middle
-            halves += zip(_halved(pieces[index], 1 + axis), (lower, above), (below, upper), strict=True)
+            halves += zip(
+                _halved(pieces[index], 1 + axis), (lower, above), (below, upper), strict=True
+            )
         pieces, low, high = (np.concatenate(arrays) for arrays in zip(*halves, strict=True))
     return list(zip(low, high, strict=True))
 
@@ -309,7 +377,9 @@ def _halved(b, axis):
         left.append(now[..., 0])
         right.append(now[..., -1])
         now = (now[..., :-1] + now[..., 1:]) / 2
-    return np.moveaxis(np.stack(left, -1), -1, axis), np.moveaxis(np.stack(right[::-1], -1), -1, axis)
+    return np.moveaxis(np.stack(left, -1), -1, axis), np.moveaxis(
+        np.stack(right[::-1], -1), -1, axis
+    )
 
 
 @lru_cache(maxsize=64)

@@ -76,7 +76,9 @@ def by_discs(coefficients, noise) -> Roots:
     proved, radius, edge = _proof(coefficients, noise, roots)
     again = np.flatnonzero(~proved)
     if again.size:
-        proved[again], radius[again], edge[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
+        proved[again], radius[again], edge[again] = _proof(
+            coefficients[again], noise[again], _spread(roots[again])
+        )
     some = (np.abs(coefficients).max(-1) > 0)[:, None]
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & some
     at_one, at_minus_one = at_ends(coefficients)
@@ -116,13 +118,17 @@ def _none(coefficients) -> Roots:
     empty = np.zeros((rows, max(n - 1, 0)))
     closed = np.zeros(rows, bool)
     signs = map(np.sign, at_ends(coefficients))
-    return Roots(empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy())
+    return Roots(
+        empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy()
+    )
 
 
 def at_ends(coefficients):
     """Return the polynomial at 1 and at -1."""
     weight = np.arange(1, coefficients.shape[1] + 1)
-    return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(-1)
+    return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(
+        -1
+    )
 
 
 def _eigenvalues(coefficients):
@@ -145,7 +151,9 @@ def _evaluate(coefficients, x):
     value = coefficients[:, :1] * now
     size = np.abs(coefficients[:, :1]) * np.ones(x.shape)
     twice = 2 * x
-    with np.errstate(over="ignore", invalid="ignore"):  # at roots sent far away by leading zeros, which prove nothing
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # at roots sent far away by leading zeros, which prove nothing
         for k in range(1, coefficients.shape[1]):
             following = twice * now - before
             before = now
@@ -168,7 +176,9 @@ def _proof(coefficients, noise, roots):
     with np.errstate(over="ignore"):
         lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
-    edge = touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
+    edge = (
+        touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
+    )
     proved = np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1)
     return proved, radius, edge
 
@@ -200,7 +210,9 @@ def _discs(coefficients, roots, bound):
     index = np.arange(n - 1)
     apart[:, index, index] = 1.0
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        log_product = np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
+        log_product = (
+            np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
+        )
         share = np.exp(np.log(bound) - log_product)
         # Half of the weight is dealt out evenly, for the small discs, and half in proportion, for the large ones.
         radius = share / (0.5 / (n - 1) + 0.5 * share / share.sum(-1, keepdims=True))

@@ -30,12 +30,23 @@ from wavesweep.engine.rows import Rows
 LONG = 24  # states of delay lines, from which on this costs less than eigenvalues
 TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
-NEXT, STEPS = 4, 8  # sizes of a box to the crossing next to it, at most; steps of Newton's method towards that
-CONVERGED, BESIDE = 1e-9, 1e-7  # the last step; next to a crossing, in parts of a panel, where S is not singular
+NEXT, STEPS = (
+    4,
+    8,
+)  # sizes of a box to the crossing next to it, at most; steps of Newton's method towards that
+CONVERGED, BESIDE = (
+    1e-9,
+    1e-7,
+)  # the last step; next to a crossing, in parts of a panel, where S is not singular
 MOST_TERMS = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
-SHRINKS, SHRUNK = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
-ROUNDED = 256 * EPS  # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
+SHRINKS, SHRUNK = (
+    0.93,
+    0.95,
+)  # of weights, what is wanted to be left of them, and what is left at most
+ROUNDED = (
+    256 * EPS
+)  # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 ENTRIES = 2**19  # of what delay lines show, at a time
 LINKED = 0.75 * ROUNDED  # of a link of a delay line, which is 1
 LARGER = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
@@ -438,7 +449,9 @@ def _stretches(panels, windows):
         runs = np.split(order, np.flatnonzero(panels.low[order[1:]] > panels.high[order[:-1]]) + 1)
         for run in runs:
             at = float(panels.low[run[0]])
-            for low, high in zip(windows.low[inside].tolist(), windows.high[inside].tolist(), strict=True):
+            for low, high in zip(
+                windows.low[inside].tolist(), windows.high[inside].tolist(), strict=True
+            ):
                 if at < low < panels.high[run[-1]]:
                     rows.append((column, at, low))
                 at = max(at, high)
@@ -464,13 +477,21 @@ def _labelled(windows, stretches, equation, errors):
     """Windows, those as OVERLAID in which another eigenvalue is outside of a larger circle all the while."""
     panels = equation.panels
     label = windows.outside.copy()
-    for at, (column, low, high) in enumerate(zip(windows.column, windows.low, windows.high, strict=True)):
-        neighbours = (stretches.column == column) & ((stretches.high == low) | (stretches.low == high))
+    for at, (column, low, high) in enumerate(
+        zip(windows.column, windows.low, windows.high, strict=True)
+    ):
+        neighbours = (stretches.column == column) & (
+            (stretches.high == low) | (stretches.low == high)
+        )
         if not neighbours.any() or stretches.outside[neighbours].min() < 1:
             continue
-        meeting = np.flatnonzero((panels.column == column) & (panels.low <= high) & (panels.high >= low))
+        meeting = np.flatnonzero(
+            (panels.column == column) & (panels.low <= high) & (panels.high >= low)
+        )
         ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
-        left = _left_open(equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER)
+        left = _left_open(
+            equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER
+        )
         E, dE = errors(np.array([column]), windows.value[at : at + 1])
         smaller = (E - LARGER * np.eye(E.shape[-1])) / (1 + LARGER)
         count, clear = count_outside(smaller, dE)

@@ -18,7 +18,14 @@ USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
-SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
+SHARES = (
+    0.5,
+    0.1,
+    0.9,
+    1e-3,
+    0.999,
+    1e-6,
+)  # of a region's width: the count is the same at all, and clearer at some
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
 
 
@@ -76,7 +83,9 @@ class CutSpan:
         """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
         doubt = doubt.copy()
         residual = np.zeros(self.column.size)
-        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, Doubt.ROUNDING))
+        end_doubt = np.where(
+            error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, Doubt.ROUNDING)
+        )
         doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
         doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
         residual[self.has_previous] = error
@@ -154,7 +163,9 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     def count_first(columns):
         return count_where_clear(spans, first[columns], matrices)
 
-    begins, counted = _first_counts(owner, crossings.growth_to_infinity, follows, least, count_first)
+    begins, counted = _first_counts(
+        owner, crossings.growth_to_infinity, follows, least, count_first
+    )
     unstable = (rise + begins[spans.column]).astype(int)
     doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
@@ -163,7 +174,9 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     stable = ~unknown & (unstable <= 0) & crossings.complete[spans.column]
     claimed = np.flatnonzero(spans.has_previous & stable & (narrow | counted[spans.column]))
     judged = count_where_clear(spans, claimed, matrices)
-    doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS))
+    doubt[claimed] = np.maximum(
+        doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS)
+    )
     error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
     labelled = spans.labelled(unstable, doubt, end_doubt, error)
     worst = np.where(crossings.complete, Doubt.NONE, Doubt.COUNTS)
@@ -216,7 +229,9 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
     error = np.zeros(spans.order.size)
     doubt = np.zeros(spans.order.size, int)
-    of_stable = np.flatnonzero((unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0))
+    of_stable = np.flatnonzero(
+        (unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0)
+    )
     ends = spans.order[of_stable]
     column = crossings.column[ends]
     value = crossings.value[ends]
@@ -227,7 +242,9 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
         resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
         left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
     else:
-        left, moved, usual = _errors_of_many_states(cut.at(owner[0]), along, places, crossings.many, least)
+        left, moved, usual = _errors_of_many_states(
+            cut.at(owner[0]), along, places, crossings.many, least
+        )
     # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)

@@ -10,14 +10,18 @@ from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.rows import different
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
-BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+BACKWARD = (
+    16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+)
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
 UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
 FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no more than roundings
-SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
+SPARSE = (
+    200  # states, from which on an import pays that finds the blocks of a matrix of few entries
+)
 
 
 def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -136,7 +140,9 @@ def size_gone(period: np.ndarray | float, seconds: float) -> np.ndarray:
     return np.maximum(GONE, np.exp(-np.asarray(period, float) / seconds))
 
 
-def least_damping(E: np.ndarray, gone: np.ndarray | float = GONE, *, pairs: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def least_damping(
+    E: np.ndarray, gone: np.ndarray | float = GONE, *, pairs: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
 
     One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit circle. The ratio is known if no
@@ -259,7 +265,9 @@ def _by_eigenvectors(E, w):
     Z = inverse(V)
     of_V = np.linalg.norm(V)
     of_Z = np.linalg.norm(Z)
-    rounding = 2 * (len(E) + 4) * np.finfo(float).eps  # of a sum of that many complex products, and of a norm
+    rounding = (
+        2 * (len(E) + 4) * np.finfo(float).eps
+    )  # of a sum of that many complex products, and of a norm
     off = np.linalg.norm(np.eye(len(E)) - Z @ V) + rounding * of_Z * of_V
     EV = E @ V.real + 1j * (E @ V.imag)  # E is real, which saves half of the products
     missed = np.linalg.norm(EV - V * values)
@@ -296,7 +304,9 @@ def _at_least(E, units, w):
         size = norm(remaining, k, k) + of_out + norm(into @ remaining, d, k)
         size += norm(lines_alone, d, d)
         size += norm(into, d, k) * of_out
-        return np.where(np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0)  # half of it, since it is rounded
+        return np.where(
+            np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0
+        )  # half of it, since it is rounded
 
 
 def _outgrows(delta, size, radius):
@@ -308,7 +318,9 @@ def _outgrows(delta, size, radius):
     n = delta.shape[-1]
     allowed = (radius + TELLING * np.maximum(radius, 1))[:, None]
     beyond = np.abs(1 + delta) - allowed
-    move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
+    move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (
+        1 / np.arange(2, n + 1)
+    )
     with np.errstate(invalid="ignore"):  # a matrix that is not finite
         if not (beyond + move.max(-1, initial=0.0) > 0).any():
             return np.zeros(delta.shape, bool)
@@ -320,7 +332,9 @@ def is_stable(E: np.ndarray) -> np.ndarray:
     """Return whether every eigenvalue of `I + E` is inside the unit circle by more than rounding; false if E is not finite."""
     delta, finite = eigenvalues(E)
     distance = -excess(delta).max(-1, initial=-1.0) / 2
-    return finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
+    return (
+        finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
+    )
 
 
 def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -337,7 +351,9 @@ def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarr
     index = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
     if index.size:
         delta = eigenvalues(E[index])[0]
-        clear[index] = ~may_have(E[index], dE[index], at_angles_of(delta, 1.0, np.abs(excess(delta))))
+        clear[index] = ~may_have(
+            E[index], dE[index], at_angles_of(delta, 1.0, np.abs(excess(delta)))
+        )
     return count, clear
 
 

@@ -8,7 +8,12 @@ from wavesweep.engine._monodromy.cut import ERRORS, FIRST, MATRICES, LinearFract
 from wavesweep.engine._monodromy.periodic import size_of
 from wavesweep.engine._monodromy.radius import cut_within
 from wavesweep.engine._monodromy.rounding import UNEVEN, uneven_units
-from wavesweep.engine._stability.crossings import crossings, roots_of, sampled_polynomial, warp_scale
+from wavesweep.engine._stability.crossings import (
+    crossings,
+    roots_of,
+    sampled_polynomial,
+    warp_scale,
+)
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
@@ -19,9 +24,15 @@ FEW_STATES = 8  # up to which they have enough of them for all that arcs could p
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
+@np.errstate(
+    divide="ignore", invalid="ignore", over="ignore"
+)  # results that are not finite show what overflowed
 def stable_intervals(
-    cut: LinearFractional, along: str, span: tuple[float, float], fixed: np.ndarray, radius: np.ndarray | None = None
+    cut: LinearFractional,
+    along: str,
+    span: tuple[float, float],
+    fixed: np.ndarray,
+    radius: np.ndarray | None = None,
 ) -> Intervals:
     """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and every value of the other one.
 
@@ -50,7 +61,9 @@ def stable_intervals(
     intervals = _with_uncontrolled(intervals, cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
-    nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
+    nothing = np.finfo(float).eps * (
+        span[1] - span[0]
+    )  # an end at 0 within the span is 0, and not what rounding leaves
     low = np.where(np.abs(intervals.low) <= nothing, 0.0, intervals.low)
     high = np.where(np.abs(intervals.high) <= nothing, 0.0, intervals.high)
     return replace(intervals, low=low, high=high)
@@ -122,11 +135,15 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         if method is not methods[-1]:
             followed = ~lost & (_by_arcs in methods or divided[rows])
         labelled, doubt = method(cut, owner[rows], along, fixed[rows], span, followed)
-        labelled = replace(labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable))
+        labelled = replace(
+            labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable)
+        )
         doubt = np.where(lost, Doubt.OVERFLOW, doubt)
         answered_now = (doubt == Doubt.NONE) | ~followed
         answers = labelled.take(answered_now[labelled.column])
-        done.append((replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now]))
+        done.append(
+            (replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now])
+        )
         answered[rows[answered_now]] = True
         pending = np.flatnonzero(~answered)
     pieces, columns, doubts = zip(*done, strict=True)
@@ -190,7 +207,9 @@ def _by_arcs(cut, owner, along, fixed, span, _):
     """The same from interpolants on arcs of the circle, for loops of more states than a polynomial has digits for."""
     from wavesweep.engine._stability.arcs import arc_crossings, columns_together
 
-    rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]  # an arc counts no errors of entries
+    rough = cut.remembered("rough", lambda: _is_rough(cut))[
+        owner
+    ]  # an arc counts no errors of entries
     step = columns_together(cut.order)
     parts = []
     doubts = []

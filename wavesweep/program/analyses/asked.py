@@ -12,7 +12,12 @@ from wavesweep.engine.keys import Key, computable, nearest
 from wavesweep.program.spec import SYMBOLS, Axis, Spec
 from wavesweep.program.spec.resolving import LIMITS
 
-ARGUMENTS = ("along", "span", "require", "frequency_hz")  # of calls that take numbers by name beside these
+ARGUMENTS = (
+    "along",
+    "span",
+    "require",
+    "frequency_hz",
+)  # of calls that take numbers by name beside these
 Numbers = float | Sequence[float] | np.ndarray  # the values of an axis
 
 
@@ -25,7 +30,10 @@ def key_named(spec: Spec, name: object) -> Key:
     if key is None or not key.numeric:
         hint = nearest(name, (*ARGUMENTS, *names.symbols, *names.numeric))
         symbols = f" ({', '.join(names.symbols)}, or the path of another)" if names.symbols else ""
-        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else symbols))
+        raise UsageError(
+            f"{name}: expected the name of a numeric key"
+            + (f", did you mean {hint}?" if hint else symbols)
+        )
     return key
 
 
@@ -33,7 +41,14 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
     """The axis of intervals that a call names, searched over `span`, (low, high). Errors: UsageError."""
     key = key_named(spec, name)
     if span is None and spec.drawing:
-        span = next(((axis.start, axis.stop) for axis in spec.sweep if axis.path == key.path and axis.start < axis.stop), None)
+        span = next(
+            (
+                (axis.start, axis.stop)
+                for axis in spec.sweep
+                if axis.path == key.path and axis.start < axis.stop
+            ),
+            None,
+        )
     if span is None:
         if key.path != SYMBOLS["K_VE"]:
             raise UsageError(f"along {name}: give the span to search, span=(low, high)")
@@ -47,14 +62,20 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
     return Axis(name, key.path, (), low, high, key.structural, "linear")
 
 
-def axes_asked(spec: Spec, axes: Mapping[str, object], along: Axis | None = None) -> tuple[Axis, ...]:
+def axes_asked(
+    spec: Spec, axes: Mapping[str, object], along: Axis | None = None
+) -> tuple[Axis, ...]:
     """The axes that a call names, with their values; along: that of the intervals. Errors: UsageError, SpecError."""
     axes_read = tuple(_axis(spec, name, values) for name, values in axes.items())
     for number, axis in enumerate(axes_read):
         if axis.path in [earlier.path for earlier in axes_read[:number]]:
-            raise UsageError(f"{axis.name}: expected each number once, found it under two names; leave one of them out")
+            raise UsageError(
+                f"{axis.name}: expected each number once, found it under two names; leave one of them out"
+            )
         if along is not None and axis.path == along.path:
-            raise UsageError(f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span")
+            raise UsageError(
+                f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
+            )
     _refuse_values(spec, (along, *axes_read) if along else axes_read)
     return axes_read
 
@@ -65,7 +86,11 @@ def _refuse_values(spec: Spec, axes: Sequence[Axis]) -> None:
     linked = {*limited, *(path for limits in limited.values() for path in limits)}
     for axis in axes:
         # What is next to 0, or NaN, is neither the least nor the largest, and is refused on its own.
-        ends = tuple(dict.fromkeys((axis.start, axis.stop, *(value for value in axis.values if not computable(value)))))
+        ends = tuple(
+            dict.fromkeys(
+                (axis.start, axis.stop, *(value for value in axis.values if not computable(value)))
+            )
+        )
         if axis.path in linked:
             together.append((axis.path, ends))
             continue
@@ -88,7 +113,9 @@ def _axis(spec: Spec, name: str, values: object) -> Axis:
     return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
 
-@lru_cache(maxsize=256, typed=True)  # a compiled loop is asked about the same ranges again and again
+@lru_cache(
+    maxsize=256, typed=True
+)  # a compiled loop is asked about the same ranges again and again
 def _accept(spec: Spec, paths: tuple[str, ...], *values: float) -> None:
     """Raise SpecError for values that a spec would refuse, one for each path."""
     spec.with_values(dict(zip(paths, values, strict=True)))
@@ -98,9 +125,13 @@ def frequencies_asked(spec: Spec, frequency_hz: object) -> np.ndarray:
     """Frequencies in Hz that a call names, those of [bode] by default. Errors: UsageError."""
     numbers = real_numbers(spec.frequency_hz if frequency_hz is None else frequency_hz)
     if numbers is None:
-        raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}")
+        raise UsageError(
+            f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}"
+        )
     frequency = numbers.astype(float).ravel()
     if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
         wrong = frequency[~((frequency >= 0) & np.isfinite(frequency))]
-        raise UsageError(f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}")
+        raise UsageError(
+            f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}"
+        )
     return frequency

@@ -37,7 +37,9 @@ class RunWords:
 IN_TIME = RunWords(messages="all messages in time")
 
 
-def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None) -> str:
+def assumes(
+    spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None
+) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
     swept: paths of the axes of the result, which have no single value. nominal: whether the result is of the spec's own
@@ -325,7 +327,9 @@ def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str
 
 
 # Ranges in which the numbers of devices and hands lie, in the unit of the key.
-USUAL = MappingProxyType({"device.mass": (1e-3, 20.0), "device.damping": (0.0, 200.0), "operator.mass": (0.0, 20.0)})
+USUAL = MappingProxyType(
+    {"device.mass": (1e-3, 20.0), "device.damping": (0.0, 200.0), "operator.mass": (0.0, 20.0)}
+)
 
 
 def unusual(spec: Spec) -> Iterator[str]:
@@ -351,7 +355,10 @@ def near_rates(spec: Spec) -> Iterator[str]:
 def notices_of(grid: Grid) -> list[str]:
     """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
     kind = grid.spec.kind
-    ignored = [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]
+    ignored = [
+        f"{axis.name} is not read by {kind}: evaluated once, its rows repeated"
+        for axis in grid.ignored
+    ]
     return [*ignored, *over_preset(grid.spec)]
 
 
@@ -368,7 +375,11 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
 
 
 def assumed_by(
-    specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None
+    specs: Sequence[Spec],
+    swept: Collection[str] = (),
+    *,
+    nominal: bool = False,
+    run: RunWords | None = None,
 ) -> str:
     """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
     said = []
@@ -379,7 +390,9 @@ def assumed_by(
         said.append(assumes(spec, swept_here, nominal=nominal, run=run))
     if len(set(said)) == 1:
         return said[0]
-    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
+    return "\n".join(
+        f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence
+    )
 
 
 def _listed(words):

@@ -51,10 +51,14 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     }
     rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
     frequencies = np.geomspace(LOWEST_HZ, most, POINTS)
-    added = cache(lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE)))
+    added = cache(
+        lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE))
+    )
     changed = _runs(frequencies, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
     felt["holds_to_hz"] = next((before for before, *_ in changed), None)
-    bands = [band for _, *band in _runs(frequencies, lambda *ends: np.greater(*added(*ends)[1::-1]))]
+    bands = [
+        band for _, *band in _runs(frequencies, lambda *ends: np.greater(*added(*ends)[1::-1]))
+    ]
     first = bands[0][0] if bands else None
     return {"hz": hertz.tolist(), **felt, "outweighed_hz": first, "outweighed_bands_hz": bands}
 
@@ -84,7 +88,9 @@ def _added(loop, free, hertz):
     with np.errstate(all="ignore"):
         added = np.abs(walled.impedance - without.impedance)
         size_free = np.abs(without.impedance)
-        off = np.abs(walled.impedance) * walled.impedance_error + size_free * without.impedance_error
+        off = (
+            np.abs(walled.impedance) * walled.impedance_error + size_free * without.impedance_error
+        )
         return added, size_free, off <= SURE * added
 
 
@@ -128,7 +134,9 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
     small = loop.order <= LARGE
     band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
-    stiffness, damping = (float(number) if np.isfinite(number) else None for number in (stiffness, damping))
+    stiffness, damping = (
+        float(number) if np.isfinite(number) else None for number in (stiffness, damping)
+    )
     return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
 
 

@@ -67,11 +67,21 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     cycle_amplitude (m): see `cycle_of_encoder`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
     motors end, max_force over the stiffness felt at rest.
     """
-    limits: dict[str, float | None] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
+    limits: dict[str, float | None] = {
+        name: spec.hardware[name] for name in GIVEN if spec.hardware[name]
+    }
     loop = own_loop(spec)
-    if stable and (step := limits.get("resolution")) and device_of(loop.drawing) and loop.drawing.hand[2] is not None:
+    if (
+        stable
+        and (step := limits.get("resolution"))
+        and device_of(loop.drawing)
+        and loop.drawing.hand[2] is not None
+    ):
         peak = peak_of_encoder(loop)
-        limits |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
+        limits |= {
+            "step_force": peak and peak.step * step,
+            "chatter": peak and peak.gain * step / 2,
+        }
         for name, signal in (("moves", POSITION), ("speed", f"{device_of(loop.drawing)}.v")):
             peak = peak_of_encoder(loop, signal)
             limits[name] = peak and peak.gain * step / 2
@@ -85,7 +95,11 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
 
 def _is_plain_wall(spec: Spec) -> bool:
     """Whether the wall is a spring alone that direct coupling renders without a delay, as Abbott and Okamura have it."""
-    delays = ("device.delay", "device.dead_time", *(["environment.delay"] if spec.kind == "dc-slow" else []))
+    delays = (
+        "device.delay",
+        "device.dead_time",
+        *(["environment.delay"] if spec.kind == "dc-slow" else []),
+    )
     direct = spec.kind in ("dc", "dc-slow") and spec.values["environment.B_VE"] == 0
     return direct and not any(spec.values[path] for path in delays)
 
@@ -103,11 +117,20 @@ def cycle_of_encoder(spec: Spec) -> dict[str, float]:
     both to a factor of 3 with it; most cycles are slower and larger, since a reading is late by up to a tick. Cycles with fewer
     than TICKS ticks, or beyond a step, are not predicted.
     """
-    values, step, friction = spec.values, spec.hardware["resolution"], spec.hardware["friction"] or 0.0
+    values, step, friction = (
+        spec.values,
+        spec.hardware["resolution"],
+        spec.hardware["friction"] or 0.0,
+    )
     if not step or spec.kind != "dc" or not _is_plain_wall(spec):
         return {}
-    mass, damping = (float(values[f"device.{part}"] + values[f"operator.{part}"]) for part in ("mass", "damping"))
-    relay, late = 2 * float(values["environment.K_VE"]) * step / np.pi, 0.5 / float(values["rates.fast_hz"])
+    mass, damping = (
+        float(values[f"device.{part}"] + values[f"operator.{part}"]) for part in ("mass", "damping")
+    )
+    relay, late = (
+        2 * float(values["environment.K_VE"]) * step / np.pi,
+        0.5 / float(values["rates.fast_hz"]),
+    )
     angle = np.linspace(0, np.pi / 2, 20_001)[1:-1]
     omega = angle / late
     amplitude = relay * np.cos(angle) / (mass * omega**2)
@@ -138,7 +161,11 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
         limits["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + late)
     elif values["device.dead_time"]:
         return limits
-    elif spec.kind == "dc-slow" and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"] == 0:
+    elif (
+        spec.kind == "dc-slow"
+        and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"]
+        == 0
+    ):
         ticks = values["rates.ratio"] / 2 + late
         limits["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / ticks
     return limits
@@ -146,5 +173,11 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
 
 def deciding(path: str) -> bool:
     """Whether `limits_of_walls` depends on a key of the loop."""
-    of_walls = ("device.damping", "device.delay", "device.dead_time", "environment.delay", "controller.kind")
+    of_walls = (
+        "device.damping",
+        "device.delay",
+        "device.dead_time",
+        "environment.delay",
+        "controller.kind",
+    )
     return path in of_walls or path.startswith("rates.")

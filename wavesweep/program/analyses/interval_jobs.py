@@ -22,7 +22,14 @@ from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
-from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, frames_per_spec, make_grid, own_loop
+from wavesweep.program.sweep.grid import (
+    FAST,
+    Grid,
+    drawn_groups,
+    frames_per_spec,
+    make_grid,
+    own_loop,
+)
 from wavesweep.program.sweep.job import (
     CHECKED,
     MOST,
@@ -102,7 +109,9 @@ class IntervalQuery:
     @property
     def identity(self) -> dict[str, object]:
         """What the records depend on besides the spec."""
-        along = {"along": self.axis.name} | ({"require": self.require.written()} if self.require else {})
+        along = {"along": self.axis.name} | (
+            {"require": self.require.written()} if self.require else {}
+        )
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
 
@@ -118,17 +127,31 @@ def _task(job, chunk):
         return searches_of(job, chunk).records
     changes = job.loop_values(chunk)
     number = "" if job.grid.spec.drawing and query.guarantee.own_ticks else path
-    groups = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=number))
+    groups = tuple(
+        drawn_groups(
+            job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=number
+        )
+    )
     return partial(loop_by_loop, groups, path, query.span, query.guarantee)
 
 
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
     changes, checked = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=checked, prover=ball_prover)
+    return _searches(
+        job.grid.spec,
+        job.asked,
+        changes,
+        len(chunk.loops),
+        job.resolved,
+        checked=checked,
+        prover=ball_prover,
+    )
 
 
-def ball_prover(loops: Loops, along: str, period: np.ndarray, **limits: float) -> Callable[[int, float, float], Any] | None:
+def ball_prover(
+    loops: Loops, along: str, period: np.ndarray, **limits: float
+) -> Callable[[int, float, float], Any] | None:
     """The prover in ball arithmetic, if the capability is there; limits: `operations` for each loop."""
     module = offered("prover")
     return module.ball_prover(loops, along, period, **limits) if module else None
@@ -148,11 +171,16 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
             loop = loops.one(place)
             try:
                 pieces = loop.pieces(along, span)
-                records = [guarantee.records_of(loop.changed(built), along, piece) for piece, built in pieces]
+                records = [
+                    guarantee.records_of(loop.changed(built), along, piece)
+                    for piece, built in pieces
+                ]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
                 if feels(loop.drawing) and records["intervals"][0]:
                     p, omega = (np.stack([records[name] for name in pair]) for pair in _PAIRS)
-                    felt = felt_at_ends(p, omega, lambda _, values, loop=loop: felt_along(loop, along, values))
+                    felt = felt_at_ends(
+                        p, omega, lambda _, values, loop=loop: felt_along(loop, along, values)
+                    )
                     records[FELT[0]], records[FELT[1]] = felt
             except FAILURES as error:
                 by_number[number] = unanswered(guarantee.dtype, number, span, error)
@@ -173,7 +201,9 @@ def _joined(pieces):
             if name.startswith("high") or name == "fails_from":
                 last[name] = row[name]
             elif row.dtype[name].kind == "U":
-                last[name] = "; ".join(dict.fromkeys(filter(None, (str(last[name]), str(row[name])))))
+                last[name] = "; ".join(
+                    dict.fromkeys(filter(None, (str(last[name]), str(row[name]))))
+                )
     together = np.concatenate(pieces)
     records = np.array(joined or together[:1])
     records["intervals"], records["interval"] = len(joined), np.arange(len(records))
@@ -186,9 +216,13 @@ def _joined(pieces):
 
 def _columns(job, combination, records):
     """The axes, `along`, and the fields of the records."""
-    columns = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+    columns = {
+        name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"
+    }
     columns["doubt"] = words(columns["doubt"])
-    columns |= columns_of_ends(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
+    columns |= columns_of_ends(
+        records, set_by=bool(job.asked.require and job.asked.require.bound.gain)
+    )
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
 
@@ -211,7 +245,16 @@ INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
 def _searches(
-    spec: Spec, asked: IntervalQuery, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prover=None
+    spec: Spec,
+    asked: IntervalQuery,
+    changes,
+    size: int,
+    resolved=None,
+    *,
+    ties=(),
+    felt=True,
+    checked=False,
+    prover=None,
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
@@ -220,7 +263,9 @@ def _searches(
     """
     by_bound: dict = {}
     path, require = asked.axis.path, asked.require
-    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)):
+    for members, loops in drawn_groups(
+        spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)
+    ):
         bound = require and require.bound.over(frames_per_spec(loops))
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
@@ -229,7 +274,9 @@ def _searches(
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
         at_port = FELT_AT_ENDS if felt else None
         known = checked or not spec.drawing
-        searches.append(Search(path, asked.span, groups, felt, known, prover, bound, at_port, RECORD))
+        searches.append(
+            Search(path, asked.span, groups, felt, known, prover, bound, at_port, RECORD)
+        )
     return Searches(tuple(searches))
 
 
@@ -247,11 +294,16 @@ def job_of(spec: Spec, along: str | None = None) -> Job:
 def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Job:
     """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it cannot be done."""
     spec, query = grid.spec, IntervalQuery(axis, require=require)
-    if axis.structural and spec.builds(axis.path, [axis.path, *(loop_axis.path for loop_axis in grid.loop_axes)]):
+    if axis.structural and spec.builds(
+        axis.path, [axis.path, *(loop_axis.path for loop_axis in grid.loop_axes)]
+    ):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
     for end in query.span:
-        wrong = spec.drawing and Loops(spec.drawing, {**spec.values, axis.path: np.array([end])}).unsuitable().any()
+        wrong = (
+            spec.drawing
+            and Loops(spec.drawing, {**spec.values, axis.path: np.array([end])}).unsuitable().any()
+        )
         if wrong or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
     if spec.drawing:
@@ -259,7 +311,10 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     index = some_loops(grid)
     changes = grid.loop_values(index)
     number = _varied(spec, axis.path, require)
-    groups = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)]
+    groups = [
+        loops
+        for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)
+    ]
     for loops in groups:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
@@ -267,11 +322,15 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     orders = _orders_of_few(spec, query, changes, index.size, resolved) if index.size <= FEW else []
     ways = [Way.CUT] * len(orders)
     if not orders:
-        orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]), strict=True)
+        orders, ways = zip(
+            *(_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]), strict=True
+        )
     ways_used = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
     most = MOST_SLOW if ways_used is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
-    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, replace(query, way=ways_used))
+    return interval_job(
+        grid, cut_up(grid.loops, 1, cost, most), resolved, replace(query, way=ways_used)
+    )
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:
@@ -315,7 +374,9 @@ def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
 
 
 def _order_of(spec, loops, axis):
-    return _order_of_drawing(loops.drawing, axis.path, Loops(loops.drawing, _like_own(spec, loops)).items)
+    return _order_of_drawing(
+        loops.drawing, axis.path, Loops(loops.drawing, _like_own(spec, loops)).items
+    )
 
 
 def _like_own(spec, loops):
@@ -331,7 +392,9 @@ def _like_own(spec, loops):
             and isinstance(value_of_spec, float)
             and (first > 0, first < 0) == (value_of_spec > 0, value_of_spec < 0)
         ):
-            like[path] = value_of_spec * np.array([1.0, VARIED]) if np.ndim(value) else value_of_spec
+            like[path] = (
+                value_of_spec * np.array([1.0, VARIED]) if np.ndim(value) else value_of_spec
+            )
     return like
 
 
@@ -351,9 +414,14 @@ def at_points(
     `IntervalQuery`. prover: see `Search`.
     """
     count = len(next(iter(points.values())))
-    asked, how = IntervalQuery(axis, require=require), {"ties": ties, "felt": felt, "checked": True, "prover": prover}
+    asked, how = (
+        IntervalQuery(axis, require=require),
+        {"ties": ties, "felt": felt, "checked": True, "prover": prover},
+    )
     records = _searches(spec, asked, points, count, **how).records()
-    columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+    columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {
+        "doubt": words(records["doubt"])
+    }
     return columns | columns_of_ends(records, set_by=False)
 
 

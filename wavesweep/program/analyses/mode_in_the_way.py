@@ -25,7 +25,9 @@ def outside(delta: np.ndarray, _: float) -> np.ndarray:
         return np.log(np.abs(1 + delta))
 
 
-def mode_in_the_way(loops: Loops, along: str, span: tuple[float, float], beyond: Beyond) -> dict[str, Any]:
+def mode_in_the_way(
+    loops: Loops, along: str, span: tuple[float, float], beyond: Beyond
+) -> dict[str, Any]:
     """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a loop, or a large one.
 
     loops: a single loop. along: path of the number, span: its range. value: of the number, one of PLACES in it. z_re, z_im: the
@@ -45,7 +47,9 @@ def mode_in_the_way(loops: Loops, along: str, span: tuple[float, float], beyond:
             amount = beyond(delta, period)
             if delta.size and amount.max() < nearest:
                 nearest, worst = amount.max(), int(amount.argmax())
-                found = _described(value, complex(delta[worst]), period) | {"states": leading(names, shares[worst])}
+                found = _described(value, complex(delta[worst]), period) | {
+                    "states": leading(names, shares[worst])
+                }
     return found
 
 
@@ -87,7 +91,9 @@ def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
     said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasts}"
     states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
     place = f"nearest at {name} = {mode['value']:.6g}{unit}"
-    return f"{place}, where the mode z = {mode['z_re']:.4g}{imaginary}{states} is in the way ({said})"
+    return (
+        f"{place}, where the mode z = {mode['z_re']:.4g}{imaginary}{states} is in the way ({said})"
+    )
 
 
 def stays_in_words(states: Sequence[str]) -> str:

@@ -17,7 +17,13 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
 FAR = 10.0  # factor up to which a number is followed
-USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
+USUAL = {
+    "K_VE": 1000.0,
+    "B_VE": 10.0,
+    "Kp": 20.0,
+    "K_LM": 1000.0,
+    "B_LM": 10.0,
+}  # followed up to FAR times that, from 0
 SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
@@ -27,7 +33,12 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
     ends = [start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))]
-    ends += [end for axis in spec.sweep if axis.path == path for end in axis.values or (axis.start, axis.stop)]
+    ends += [
+        end
+        for axis in spec.sweep
+        if axis.path == path
+        for end in axis.values or (axis.start, axis.stop)
+    ]
     return min(ends), max(ends)
 
 
@@ -57,7 +68,12 @@ def own_design(spec: Spec, loop=None) -> dict:
     if radius == 1:
         names, (delta, shares) = named_modes(E, drawn, drift)
         numbers["stays"] = next(
-            (leading(names, share) for mode, share in zip(delta, shares, strict=True) if abs(mode) <= STAYS), []
+            (
+                leading(names, share)
+                for mode, share in zip(delta, shares, strict=True)
+                if abs(mode) <= STAYS
+            ),
+            [],
         )
         numbers["only_oscillates"] = only_oscillates(delta)
     modes = []
@@ -65,7 +81,10 @@ def own_design(spec: Spec, loop=None) -> dict:
         loop = loop_at_hand(spec)
     if numbers["stable"]:
         names, (delta, shares) = named_modes(E, drawn, drift)
-        modes = [(complex(mode), leading(names, share)) for mode, share in zip(delta, shares, strict=True)]
+        modes = [
+            (complex(mode), leading(names, share))
+            for mode, share in zip(delta, shares, strict=True)
+        ]
         modes = modes or [(-1 + 0j, [])]  # without a state
     named = {"slowest": modes[0] if modes else None, "least_damped": _least_damped(modes)}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
@@ -76,7 +95,10 @@ def _least_damped(modes: Sequence[tuple[complex, list[str]]]) -> tuple[complex, 
     """The mode with the lowest damping ratio; None if it is the first one, the slowest, or its conjugate."""
     if not modes:
         return None
-    ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
+    ratios = [
+        np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0
+        for mode, _ in modes
+    ]
     damped, slowest = modes[int(np.argmin(ratios))], modes[0][0]
     another = abs(damped[0] - slowest) > SAME and abs(damped[0] - slowest.conjugate()) > SAME
     return damped if another else None
@@ -88,8 +110,12 @@ def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
     found: see `own_design`.
     """
     radius = found["spectral_radius"]
-    decided = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
-    said = "stable" if found["stable"] else "UNSTABLE" if decided else "not known whether it is stable"
+    decided = (
+        radius is not None and radius != 1
+    )  # 1 also stands for a radius that is below it by rounding alone
+    said = (
+        "stable" if found["stable"] else "UNSTABLE" if decided else "not known whether it is stable"
+    )
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
         why = f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms"
@@ -114,8 +140,15 @@ def _mode(spec, mode, states, period):
         s = np.log1p(mode)
         hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()
         s = complex(s.real / period, 2 * np.pi * hz)
-        ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
-        numbers = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
+        ratio = float(
+            damping_ratio(mode)
+        )  # from frame to frame, as requirements and wishes mean it
+        numbers = {
+            "time_constant_s": -1 / s.real,
+            "damping_ratio": ratio,
+            "omega": s.imag,
+            "second_hz": second,
+        }
     return {name: _number(value) for name, value in numbers.items()} | {"states": states}
 
 

@@ -23,11 +23,19 @@ import numpy as np
 from wavesweep.program.columns import INCOMPLETE, Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
-LOGGER = logging.getLogger("wavesweep.figure.curves")  # hears which share of the further columns is computed
+LOGGER = logging.getLogger(
+    "wavesweep.figure.curves"
+)  # hears which share of the further columns is computed
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
-DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
-MOST_PROVED, OPERATIONS = 6, 2e6  # dear columns in doubt that are asked of ball arithmetic, each of so many operations at most
+DEAR, ROUND = (
+    6e-3,
+    0.1,
+)  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
+MOST_PROVED, OPERATIONS = (
+    6,
+    2e6,
+)  # dear columns in doubt that are asked of ball arithmetic, each of so many operations at most
 LOOSE = 2  # pixels of a cell that is not decided, up to which it is drawn as if it were one
 KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
@@ -114,9 +122,12 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
     curves = [
-        PlaneCurve(columns, in_table=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)
+        PlaneCurve(columns, in_table=frozenset(columns))
+        for columns in (columns_of(rows, rows[view.x]) for rows in members)
     ]
-    source = _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
+    source = (
+        _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
+    )
     if source is None:
         return curves
     ends = view.height(np.concatenate([[*rows["low"], *rows["high"]] for rows in members]))
@@ -135,7 +146,9 @@ def seconds_of_curves(spec: Any, axis: Any, axes: Sequence[Any], slice_seconds: 
     from wavesweep.program.sweep.grid import is_plain
 
     cost, method = cost_of(spec, axis)
-    if method is Way.CUT or not any(len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes):
+    if method is Way.CUT or not any(
+        len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes
+    ):
         return 0.0
     most_columns = BUDGET / max(cost, DEAR)
     return most_columns * slice_seconds
@@ -154,7 +167,10 @@ def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
         intervals, partly = columns.get(place, ((), ()))
         if stable:  # an omega is NaN if the range ends the interval
             low_real, high_real = (not isnan(omega) for omega in omegas)
-            intervals = (*intervals, Interval(low, high, low_real, high_real, bool(certified), felt_low, felt_high))
+            intervals = (
+                *intervals,
+                Interval(low, high, low_real, high_real, bool(certified), felt_low, felt_high),
+            )
         columns[place] = intervals, (*partly, *unknown)
     return columns
 
@@ -166,7 +182,10 @@ def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
     ends = ("open_low", -np.inf), ("open_high", np.inf)
     low, high = (np.where(everywhere, end, rows.get(name, np.nan)).tolist() for name, end in ends)
     unknown = (everywhere | (places > 0)).tolist()
-    return [((first, last),) if is_unknown else () for is_unknown, first, last in zip(unknown, low, high, strict=True)]
+    return [
+        ((first, last),) if is_unknown else ()
+        for is_unknown, first, last in zip(unknown, low, high, strict=True)
+    ]
 
 
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
@@ -178,7 +197,12 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     smallest = width_of_all / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
     for curve in curves if source.batch else ():
         curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, smallest)
-    cells = [(n, *gap) for n, curve in enumerate(curves) for gap in pairwise(sorted(curve.columns)) if gap not in curve.gaps]
+    cells = [
+        (n, *gap)
+        for n, curve in enumerate(curves)
+        for gap in pairwise(sorted(curve.columns))
+        if gap not in curve.gaps
+    ]
 
     def width(cell):
         return view.position(cell[2]) - view.position(cell[1])
@@ -191,7 +215,10 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
         wanted: list[tuple[int, float]] = []
         designs: set[int] = set()
         for cell in cells:
-            inside = view.between(*cell[1:], max(halves if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
+            inside = view.between(
+                *cell[1:],
+                max(halves if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))),
+            )
             if source.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
                 break
             designs.add(cell[0])
@@ -233,7 +260,10 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
 
     A gap that is left and no wider than LOOSE pixels is narrow; a wider one is not known.
     """
-    places, width_of_all = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
+    places, width_of_all = (
+        sorted(curve.columns),
+        float(np.ptp(view.position(np.array(sorted(curve.columns))))),
+    )
     in_table = [x for x in places if x in curve.in_table]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
     for left, right in pairwise(in_table):
@@ -245,11 +275,16 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
             for gap in {*pairwise(inside)} - {*pairwise(certain)}:
                 curve.gaps.pop(gap, None)
             for gap in {*pairwise(certain)} - {*pairwise(inside)}:
-                if view.position(gap[1]) - view.position(gap[0]) <= LOOSE * width_of_all / view.wide:
+                if (
+                    view.position(gap[1]) - view.position(gap[0])
+                    <= LOOSE * width_of_all / view.wide
+                ):
                     curve.gaps[gap] = NARROW
 
 
-def known_gaps(columns: Mapping[float, Column], view: View, tolerance: float) -> dict[tuple[float, float], str]:
+def known_gaps(
+    columns: Mapping[float, Column], view: View, tolerance: float
+) -> dict[tuple[float, float], str]:
     """The gaps of columns, two by two, in which lines are right to the tolerance (see `View.height`), by the middle column."""
     places = sorted(columns)
     gaps: dict[tuple[float, float], str] = {}
@@ -259,14 +294,21 @@ def known_gaps(columns: Mapping[float, Column], view: View, tolerance: float) ->
     return gaps
 
 
-def _is_straight(before: Column, middle: Column, after: Column, view: View, tolerance: float) -> bool:
+def _is_straight(
+    before: Column, middle: Column, after: Column, view: View, tolerance: float
+) -> bool:
     """Whether all three columns have the same intervals, and those in the middle lie on lines between the others.
 
     An end may be that of the swept range on one side: a line to it is as right as any other.
     """
     if len({(len(column[0]), bool(column[1])) for column in (before, middle, after)}) > 1:
         return False
-    ends = np.array([[(interval.low, interval.high) for interval in column[0]] for column in (before, middle, after)])
+    ends = np.array(
+        [
+            [(interval.low, interval.high) for interval in column[0]]
+            for column in (before, middle, after)
+        ]
+    )
     left, centre, right = view.height(ends)
     return bool((np.abs(centre - (left + right) / 2) <= tolerance).all())
 
@@ -280,7 +322,9 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
     # Facts have the order and the cutoff that follow from band edges next to these; a spec has one or the other.
     filters = {
         name: {
-            key: value for key, value in written.items() if "passband_hz" not in written or key not in ("order", "cutoff_hz")
+            key: value
+            for key, value in written.items()
+            if "passband_hz" not in written or key not in ("order", "cutoff_hz")
         }
         for name, written in facts["spec"].get("filters", {}).items()
     }
@@ -297,7 +341,9 @@ def smooth_axes(names: Iterable[str], facts: Mapping[str, Any]) -> list[str]:
     return [name for name in names if is_plain(spec, spec.names.find(name).path)]
 
 
-Design = tuple[tuple[str, float], ...]  # path -> value on each axis that is read, without that along the picture
+Design = tuple[
+    tuple[str, float], ...
+]  # path -> value on each axis that is read, without that along the picture
 
 
 @dataclass(frozen=True)
@@ -330,21 +376,36 @@ class _Source:
             doubtful = [place for place, column in columns.items() if _doubtful(column)][:proofs]
             columns |= self._columns_at(doubtful, proved=True) if doubtful else {}
             asked = len(doubtful)
-        elif len(designs) > 1:  # what loops of several designs leave in doubt may be clear in those of one
+        elif (
+            len(designs) > 1
+        ):  # what loops of several designs leave in doubt may be clear in those of one
             for design in sorted(designs):
-                doubtful = [place for place, column in columns.items() if place[0] == design and _doubtful(column)]
+                doubtful = [
+                    place
+                    for place, column in columns.items()
+                    if place[0] == design and _doubtful(column)
+                ]
                 columns |= self._columns_at(doubtful) if doubtful else {}
         return [columns[place] for place in places], asked
 
-    def _columns_at(self, places: list[tuple[int, float]], *, proved: bool = False) -> dict[tuple[int, float], Column]:
+    def _columns_at(
+        self, places: list[tuple[int, float]], *, proved: bool = False
+    ) -> dict[tuple[int, float], Column]:
         """proved: whether what is in doubt is asked of ball arithmetic."""
         from wavesweep.program.analyses.interval_jobs import at_points, ball_prover
 
-        points = {path: np.array([dict(self.designs[n])[path] for n, _ in places]) for path, _ in self.designs[0]}
+        points = {
+            path: np.array([dict(self.designs[n])[path] for n, _ in places])
+            for path, _ in self.designs[0]
+        }
         if self.x:
             points[self.x] = np.array([x for _, x in places])
         if not points:  # the loop reads none of the axes
-            name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
+            name, value = next(
+                (path, value)
+                for path, value in self.spec.values.items()
+                if isinstance(value, float)
+            )
             points = {name: np.array([value])}
         more = {"prover": partial(ball_prover, operations=OPERATIONS)} if proved else {}
         rows = at_points(self.spec, self.axis, points, require=self.spec.require, **more)
@@ -373,11 +434,26 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     if not is_plain(spec, path):
         return None
     if hand == "free":
-        spec = spec.with_values(dict.fromkeys((f"operator.{number}" for number in ("mass", "damping", "stiffness")), 0.0))
+        spec = spec.with_values(
+            dict.fromkeys(
+                (f"operator.{number}" for number in ("mass", "damping", "stiffness")), 0.0
+            )
+        )
     axis, axes = sweep_axes(spec, str(rows["along"][0]))
     used = make_grid(spec, axes, axis.path).loop_axes
-    keys = [tuple((swept.path, rows[swept.name][0].item()) for swept in used if swept.path != path) for rows in members]
+    keys = [
+        tuple((swept.path, rows[swept.name][0].item()) for swept in used if swept.path != path)
+        for rows in members
+    ]
     designs = list(dict.fromkeys(keys))
     cost, method = cost_of(spec.with_values(dict(designs[0])), axis)
     cost, batch = (cost, 0.0) if method is Way.CUT else (max(cost, DEAR), ROUND)
-    return _Source(spec, axis, path if any(swept.path == path for swept in used) else None, keys, designs, cost, batch)
+    return _Source(
+        spec,
+        axis,
+        path if any(swept.path == path for swept in used) else None,
+        keys,
+        designs,
+        cost,
+        batch,
+    )

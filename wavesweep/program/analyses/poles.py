@@ -5,13 +5,21 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.poles import certain_modes, count_outside, damping_ratio, lines_of_each, named_modes
+from wavesweep.engine.poles import (
+    certain_modes,
+    count_outside,
+    damping_ratio,
+    lines_of_each,
+    named_modes,
+)
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
 
-ON_CIRCLE = 1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
+ON_CIRCLE = (
+    1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
+)
 MOST = 3  # states that are named of a mode
 LEAST = 0.05  # share of a mode, below which a state is not named
 

@@ -21,7 +21,11 @@ from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import in_memory
 
 PARTS = ("re", "im", "abs", "deg")
-NUMBERS = ("omega_Ts", *(f"{name}_{suffix}" for name in ("admittance", "impedance") for suffix in PARTS), "worst_gain")
+NUMBERS = (
+    "omega_Ts",
+    *(f"{name}_{suffix}" for name in ("admittance", "impedance") for suffix in PARTS),
+    "worst_gain",
+)
 ERRORS = ("admittance_error", "impedance_error", "worst_gain_error")
 
 
@@ -31,8 +35,12 @@ def _record(numbers, errors):
 
 
 RESPONSE = _record(NUMBERS, ERRORS)
-TRANSFER = _record(("omega_Ts", *(f"response_{suffix}" for suffix in PARTS)), ("response_error",))  # of a signal to an input
-TICKS = 100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
+TRANSFER = _record(
+    ("omega_Ts", *(f"response_{suffix}" for suffix in PARTS)), ("response_error",)
+)  # of a signal to an input
+TICKS = (
+    100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
+)
 WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
 
 
@@ -48,10 +56,14 @@ class ResponseQuery:
 
 def one_spec(spec, axes, frequency, read, route: Route | None = None) -> Columns:
     """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its controller reads."""
-    return in_memory(response_job(spec, axes, frequency, tuple(axis.name for axis in axes), read, route))
+    return in_memory(
+        response_job(spec, axes, frequency, tuple(axis.name for axis in axes), read, route)
+    )
 
 
-def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, route: Route | None = None) -> Job:
+def response_job(
+    spec, axes, frequency_hz, names: tuple[str, ...], read=None, route: Route | None = None
+) -> Job:
     """The job of one spec over `axes`; names: the axes of all specs. Raises UsageError if it cannot be done.
 
     route: an input and an output, between which the responses are, in place of those at the hand.
@@ -70,9 +82,20 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, ro
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
-    chunks, query = Chunks(grid.loops, points, max(1, curves), min(points, WIDE)), ResponseQuery(frequency, names, read, route)
+    chunks, query = (
+        Chunks(grid.loops, points, max(1, curves), min(points, WIDE)),
+        ResponseQuery(frequency, names, read, route),
+    )
     if route:
-        return Job(TRANSFERS, grid, chunks, resolved, TRANSFER, {"records": "transfer", "route": list(route)}, query)
+        return Job(
+            TRANSFERS,
+            grid,
+            chunks,
+            resolved,
+            TRANSFER,
+            {"records": "transfer", "route": list(route)},
+            query,
+        )
     return Job(RESPONSES, grid, chunks, resolved, RESPONSE, {"records": "responses"}, query)
 
 
@@ -87,7 +110,9 @@ def _ticks_drawn(spec, *, at_hand):
 def _refuse_aliases(grid, frequency):
     """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
-    axis_of_bode = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
+    axis_of_bode = Axis(
+        "frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False
+    )
     beyond = Mistakes()
     refuse_beyond_half(axis_of_bode, grid.axes, grid.spec.tick_hz, name, beyond)
     if beyond:
@@ -96,9 +121,13 @@ def _refuse_aliases(grid, frequency):
 
 def _task(job, chunk):
     spec, groups = job.grid.spec, []
-    for members, loops in drawn_groups(spec, job.loop_values(chunk), len(chunk.loops), job.resolved):
+    for members, loops in drawn_groups(
+        spec, job.loop_values(chunk), len(chunk.loops), job.resolved
+    ):
         read = {path: value for path, value in loops.values.items() if path in loops.drawing.reads}
-        groups.append((members, Loops(loops.drawing, read), None if spec.drawing else loops.values[RATIO]))
+        groups.append(
+            (members, Loops(loops.drawing, read), None if spec.drawing else loops.values[RATIO])
+        )
     frequency = job.asked.frequency[chunk.points.start : chunk.points.stop]
     return partial(_records, tuple(groups), frequency, job.asked.route, job.dtype)
 
@@ -126,14 +155,23 @@ def _columns(job, combination, records):
     """The axes of all specs, the spec, the frequency, and the fields of the records."""
     at, point = np.divmod(combination, job.asked.frequency.size)
     spec, rows, route = job.grid.spec, combination.size, job.asked.route
-    columns = {name: np.full(rows, own_value(spec, name, job.asked.read)) for name in job.asked.names}
+    columns = {
+        name: np.full(rows, own_value(spec, name, job.asked.read)) for name in job.asked.names
+    }
     columns |= job.grid.axis_columns(at)
     text = {"spec": spec.name, "controller": spec.kind}
     if route:
-        text = {"spec": spec.name, "from_input": route[0], "to_output": route[1], "unit": spec.unit_between(*route)}
+        text = {
+            "spec": spec.name,
+            "from_input": route[0],
+            "to_output": route[1],
+            "unit": spec.unit_between(*route),
+        }
     columns |= {name: np.full(rows, word, dtype=object) for name, word in text.items()}
     columns["frequency_hz"] = job.asked.frequency[point]
-    columns |= {name: np.ascontiguousarray(records[name]) for name in job.dtype.names if name != "slice"}
+    columns |= {
+        name: np.ascontiguousarray(records[name]) for name in job.dtype.names if name != "slice"
+    }
     return columns | {"doubt": words(records["doubt"])}
 
 
@@ -166,12 +204,23 @@ class Prepared:
             columns, errors = columns | complex_columns("response", value), {"response": error}
         else:
             felt, (gain, gain_error) = respond(self.loop, frequency), self.gain(frequency)
-            columns |= complex_columns("admittance", felt.admittance) | complex_columns("impedance", felt.impedance)
+            columns |= complex_columns("admittance", felt.admittance) | complex_columns(
+                "impedance", felt.impedance
+            )
             columns["worst_gain"] = gain
-            errors = {"admittance": felt.admittance_error, "impedance": felt.impedance_error, "worst_gain": gain_error}
+            errors = {
+                "admittance": felt.admittance_error,
+                "impedance": felt.impedance_error,
+                "worst_gain": gain_error,
+            }
         radius, lost = self.radius[:, None], self.loop.lost[..., None]
-        is_known = {name: ~np.isnan(columns[name if name in columns else f"{name}_re"]) for name in errors}
-        columns |= {f"{name}_error": np.where(is_known[name], error, np.nan) for name, error in errors.items()}
+        is_known = {
+            name: ~np.isnan(columns[name if name in columns else f"{name}_re"]) for name in errors
+        }
+        columns |= {
+            f"{name}_error": np.where(is_known[name], error, np.nan)
+            for name, error in errors.items()
+        }
         doubt = _doubts(errors.values(), radius < 1, lost | np.isnan(radius), radius == 1)
         return columns | {"stable": radius < 1, "doubt": doubt}
 
@@ -207,7 +256,9 @@ def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
 def _doubts(errors, stable, lost, marginal=False):
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
     certain = np.where(
-        stable, np.where(rounded, Doubt.ROUNDING, Doubt.NONE), np.where(marginal, Doubt.ROUNDING, Doubt.UNSTABLE)
+        stable,
+        np.where(rounded, Doubt.ROUNDING, Doubt.NONE),
+        np.where(marginal, Doubt.ROUNDING, Doubt.UNSTABLE),
     )
     codes = np.where(lost, Doubt.OVERFLOW, certain)
     return np.broadcast_to(codes, np.broadcast_shapes(codes.shape, rounded.shape))
@@ -224,7 +275,11 @@ def own_value(spec, name, read):
 
 def units_in(several, name: str) -> list[tuple[str, str]]:
     """The unit of a column of an axis in each spec that has values there; several: specs, each with its axes."""
-    return [(spec.name, spec.names.find(name).unit) for spec, axes in several if has_values(spec, axes, name, keys_of(spec))]
+    return [
+        (spec.name, spec.names.find(name).unit)
+        for spec, axes in several
+        if has_values(spec, axes, name, keys_of(spec))
+    ]
 
 
 def has_values(spec, axes, name, read) -> bool:

@@ -22,7 +22,9 @@ def refuse_singular(spec, drawing: Drawing) -> None:
     blocks = Loops(drawing, spec.values).blocks_without_solution()
     if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
-        lacking = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
+        lacking = (
+            f"one without, or with none that double precision can find, through {', '.join(blocks)}"
+        )
         raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", lacking)])
 
 
@@ -33,7 +35,9 @@ def radius_over(spec, axes) -> np.ndarray:
     """
     grid = make_grid(spec, axes)
     radii = np.empty(grid.loops)
-    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+    for members, loops in drawn_groups(
+        spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True
+    ):
         if spec.drawing:
             loops.refuse_unsuitable()
         with np.errstate(over="ignore"):

@@ -13,7 +13,11 @@ ADDED = "the step"  # no signal of a spec can be called so
 def routes_of(spec: Spec) -> list[Route]:
     """Each input of [ports] with each output."""
     drawing = spec.drawing
-    return [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs] if drawing else []
+    return (
+        [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs]
+        if drawing
+        else []
+    )
 
 
 def step_between(spec: Spec, route: Route, most: int = MOST) -> Step:
@@ -29,9 +33,15 @@ def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
     """
     nominal = own_loop(spec)
     wires = tuple(
-        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal))) for port, terms in nominal.drawing.wires
+        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal)))
+        for port, terms in nominal.drawing.wires
     )
-    loop = Loops(replace(nominal.drawing, wires=wires, inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1"))), nominal.values)
+    loop = Loops(
+        replace(
+            nominal.drawing, wires=wires, inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1"))
+        ),
+        nominal.values,
+    )
     loop.refuse_unsuitable()
     drawn = loop.drawn()
     with drawn.naming_blocks():

@@ -6,21 +6,35 @@ import click
 from click.shell_completion import CompletionItem
 
 
-def keys(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def keys(
+    _context: click.Context, _parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
     """Keys of a spec that begin with what is typed, with their meanings."""
-    return [CompletionItem(name, help=text) for name, text in _known() if name.startswith(incomplete)]
+    return [
+        CompletionItem(name, help=text) for name, text in _known() if name.startswith(incomplete)
+    ]
 
 
-def settings(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def settings(
+    _context: click.Context, _parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
     """`KEY=` and, behind the `=`, the words that the key takes."""
     from wavesweep.program.reading.keys import find_key
 
     name, equals, value = incomplete.partition("=")
     if not equals:
-        return [CompletionItem(f"{name}=", help=text) for name, text in _known() if name.startswith(incomplete)]
+        return [
+            CompletionItem(f"{name}=", help=text)
+            for name, text in _known()
+            if name.startswith(incomplete)
+        ]
     key = find_key(name)
     words = dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
-    return [CompletionItem(f"{name}={word}", help=text) for word, text in words.items() if str(word).startswith(value)]
+    return [
+        CompletionItem(f"{name}={word}", help=text)
+        for word, text in words.items()
+        if str(word).startswith(value)
+    ]
 
 
 def _known() -> Iterator[tuple[str, str]]:

@@ -42,8 +42,15 @@ class Verbosity(NamedTuple):
         """Take these options out of a line; the words that are left are those of the group and of the command."""
         end = words.index("--") if "--" in words else len(words)
         spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
-        wanted = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
-        left = [word for word in words[:end] if not any(word in spellings for spellings in spelt.values())]
+        wanted = {
+            name: any(word in spellings for word in words[:end])
+            for name, spellings in spelt.items()
+        }
+        left = [
+            word
+            for word in words[:end]
+            if not any(word in spellings for spellings in spelt.values())
+        ]
         return cls(tuple(words), **wanted), [*left, *words[end:]]
 
 
@@ -69,7 +76,10 @@ CORE = MappingProxyType(
     }
 )
 COMMANDS = MappingProxyType(
-    {**CORE, **{name: said for capability in CAPABILITIES for name, said in capability.commands.items()}}
+    {
+        **CORE,
+        **{name: said for capability in CAPABILITIES for name, said in capability.commands.items()},
+    }
 )
 
 
@@ -90,7 +100,9 @@ def command_of(name: str) -> click.Command:
     function = name.replace("-", "_")
     if capability := home_of(name):
         return getattr(capability.module("command"), function)
-    home = import_module(f"wavesweep.program.cli.{'study_commands' if name in STUDIES else function}")
+    home = import_module(
+        f"wavesweep.program.cli.{'study_commands' if name in STUDIES else function}"
+    )
     return getattr(home, function if name in STUDIES else "command")
 
 
@@ -109,14 +121,18 @@ class LazyGroup(click.Group):
             return None
         return command_of(cmd_name)
 
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the first argument names; a usage error with the nearest name if no command is called so."""
         name = str(args[0])
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
             from difflib import get_close_matches
 
             if name == "compare":  # the old name of two commands
-                both = "`wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses"
+                both = (
+                    "`wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses"
+                )
                 ctx.fail(f"compare is no longer a command. Compare specs with {both}.")
             close = get_close_matches(name, COMMANDS, n=1)
             ctx.fail(f"No such command {name!r}." + (f" Did you mean {close[0]}?" if close else ""))
@@ -126,13 +142,19 @@ class LazyGroup(click.Group):
         """Commands from the table, without importing their modules; options of the group."""
         from click.shell_completion import CompletionItem
 
-        named = (CompletionItem(name, help=said) for name, said in COMMANDS.items() if name.startswith(incomplete))
+        named = (
+            CompletionItem(name, help=said)
+            for name, said in COMMANDS.items()
+            if name.startswith(incomplete)
+        )
         return [*named, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by question, from the table, without importing their modules as click would."""
         del ctx
-        unlisted = tuple(name for name in COMMANDS if not any(name in names for names in QUESTIONS.values()))
+        unlisted = tuple(
+            name for name in COMMANDS if not any(name in names for names in QUESTIONS.values())
+        )
         for question, names in (*QUESTIONS.items(), (OTHER_COMMANDS, unlisted)):
             if rows := [(name, COMMANDS[name]) for name in names if name in COMMANDS]:
                 with formatter.section(question):
@@ -157,14 +179,22 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     help="Print the version.",
 )
 # `Verbosity` has taken these out of the line; they are declared so that the help lists them.
-@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="Print errors only: no summary and no progress.")
+@click.option(
+    "-q",
+    "--quiet",
+    is_flag=True,
+    expose_value=False,
+    help="Print errors only: no summary and no progress.",
+)
 @click.option(
     "--json",
     is_flag=True,
     expose_value=False,
     help="Print the summary as one JSON object on stdout, and no text. docs/commands.md explains its keys.",
 )
-@click.option("--debug", is_flag=True, expose_value=False, help="Show a traceback if the command fails.")
+@click.option(
+    "--debug", is_flag=True, expose_value=False, help="Show a traceback if the command fails."
+)
 @click.pass_context
 def group(context: click.Context) -> None:
     """Stability, rendering range and transparency of multirate wave-variable haptic loops.
@@ -174,7 +204,9 @@ def group(context: click.Context) -> None:
     Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
     if verbosity().as_json and context.invoked_subcommand in WITHOUT_SUMMARY:
-        raise click.UsageError(f"--json: {context.invoked_subcommand} prints no summary; leave it out")
+        raise click.UsageError(
+            f"--json: {context.invoked_subcommand} prints no summary; leave it out"
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -205,13 +237,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code, stopped = _exit_code(error, spoken.as_json), isinstance(error, Stopped)
     code = _flushed(code if isinstance(code, int) else 0)
     if as_program and stopped:
-        os._exit(code)  # Python's own end would wait for threads, and a further signal would change the exit code
+        os._exit(
+            code
+        )  # Python's own end would wait for threads, and a further signal would change the exit code
     return code
 
 
 def _exit_code(error: BaseException, as_json: bool) -> int:
     """Print a line about the error, and with --json an object as well, and return its exit code."""
-    if isinstance(error, SystemExit):  # click's way to end, for a reader of stdout who has gone as well
+    if isinstance(
+        error, SystemExit
+    ):  # click's way to end, for a reader of stdout who has gone as well
         return error.code if isinstance(error.code, int) else int(error.code is not None)
     from wavesweep.program.cli.messages import printable, show_json
 
@@ -279,7 +315,9 @@ def _os_error(error: OSError) -> str:
             sys.stdout.flush()
         except OSError:
             where = "stdout"
-    return f"{where}: {error.strerror or error}" if where is not None else f"{error.strerror or error}"
+    return (
+        f"{where}: {error.strerror or error}" if where is not None else f"{error.strerror or error}"
+    )
 
 
 @contextmanager
@@ -309,7 +347,9 @@ def _replace_closed_streams() -> None:
             if opened != number:
                 os.close(opened)
         if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115 - open to the end
+            mode = "w" if number else "r"
+            opened = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 - open to the end
+            setattr(sys, name, opened)
 
 
 def _flushed(code: int) -> int:

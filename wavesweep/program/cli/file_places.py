@@ -36,8 +36,16 @@ def refuse_other_things(*files: Path) -> None:
         except OSError as error:
             raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
         if not stat.S_ISREG(mode):
-            kind = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
-            raise UsageError(f"{path}: expected a file or none, found {kind}; move it away, or choose another name")
+            kind = (
+                "a link"
+                if stat.S_ISLNK(mode)
+                else "a folder"
+                if stat.S_ISDIR(mode)
+                else "a pipe or a device"
+            )
+            raise UsageError(
+                f"{path}: expected a file or none, found {kind}; move it away, or choose another name"
+            )
 
 
 def refuse_inputs(read: Iterable[str | Path], *written: Path) -> None:
@@ -62,7 +70,9 @@ def refuse_no_folder(target: Path) -> None:
     if target.parent.is_dir() and not os.access(target.parent, os.W_OK | os.X_OK):
         raise UsageError(f"{target}: the folder may not be written to; name a file in another one")
     if not target.parent.is_dir():
-        raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
+        raise UsageError(
+            f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first"
+        )
 
 
 def write_whole(*files: tuple[Path, str], overwrite: bool = True, expected: str = "") -> None:

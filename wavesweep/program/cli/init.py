@@ -30,7 +30,10 @@ WIDTH = 110  # of a comment
 CHOSEN = {
     "rates.fast_hz": 1000.0,
     "rates.slow_hz": 50.0,
-    **{path: KEYS[path].default for path in ("device.mass", "device.damping", "controller.b", "local_model.K_LM")},
+    **{
+        path: KEYS[path].default
+        for path in ("device.mass", "device.damping", "controller.b", "local_model.K_LM")
+    },
     "device.velocity": "difference",
     "environment.K_VE": 50.0,
     "environment.B_VE": 1.0,
@@ -50,7 +53,11 @@ NOTES = {
     "controller.K_VC": "soft, since a slow avatar that is a frame late makes a stiff one unstable",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
-AXES = {"K_VE": "{ start = 0, stop = 5000 }", "B_VE": "{ start = 0, stop = 10, num = 41 }", "b": "[10, 25, 40, 80]"}
+AXES = {
+    "K_VE": "{ start = 0, stop = 5000 }",
+    "B_VE": "{ start = 0, stop = 10, num = 41 }",
+    "b": "[10, 25, 40, 80]",
+}
 
 # Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with, too.
 DRAWN = {
@@ -63,12 +70,31 @@ STARTING_RECIPES = ("admittance", "current-loop")
 
 @click.command("init")
 @click.argument("kind", required=False, default=DEFAULT)
-@click.option("--list", "listed", is_flag=True, help="List all names, each with a line that says what it is.")
-@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Put a value of your own in, e.g. J=0.01.")
-@click.option("--device", metavar="NAME", help=f"With a built-in controller, a device by name: {', '.join(DEVICES)}.")
-@click.option("--example", metavar="NAME", help="The same as KIND: an example of the documents, e.g. first-hour.")
 @click.option(
-    "--out", metavar="FILE", type=PATH, help="The file to write [default: KIND.toml]. With - it is written to stdout."
+    "--list", "listed", is_flag=True, help="List all names, each with a line that says what it is."
+)
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Put a value of your own in, e.g. J=0.01.",
+)
+@click.option(
+    "--device",
+    metavar="NAME",
+    help=f"With a built-in controller, a device by name: {', '.join(DEVICES)}.",
+)
+@click.option(
+    "--example",
+    metavar="NAME",
+    help="The same as KIND: an example of the documents, e.g. first-hour.",
+)
+@click.option(
+    "--out",
+    metavar="FILE",
+    type=PATH,
+    help="The file to write [default: KIND.toml]. With - it is written to stdout.",
 )
 @overwriting("Replace an existing file.")
 def command(
@@ -96,9 +122,16 @@ def command(
         click.echo("\n".join(_listed()))
         return
     kind, drawn, logs = example or kind, drawn_loops(), logs_of_documents()
-    _known(kind, [*CONTROLLERS, *drawn, *logs], "loop to begin with", "`wavesweep init --list` lists all")
+    _known(
+        kind,
+        [*CONTROLLERS, *drawn, *logs],
+        "loop to begin with",
+        "`wavesweep init --list` lists all",
+    )
     if out is not None and not out.strip():
-        raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
+        raise click.UsageError(
+            "--out: expected the name of a file, found an empty text; leave the option out for the default"
+        )
     target, shown = (
         Path(out or (kind if kind in logs else f"{kind}.toml")),
         f"{kind}.toml" if out in (None, "-") or not out.isprintable() else quote(out),
@@ -108,24 +141,41 @@ def command(
             _known(device, DEVICES, "device")
         text = starter(kind, device, shown, settings)
     elif device is not None:
-        raise click.UsageError(f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set")
+        raise click.UsageError(
+            f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set"
+        )
     elif kind in logs:
         if settings:
-            raise click.UsageError(f"--set: expected a loop to begin with, found {kind}, a log, which has no numbers to set")
+            raise click.UsageError(
+                f"--set: expected a loop to begin with, found {kind}, a log, which has no numbers to set"
+            )
         text = logs[kind].read_text(encoding="utf-8")
     else:
         text = _filled(drawn[kind], shown, settings)
     if out == "-":
         click.echo(text, nl=False)
         return
-    write_whole((target, text), overwrite=overwrite, expected="another --out FILE, or --overwrite to replace it")
+    write_whole(
+        (target, text),
+        overwrite=overwrite,
+        expected="another --out FILE, or --overwrite to replace it",
+    )
     click.echo(str(target), err=True)
 
 
 def drawn_loops() -> dict[str, Path]:
     """The files of drawn loops by name: templates first, and those recipes that one begins with."""
-    loops = {path.stem: path for folder in DRAWN for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))}
-    return dict(sorted(loops.items(), key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES))
+    loops = {
+        path.stem: path
+        for folder in DRAWN
+        for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))
+    }
+    return dict(
+        sorted(
+            loops.items(),
+            key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES,
+        )
+    )
 
 
 def logs_of_documents() -> dict[str, Path]:
@@ -138,8 +188,13 @@ def _listed() -> Iterator[str]:
     drawn = drawn_loops()
     width = max(map(len, drawn))
     yield "A hand, a wall and one of the built-in controllers:"
-    yield from (f"  {kind:{width}}  {controller.description}" for kind, controller in CONTROLLERS.items())
-    yield from ("", "Its device by name, with --device NAME, or as device.preset in a spec of your own:")
+    yield from (
+        f"  {kind:{width}}  {controller.description}" for kind, controller in CONTROLLERS.items()
+    )
+    yield from (
+        "",
+        "Its device by name, with --device NAME, or as device.preset in a spec of your own:",
+    )
     for name, device in DEVICES.items():
         unknown = " and ".join(path.removeprefix("device.") for path in device.unknown())
         yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {unknown}: put your own' if unknown else ''}"
@@ -153,7 +208,12 @@ def _listed() -> Iterator[str]:
 
 def _first_sentence(path: Path) -> str:
     """The first sentence of the comment at the head of a file."""
-    comment = path.read_text(encoding="utf-8").partition("\n#\n")[0].replace("\n# ", " ").removeprefix("# ")
+    comment = (
+        path.read_text(encoding="utf-8")
+        .partition("\n#\n")[0]
+        .replace("\n# ", " ")
+        .removeprefix("# ")
+    )
     return shorten(re.split(r"(?<=[.?])\s", comment, maxsplit=1)[0], WIDTH, placeholder=" ...")
 
 
@@ -161,14 +221,22 @@ def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> Non
     if name not in names:
         meant = nearest(name, names)
         hint = f"; did you mean {meant}?" if meant else ""
-        raise UsageError(f"{name} is no {what}; {instead or 'expected one of ' + ', '.join(names)}{hint}")
+        raise UsageError(
+            f"{name} is no {what}; {instead or 'expected one of ' + ', '.join(names)}{hint}"
+        )
 
 
 def _places_of_numbers(text: str) -> dict[str, tuple[str, ...]]:
     """Return the paths of the numbers and words of a drawn loop that settings may replace, by the names that they go by."""
     places = {".".join(place): place for place in scan(text)}
-    numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS) or place[0] == "block"}
-    numbers = {path: place for path, place in numbers.items() if text[scan(text)[place][1]] not in "[{"}  # a value of a block
+    numbers = {
+        path: place
+        for path, place in places.items()
+        if path in (RATE, *KEYS) or place[0] == "block"
+    }
+    numbers = {
+        path: place for path, place in numbers.items() if text[scan(text)[place][1]] not in "[{"
+    }  # a value of a block
     numbers |= {symbol: numbers[path] for symbol, path in SYMBOLS.items() if path in numbers}
     for place in [place for place in places.values() if place[0] == "numbers" and len(place) == 2]:
         numbers[place[1]] = places.get(f"numbers.{place[1]}.value", place)
@@ -201,17 +269,32 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
     from wavesweep.haptics.controller_page import keys_of_page
 
     values = {path: KEYS[path].default for path in VALUE_PATHS}
-    read = keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})  # as if no gain were zero
+    read = keys_of_page(
+        values | {"controller.kind": kind, "controller.Kp": 1.0}
+    )  # as if no gain were zero
     settings_by_path = {".".join(name): value for name, value, _ in map(read_override, settings)}
     for name in settings_by_path:
-        _known(name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all")
-    text = "\n".join((*_head(kind, path), *_loop(kind, device, read, settings_by_path), *_studies(device, read))) + "\n"
+        _known(
+            name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all"
+        )
+    text = (
+        "\n".join(
+            (
+                *_head(kind, path),
+                *_loop(kind, device, read, settings_by_path),
+                *_studies(device, read),
+            )
+        )
+        + "\n"
+    )
     load(tomllib.loads(text))
     return text
 
 
 def _head(kind: str, path: str) -> Iterator[str]:
-    yield from _prose("A spec to begin with. Controller " + f"{kind}: {CONTROLLERS[kind].description}" + ".")
+    yield from _prose(
+        "A spec to begin with. Controller " + f"{kind}: {CONTROLLERS[kind].description}" + "."
+    )
     yield "#"
     yield f"#     wavesweep check {path}      what is stable, and how far each number may go"
     yield f"#     wavesweep zwidth {path}     all stable walls"
@@ -222,16 +305,24 @@ def _head(kind: str, path: str) -> Iterator[str]:
     )
 
 
-def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[str, object]) -> Iterator[str]:
+def _loop(
+    kind: str, device: str | None, read: frozenset[str], given: Mapping[str, object]
+) -> Iterator[str]:
     """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
-    active = {path: value for path, value in CHOSEN.items() if path not in numbers} | {"controller.kind": kind} | given
+    active = (
+        {path: value for path, value in CHOSEN.items() if path not in numbers}
+        | {"controller.kind": kind}
+        | given
+    )
     rate, twin = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
     shown = read - {twin} | ({rate} if "rates.ratio" in read else set())
     notes = NOTES | _origins(device)
     if device:
         active["device.preset"], shown = device, shown | {"device.preset"}
-        notes |= dict.fromkeys(DEVICES[device].unknown(), f"A GUESS, as nobody publishes it for {device}: put your own")
+        notes |= dict.fromkeys(
+            DEVICES[device].unknown(), f"A GUESS, as nobody publishes it for {device}: put your own"
+        )
     table = ""
     for path, key in KEYS.items():
         if path in shown:
@@ -245,19 +336,33 @@ def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[st
 def _origins(device: str | None) -> dict[str, str]:
     """Path -> a note on the number of the device."""
     numbers = DEVICES[device].numbers if device else {}
-    return {path: "ASSUMED, put your own" if n.assumed else f"from the preset {device}" for path, n in numbers.items()}
+    return {
+        path: "ASSUMED, put your own" if n.assumed else f"from the preset {device}"
+        for path, n in numbers.items()
+    }
 
 
 def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
     """The tables [sweep] and [bode], and those of capabilities that a spec begins with."""
     along, frequency = STUDY_KEYS["sweep.along"], STUDY_KEYS["bode.frequency_hz"]
-    yield from ("", "[sweep]", *_entry(along, None, along.default, "for `wavesweep stability-region`"))
+    yield from (
+        "",
+        "[sweep]",
+        *_entry(along, None, along.default, "for `wavesweep stability-region`"),
+    )
     for symbol, axis in AXES.items():
         key = KEYS[SYMBOLS[symbol]]
         if key.path in read:
             yield from (*_prose(f"{key.unit}: {key.description}"), f"{symbol} = {axis}")
-    span = ", ".join(f"{key} = {show(value)}" for key, value in DEFAULT_FREQUENCIES.written().items())
-    yield from ("", "[bode]", *_prose(f"{frequency.unit}: {frequency.description}"), f"#frequency_hz = {{ {span} }}")
+    span = ", ".join(
+        f"{key} = {show(value)}" for key, value in DEFAULT_FREQUENCIES.written().items()
+    )
+    yield from (
+        "",
+        "[bode]",
+        *_prose(f"{frequency.unit}: {frequency.description}"),
+        f"#frequency_hz = {{ {span} }}",
+    )
     for table in (started for started in tables().values() if started.starts):
         yield from ("", f"[{table.path}]", *_defaults(device, table))
 
@@ -265,11 +370,16 @@ def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
 def _defaults(device: str | None, table: SpecTable) -> Iterator[str]:
     """All keys of a table as comments; defaults are those of the device, if it has any."""
     numbers, notes = DEVICES[device].numbers if device else {}, _origins(device)
-    defaults = {path: numbers[path].value if path in numbers else key.default for path, key in table.keys.items()}
+    defaults = {
+        path: numbers[path].value if path in numbers else key.default
+        for path, key in table.keys.items()
+    }
     for path, default in defaults.items():
         if default is not None:
             yield from _entry(table.keys[path], None, default, notes.get(path, ""))
-    absent = ", ".join(path.rpartition(".")[2] for path, default in defaults.items() if default is None)
+    absent = ", ".join(
+        path.rpartition(".")[2] for path, default in defaults.items() if default is None
+    )
     yield from _prose(f"Without a default: {absent}. See `wavesweep keys {table.path}`.")
 
 

@@ -44,13 +44,23 @@ def command(name: str | None, schema: bool) -> None:
         click.echo(json.dumps(of_specs(), indent=1))
         return
     if name is None:
-        descriptions = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}
+        descriptions = {
+            path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()
+        }
     elif not (descriptions := describing.named(name)):
         meant = describing.meant(name)
         path = describing.SYMBOLS.get(meant, meant)
-        hint = f"; did you mean {meant}{f' ({path})' * (path != meant)}?" if meant else "; `wavesweep keys` lists all"
+        hint = (
+            f"; did you mean {meant}{f' ({path})' * (path != meant)}?"
+            if meant
+            else "; `wavesweep keys` lists all"
+        )
         raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
-    click.echo(json.dumps(descriptions, indent=2) if verbosity().as_json else "\n".join(_lines(descriptions)))
+    click.echo(
+        json.dumps(descriptions, indent=2)
+        if verbosity().as_json
+        else "\n".join(_lines(descriptions))
+    )
 
 
 def _lines(found: Mapping[str, Description]) -> Iterator[str]:
@@ -67,7 +77,9 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
     rows = [(path, key["unit"], default_of(key)) for path, key in keys.items()]
     widths = [max(len(row[column]) for row in rows) for column in range(3)]
     table, indent = None, sum(widths) + 6
-    across = get_terminal_size((sys.maxsize, 0)).columns  # what is no terminal has lines of any length
+    across = get_terminal_size(
+        (sys.maxsize, 0)
+    ).columns  # what is no terminal has lines of any length
     room = max(across - indent, NARROWEST)
     for (path, key), row in zip(keys.items(), rows, strict=True):
         if path.partition(".")[0] != table:
@@ -77,7 +89,10 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
             if any(".AXIS." in path for path in keys if path.startswith(f"{table}.")):
                 yield EACH_AXIS
         words = wrap(meaning_of(key), room, break_on_hyphens=False)
-        yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {words[0]}"
+        yield (
+            "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True))
+            + f"  {words[0]}"
+        )
         yield from (" " * indent + line for line in words[1:])
     hints = [table.hint for _, table in sorted(tables().items()) if table.hint]
     yield MORE.format("".join(f"{hint}\n" for hint in hints))
@@ -113,7 +128,11 @@ def _device(device: Description) -> Iterator[str]:
 
 def _own_names(name: str, table: Description) -> Iterator[str]:
     """Lines about a table with names of the user's own."""
-    yield f"{name}: {table['description']}" if name.startswith("rates") else f"[{name}]  {table['description']}"
+    yield (
+        f"{name}: {table['description']}"
+        if name.startswith("rates")
+        else f"[{name}]  {table['description']}"
+    )
     for wish, kind in table.get("wishes", {}).items():
         unit = "without unit" if kind["unit"] == "1" else kind["unit"]
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
@@ -139,6 +158,12 @@ def _type(path: str, kind: Description) -> Iterator[str]:
     yield f"  where steps vary: {kind['steps']}"
     for name, key in kind["keys"].items():
         unit, default = f" {key['unit']}" if key["unit"] else "", default_of(key)
-        default = default if default == "required" else f"by default {default}" if default else "absent by default"
+        default = (
+            default
+            if default == "required"
+            else f"by default {default}"
+            if default
+            else "absent by default"
+        )
         yield f"  {name}: {key['description']} ({key['values']}{unit}; {default})"
     yield "  every key that is a number takes an expression in numbers, as text"

@@ -65,9 +65,14 @@ def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress 
         if quiet:
             yield None
             return
-        watch, over = Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None), Event()
+        watch, over = (
+            Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None),
+            Event(),
+        )
         watch.look()
-        opened.enter_context(_listening("wavesweep.proof", lambda record: watch.note(record.getMessage())))
+        opened.enter_context(
+            _listening("wavesweep.proof", lambda record: watch.note(record.getMessage()))
+        )
         opened.enter_context(_listening("wavesweep.figure", _Drawn(watch.draw).hear))
 
         def keep_looking() -> None:
@@ -148,19 +153,29 @@ class Watch:
     doing, less: see `progress`. bar: moves the bar of a terminal. clock: gives the time in seconds.
     """
 
-    def __init__(self, doing: str, less: str, bar: Progress | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        doing: str,
+        less: str,
+        bar: Progress | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._doing, self._less, self._bar = doing, less, bar
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
         self._reports: list[tuple[float, int]] = []  # (seconds, done) of this phase of the work
         self._total, self._certified, self._estimated, self._ended = 0, None, False, False
-        self._begun = False  # whether a report of this phase came from workers that were at work before
+        self._begun = (
+            False  # whether a report of this phase came from workers that were at work before
+        )
         self._lock, self._note, self._figure = Lock(), "", ""
 
     def hear(self, done: int, total: int, certified: int | None = None) -> None:
         """Take a report."""
         with self._lock:
             seconds = self._clock() - self._started
-            if self._reports and (total != self._total or done < self._reports[-1][1] or self._is_other(seconds, done)):
+            if self._reports and (
+                total != self._total or done < self._reports[-1][1] or self._is_other(seconds, done)
+            ):
                 self._reports = []  # another phase of the work
                 self._estimated = False
                 self._begun = False
@@ -219,7 +234,9 @@ class Watch:
         if done == before or reported - began < (SHORT if self._begun else max(SHORT, START)):
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
-        seconds_each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
+        seconds_each = max(
+            (reported - began) / (done - before), (seconds - began) / (done - before + step)
+        )
         rest = seconds_each * (self._total - done)
         return max(rest - (seconds - reported), min(rest, seconds_each * step) / 2)
 
@@ -227,7 +244,11 @@ class Watch:
         after = f"after {_duration(seconds)}{self._note}"
         if not self._reports:
             return f"still {self._doing or 'at work'} {after}"
-        done, total, doing = self._reports[-1][1], self._total, f"{self._doing}: " if self._doing else ""
+        done, total, doing = (
+            self._reports[-1][1],
+            self._total,
+            f"{self._doing}: " if self._doing else "",
+        )
         if done >= total:
             return f"{doing}all {total:,} done {after}; what follows from them is still to come"
         less = f"; {self._less}" if self._less and left > MINUTE else ""
@@ -245,17 +266,25 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
         with suppress(OSError):
             # It would go to stdout.
             if not bars:
-                room = _columns() - len(f"{doing}  []  {total}/{total}  about 99 min left ")  # a longer line would scroll
+                room = _columns() - len(
+                    f"{doing}  []  {total}/{total}  about 99 min left "
+                )  # a longer line would scroll
                 rates = len(f"  999,999/s  {total:,} certified")
                 shown = {"file": sys.stderr, "show_pos": True, "show_eta": False, "label": doing}
                 shown |= {"item_show_func": lambda text: text}
                 width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
-                bars.append(opened.enter_context(click.progressbar(length=total, width=width, **shown)))
+                bars.append(
+                    opened.enter_context(click.progressbar(length=total, width=width, **shown))
+                )
                 bars.append((done, time.monotonic(), room > rates))
             bar, (first, started, shown) = bars
             seconds = time.monotonic() - started
             rate = (done - first) / seconds if seconds > 1 else 0.0  # without a checkpoint's
-            said = [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"] if rate > 1 / 120 else []
+            said = (
+                [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"]
+                if rate > 1 / 120
+                else []
+            )
             said += [] if certified is None else [f"{certified:,} certified"]
             time_left = [f"about {_duration(left)} left"] if left > LOOK else []
             bar.update(done - bar.pos, "  ".join([*time_left, *said * shown]))
@@ -272,7 +301,13 @@ def _columns() -> int:
 
 
 def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 100
+        else f"{seconds / 60:.0f} min"
+        if seconds < 6000
+        else f"{seconds / 3600:.1f} h"
+    )
 
 
 def where(paths: Iterable[Path], seconds: float) -> str:

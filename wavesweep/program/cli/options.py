@@ -14,7 +14,9 @@ from wavesweep.program.cli.completions import settings
 from wavesweep.program.cli.entry import verbosity
 
 STDOUT = "-"
-PATH = click.Path(readable=False)  # which a shell completes; what is at the path is asked where it is opened
+PATH = click.Path(
+    readable=False
+)  # which a shell completes; what is at the path is asked where it is opened
 FORMATS = ("png", "svg", "pdf", "eps")
 FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single file can be
 
@@ -31,8 +33,15 @@ def _is_file(out: str) -> bool:
 def _checked_out(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
     del context, option
     if out is not None and not out.strip():
-        raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
-    if out and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix) and not _is_file(out) and not Path(out).exists():
+        raise click.UsageError(
+            "--out: expected a folder, found an empty text; leave the option out for the default"
+        )
+    if (
+        out
+        and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix)
+        and not _is_file(out)
+        and not Path(out).exists()
+    ):
         endings = ", ".join(FILES)
         raise click.UsageError(
             f"--out {out}: expected a folder, or a file whose name ends in one of {endings}; make the folder first"
@@ -45,9 +54,13 @@ def folder(text: str, or_file: bool = False) -> Callable[..., Any]:
 
     def checked(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
         if out == STDOUT:
-            raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
+            raise click.UsageError(
+                "--out -: expected a folder, since this command writes no table to stdout"
+            )
         if out and _is_file(out) and not (or_file and PurePath(out).suffix[1:].lower() in FORMATS):
-            raise click.UsageError(f"--out {out}: expected a folder, since this command writes several files")
+            raise click.UsageError(
+                f"--out {out}: expected a folder, since this command writes several files"
+            )
         return _checked_out(context, option, out)
 
     return click.option("-o", "--out", metavar="DIR", type=PATH, callback=checked, help=text)
@@ -110,7 +123,10 @@ class Options:
         False,
     )
     wait: bool = _declared(
-        click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."), False
+        click.option(
+            "--wait", is_flag=True, help="Wait if another run is at work on the same results."
+        ),
+        False,
     )
     partition: int | None = _declared(
         click.option(
@@ -152,7 +168,11 @@ class Options:
         of="workers",
     )
     restart: bool = _declared(
-        click.option("--restart", is_flag=True, help="Begin anew, and throw away what an interrupted run has finished."),
+        click.option(
+            "--restart",
+            is_flag=True,
+            help="Begin anew, and throw away what an interrupted run has finished.",
+        ),
         False,
         of="workers",
     )
@@ -188,18 +208,32 @@ class Options:
     @property
     def work(self) -> dict[str, Any]:
         """The arguments of a run in chunks that are options."""
-        return {"jobs": self.jobs, "backend": self.backend, "scheduler": self.scheduler, "force": self.restart}
+        return {
+            "jobs": self.jobs,
+            "backend": self.backend,
+            "scheduler": self.scheduler,
+            "force": self.restart,
+        }
 
 
 def run_options(*groups: str) -> Callable[..., Any]:
     """Add the options of a run to a command; its body receives them together as `options`. groups: besides those of all."""
-    declared = [option for option in fields(Options) if option.metadata and option.metadata["of"] in ("all", *groups)]
+    declared = [
+        option
+        for option in fields(Options)
+        if option.metadata and option.metadata["of"] in ("all", *groups)
+    ]
 
     def add(body: Callable[..., None]) -> Callable[..., None]:
         @wraps(body)
         def gathered(**given: Any) -> None:
             chosen = {option.name: given.pop(option.name) for option in declared}
-            body(options=_consistent(Options(**chosen, quiet=verbosity().quiet, as_json=verbosity().as_json)), **given)
+            body(
+                options=_consistent(
+                    Options(**chosen, quiet=verbosity().quiet, as_json=verbosity().as_json)
+                ),
+                **given,
+            )
 
         command = gathered
         for option in reversed(declared):
@@ -216,11 +250,17 @@ def _consistent(options: Options) -> Options:
     elif options.file and not options.plot:
         raise click.UsageError(f"--out {options.out} is a figure; leave --no-plot out")
     if options.plot and options.to_stdout and is_given("plot"):
-        raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")
+        raise click.UsageError(
+            "--plot draws a figure, and --out - writes none; name a folder, or leave one of them out"
+        )
     if options.scheduler is not None and options.backend != "dask":
-        raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
+        raise click.UsageError(
+            f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}"
+        )
     if options.as_json and options.to_stdout:
-        raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
+        raise click.UsageError(
+            "--json and --out - would both write to stdout; name a folder, or leave one of them out"
+        )
     if options.partition is not None and not options.to_folder:
         raise click.UsageError(
             f"--partition writes a folder of Parquet files, and --out {options.out} none; leave one of them out"

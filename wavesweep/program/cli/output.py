@@ -15,7 +15,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.capabilities import FOR_ALL_MESSAGES, FOR_ALL_NUMBERS, OVER_AXES, WITH_MESSAGES, listed
+from wavesweep.capabilities import (
+    FOR_ALL_MESSAGES,
+    FOR_ALL_NUMBERS,
+    OVER_AXES,
+    WITH_MESSAGES,
+    listed,
+)
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
@@ -27,7 +33,11 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
 
-INTERVALS = ("zwidth", "stability-region", "zwidth-specs")  # commands that sweep all axes of [sweep]
+INTERVALS = (
+    "zwidth",
+    "stability-region",
+    "zwidth-specs",
+)  # commands that sweep all axes of [sweep]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
@@ -54,8 +64,14 @@ def produce(
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
-    written = [options.file] if options.file else [directory / name for kind in kinds for name in results.names_of(kind)]
-    refuse_inputs((file for spec in specs for file in spec.files), *(() if options.to_stdout else written))
+    written = (
+        [options.file]
+        if options.file
+        else [directory / name for kind in kinds for name in results.names_of(kind)]
+    )
+    refuse_inputs(
+        (file for spec in specs for file in spec.files), *(() if options.to_stdout else written)
+    )
     if options.formats:
         from wavesweep.program import plots
 
@@ -73,24 +89,45 @@ def produce(
         checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
-        before = results.existing_facts(tables[0].kind, directory) if options.to_folder and not options.silent else None
+        before = (
+            results.existing_facts(tables[0].kind, directory)
+            if options.to_folder and not options.silent
+            else None
+        )
         run = {
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             "command": shlex.join(["wavesweep", *verbosity().words]),
         }
-        tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
+        tables = [
+            replace(table, facts={**table.facts, "spec_place": place, **marks, **run})
+            for table in tables
+        ]
         try:
             finished = _written(tables, directory, options)
         except BaseException as error:
             if checkpoint is not None and checkpoint.is_file():
-                error.add_note(f"All that was computed is kept in {checkpoint}; the same command goes on from there.")
+                error.add_note(
+                    f"All that was computed is kept in {checkpoint}; the same command goes on from there."
+                )
             raise
         for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
     if options.silent:
         return
-    changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
-    _report(kinds[0].removesuffix(HANDS), specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+    changed = (
+        results.changes(before, tables[0].facts)
+        if before and before.get("spec_place") == place
+        else []
+    )
+    _report(
+        kinds[0].removesuffix(HANDS),
+        specs,
+        options,
+        tables[0].facts,
+        finished,
+        changed,
+        time.perf_counter() - started,
+    )
 
 
 def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:
@@ -102,7 +139,9 @@ def _written(tables: Sequence[Table], directory: Path, options: Options) -> list
         finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
     if not options.to_folder and not options.quiet:
         for table in tables[1:]:
-            say(f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it")
+            say(
+                f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it"
+            )
     return finished
 
 
@@ -122,7 +161,9 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     from wavesweep.program.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
-    swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
+    swept = {
+        axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS
+    }
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
     yield from _of_one_case(command, spec)
     for override in overrides if command in (*INTERVALS, *OVER_AXES) else ():
@@ -159,7 +200,11 @@ def _report(
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
     from wavesweep.program.analyses.assumptions import unusual
 
-    said = [line for spec in specs for line in (*unusual(spec), *_without_effect(command, spec, options.overrides))]
+    said = [
+        line
+        for spec in specs
+        for line in (*unusual(spec), *_without_effect(command, spec, options.overrides))
+    ]
     notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
     if options.as_json:
         show_json(
@@ -183,13 +228,19 @@ def _report(
     _say_written(finished, changed, seconds)
 
 
-def _lines(said: Sequence[str], facts: Mapping[str, Any], finished: Sequence[Finished]) -> list[Line]:
+def _lines(
+    said: Sequence[str], facts: Mapping[str, Any], finished: Sequence[Finished]
+) -> list[Line]:
     """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
 
     assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
     lines = [(line, False) for line in dict.fromkeys(said)]
-    lines += [line for done in finished for line in (*((notice, False) for notice in done.notices), *done.lines)]
+    lines += [
+        line
+        for done in finished
+        for line in (*((notice, False) for notice in done.notices), *done.lines)
+    ]
     return [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]
 
 
@@ -198,13 +249,18 @@ def _say_interrupted(command: str, directory: Path) -> None:
     from wavesweep.program.store.checkpoint import SUFFIX
 
     for left in sorted(directory.glob(f".{command}-*{SUFFIX}")):
-        say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
+        say(
+            f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed"
+        )
 
 
 def _say_written(finished: Sequence[Finished], changed: Sequence[str], seconds: float) -> None:
     """Say what of a spec has changed since the results that were replaced, and which files were written."""
     if changed:
-        shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
+        shown = [
+            *changed[:MOST_CHANGES],
+            *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else []),
+        ]
         say(f"replaced the results of this spec; changed: {', '.join(shown)}")
     for done in finished:
         if done.paths:
@@ -235,7 +291,12 @@ def produce_intervals(
         if hands and not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
         loud = not (verbosity().quiet or verbosity().as_json)
-        if loud and along is None and specs[0].wall and specs[0].names.find(specs[0].along).path == specs[0].wall[0]:
+        if (
+            loud
+            and along is None
+            and specs[0].wall
+            and specs[0].names.find(specs[0].along).path == specs[0].wall[0]
+        ):
             say(f"along {specs[0].along} this is the table of `wavesweep zwidth`")
         return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
 
@@ -268,8 +329,12 @@ def prepare_work(options: Options) -> None:
         try:
             os.write(sys.stdout.fileno(), b"")
         except OSError as error:
-            if error.errno == errno.EBADF:  # and no stream without a number, as a program that calls this one may have
-                raise UsageError("--out -: expected a place to write the table to, found stdout closed") from error
+            if (
+                error.errno == errno.EBADF
+            ):  # and no stream without a number, as a program that calls this one may have
+                raise UsageError(
+                    "--out -: expected a place to write the table to, found stdout closed"
+                ) from error
     if not options.quiet and (fewer := excess(options.jobs, options.backend)):
         say(fewer, warning=True)
 
@@ -295,7 +360,10 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     """Write a table to files, or to stdout if it is the main one, and summarise it unless nothing is said."""
     from wavesweep.program.tables import kind_named
 
-    kind, notices = kind_named(table.kind), [str(notice) for notice in table.facts.get("notices", ())]
+    kind, notices = (
+        kind_named(table.kind),
+        [str(notice) for notice in table.facts.get("notices", ())],
+    )
     tally = None if options.silent else kind.tally(table)
     if options.formats and (main or options.to_folder):
         from wavesweep.program.plots import drawn

@@ -21,7 +21,9 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
         from wavesweep.program.plots.figure_options import style_of, width_of
         from wavesweep.program.plots.style import as_asked
 
-        chosen = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
+        chosen = (
+            {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
+        )
         context.with_resource(as_asked(**chosen))
     return text
 
@@ -53,7 +55,8 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
     "'font.family: serif'. Colours that tell curves apart stay.",
 )
 @folder(
-    "Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].", or_file=True
+    "Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].",
+    or_file=True,
 )
 def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     """Draw the figure of a table again, as PNG, SVG, PDF or EPS.
@@ -75,19 +78,28 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
     # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
     busy = (lambda _: None) if verbosity().quiet else partial(say, warning=True)
-    with results.at_work([path.stem], directory, wait=True, say=busy) if path.exists() else nullcontext():
+    with (
+        results.at_work([path.stem], directory, wait=True, say=busy)
+        if path.exists()
+        else nullcontext()
+    ):
         kind, columns, facts = results.read_table(path)
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
         try:
             if missing := missing_for(kind, columns, facts):
-                say(f"{path}: drawn plainly, since the capability that makes {missing} is not there", warning=True)
+                say(
+                    f"{path}: drawn plainly, since the capability that makes {missing} is not there",
+                    warning=True,
+                )
             figure = plots.figure_of(kind)(columns, facts)
             written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         except NOT_OURS as error:  # a whole table may have facts and numbers that no run writes
             said = f"{type(error).__name__}: {error}"
-            raise UsageError(f"{path}: expected numbers and facts that can be drawn, found others ({said})") from error
+            raise UsageError(
+                f"{path}: expected numbers and facts that can be drawn, found others ({said})"
+            ) from error
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():
             results.add_figures(package, kind, written)
@@ -95,11 +107,15 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         say(f"Wrote {', '.join(map(str, written))}")
 
 
-def _figure_place(path: Path, formats: tuple[str, ...], out: str | None) -> tuple[Path, str, tuple[str, ...]]:
+def _figure_place(
+    path: Path, formats: tuple[str, ...], out: str | None
+) -> tuple[Path, str, tuple[str, ...]]:
     """Return folder, name and formats of the figure of the table `path`, of which --out may name the folder or the file."""
     directory = path.parent if out is None else Path(out)
     if out is None or directory.suffix[1:] not in FORMATS or directory.is_dir():
         return directory, path.stem, formats
     if is_given("formats"):
-        raise click.UsageError(f"--format: expected a folder for --out, found the file {out}, whose name says its format")
+        raise click.UsageError(
+            f"--format: expected a folder for --out, found the file {out}, whose name says its format"
+        )
     return directory.parent, directory.stem, (directory.suffix[1:],)

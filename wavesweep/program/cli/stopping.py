@@ -54,7 +54,10 @@ def signals_unwind(to_the_end: bool) -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
         for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if to_the_end and handler is signal.default_int_handler else handler)
+            signal.signal(
+                number,
+                signal.SIG_DFL if to_the_end and handler is signal.default_int_handler else handler,
+            )
 
 
 @contextmanager

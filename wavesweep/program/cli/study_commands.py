@@ -36,7 +36,9 @@ def refuse_equal_names(sources: tuple[str, ...]) -> None:
     """Raise UsageError if two files of specs have the same stem, which labels rows and curves."""
     stems = [PurePath(source).stem for source in sources]
     if twice := [stem for stem in stems if stems.count(stem) > 1]:
-        raise click.UsageError(f"two specs are called {twice[0]}; expected different file names, which label the curves")
+        raise click.UsageError(
+            f"two specs are called {twice[0]}; expected different file names, which label the curves"
+        )
 
 
 @click.command("zwidth")
@@ -73,10 +75,14 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
         return produce_intervals("zwidth", specs[0], options, along="K_VE", for_hands=for_hands)
     refuse_equal_names(specs)
     if for_hands:
-        raise click.UsageError("--for-hands: expected one spec beside it, found several; give each its own command")
+        raise click.UsageError(
+            "--for-hands: expected one spec beside it, found several; give each its own command"
+        )
     from wavesweep.program.tables.specs import intervals_of_specs
 
-    return produce(["zwidth-specs"], specs, options, lambda specs, **work: [intervals_of_specs(specs, **work)])
+    return produce(
+        ["zwidth-specs"], specs, options, lambda specs, **work: [intervals_of_specs(specs, **work)]
+    )
 
 
 @click.command("stability-region")
@@ -125,4 +131,10 @@ def bode(specs: tuple[str, ...], options: Options) -> None:
 
     refuse_equal_names(specs)
     less = "fewer values and frequencies in [bode] take less"
-    produce(["bode", "bode-ports"], specs, options, lambda specs, **work: [responses(specs, **work)], less=less)
+    produce(
+        ["bode", "bode-ports"],
+        specs,
+        options,
+        lambda specs, **work: [responses(specs, **work)],
+        less=less,
+    )

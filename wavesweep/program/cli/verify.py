@@ -11,7 +11,9 @@ MOST_LINES = 50  # of the differences of results
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
     del context, option
     if prove is not None and not (prove.isdecimal() and int(prove)):
-        raise click.UsageError(f"--prove: expected a number of slices from 1 on, or none behind DIR, found {prove}")
+        raise click.UsageError(
+            f"--prove: expected a number of slices from 1 on, or none behind DIR, found {prove}"
+        )
     return int(prove or 0)
 
 
@@ -40,10 +42,17 @@ def command(directory: str, prove: int) -> int:
     from wavesweep.program.cli.messages import printable, progress, say, show_json
     from wavesweep.program.results.verification import verify
 
-    with progress(verbosity().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
+    with progress(
+        verbosity().quiet, "computing rows again", "--prove with fewer slices takes less"
+    ) as report:
         verified = verify(directory, prove=prove, progress=report)
     if verbosity().as_json:
-        summary = {"command": "verify", "folder": directory, "checked": verified.checked, "differences": verified.differences}
+        summary = {
+            "command": "verify",
+            "folder": directory,
+            "checked": verified.checked,
+            "differences": verified.differences,
+        }
         show_json(summary | ({"proved": verified.proved} if prove else {}))
     else:
         if verified.checked and not verbosity().quiet:

@@ -47,7 +47,9 @@ def diagram(spec: Spec) -> Any:
     """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
     module = offered("diagram")
     if module is None:
-        raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
+        raise UsageError(
+            "the picture of a loop: expected the capability picture, found that it is not there"
+        )
     return module.diagram(spec)
 
 

@@ -9,7 +9,10 @@ from typing import Any
 from wavesweep.program.atomic_files import scratch
 from wavesweep.program.plots.style import png, style
 
-MOST_MARKS, PRINTED = 500, 400  # marks of a line in an SVG, of which more are an image with so many dots per inch
+MOST_MARKS, PRINTED = (
+    500,
+    400,
+)  # marks of a line in an SVG, of which more are an image with so many dots per inch
 
 
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
@@ -23,20 +26,37 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
         if path.suffix == ".png":
             path.write_bytes(png(canvas, about))
         elif path.suffix == ".svg":
-            words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
+            words = {
+                "Title": about["Title"],
+                "Creator": about["Software"],
+                "Date": None,
+                "Description": _lines(about),
+            }
             for line in canvas.findobj(Line2D):  # each mark would be an element: megabytes of them
-                line.set_rasterized(line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_MARKS)
+                line.set_rasterized(
+                    line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_MARKS
+                )
             canvas.savefig(path, format="svg", metadata=words, dpi=PRINTED)
         elif path.suffix == ".eps":
             file, title = BytesIO(), f"%%Title: {about['Title']}\n".encode("ascii", "replace")
-            canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
-            path.write_bytes(re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1))
+            canvas.savefig(
+                file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"}
+            )
+            path.write_bytes(
+                re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1)
+            )
         else:
-            words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
+            words = {
+                "Title": about["Title"],
+                "Creator": about["Software"],
+                "Subject": _lines(about),
+            }
             canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
 
 
-def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
+def save_all(
+    canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]
+) -> list[Path]:
     """Write a figure in several formats, each whole or not at all, into a folder, which is created; returns the paths.
 
     about: see `save`.
@@ -55,4 +75,6 @@ def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], ab
 
 
 def _lines(about):
-    return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
+    return "; ".join(
+        f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software")
+    )

@@ -95,7 +95,9 @@ def lay_out(
     columns can be computed; a single one of these is along the figure however few values it has.
     dampings: the names of the damping of walls in drawn loops.
     """
-    several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
+    several = {
+        name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1
+    }
     x = along_the_figure(several, dampings)
     family = None
     if not hands:
@@ -154,7 +156,9 @@ def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
     return f"Shown: {'; '.join(sentences)}." if sentences else ""
 
 
-def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:
+def along_the_figure(
+    several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()
+) -> str | None:
     """Return the axis along the figure, one of the wall's if possible; None if all axes are short.
 
     dampings: of drawn walls.
@@ -168,7 +172,10 @@ def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[
 
 
 def evenly(
-    several: Mapping[str, Sequence[float]], name: str | None, most: int, through: Mapping[str, float] | None = None
+    several: Mapping[str, Sequence[float]],
+    name: str | None,
+    most: int,
+    through: Mapping[str, float] | None = None,
 ) -> tuple[float, ...]:
     """Return up to `most` values of an axis, about equally spaced in its list.
 

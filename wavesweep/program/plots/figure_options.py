@@ -10,7 +10,13 @@ from wavesweep.program.plots import refuse_settings
 
 LEAST, MOST = 2.0, 20.0  # inches
 _INCHES = {"": 1.0, "in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
-_OWN = ("backend", "figure.figsize", "figure.dpi", "savefig.bbox", "savefig.dpi")  # set by the program
+_OWN = (
+    "backend",
+    "figure.figsize",
+    "figure.dpi",
+    "savefig.bbox",
+    "savefig.dpi",
+)  # set by the program
 
 
 def width_of(text: str) -> float:
@@ -39,7 +45,9 @@ def style_of(text: str) -> dict[str, Any]:
         names = "the name of a style of matplotlib, such as ggplot, or a file with settings"
         raise UsageError(f"--style: expected {names}, found {text}{hint}")
     if settings.get("text.usetex"):
-        raise UsageError(f"--style: expected a style whose texts matplotlib sets itself, found text.usetex in {text}")
+        raise UsageError(
+            f"--style: expected a style whose texts matplotlib sets itself, found text.usetex in {text}"
+        )
     return {name: value for name, value in settings.items() if name not in _OWN}
 
 
@@ -50,7 +58,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise UsageError(f"--style: expected a text with settings, found {path}, which is not UTF-8") from error
+        raise UsageError(
+            f"--style: expected a text with settings, found {path}, which is not UTF-8"
+        ) from error
     settings = {}
     for number, line in enumerate(lines, 1):
         if not line.partition("#")[0].strip():
@@ -60,7 +70,9 @@ def _read(path: Path) -> dict[str, Any]:
         if not colon or name not in matplotlib.rcParams:
             close = nearest(name, matplotlib.rcParams)
             hint = f" (did you mean {close}?)" if close else ""
-            raise UsageError(f"--style: {path}:{number}: expected a setting of matplotlib, found {name}{hint}")
+            raise UsageError(
+                f"--style: {path}:{number}: expected a setting of matplotlib, found {name}{hint}"
+            )
         try:
             settings[name] = matplotlib.RcParams({name: value})[name]
         except ValueError as error:

@@ -12,8 +12,24 @@ from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smo
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
 from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
-from wavesweep.program.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
-from wavesweep.program.plots.labels import assumed, assumption, label, printed, symbol, valued, with_unit
+from wavesweep.program.plots.interval_legend import (
+    BEST,
+    LIMIT,
+    LIMITS,
+    OWN,
+    draw_legends,
+    entries_of,
+    rows_of,
+)
+from wavesweep.program.plots.labels import (
+    assumed,
+    assumption,
+    label,
+    printed,
+    symbol,
+    valued,
+    with_unit,
+)
 from wavesweep.program.plots.member_panels import (
     HALF_BAR,
     Member,
@@ -38,13 +54,24 @@ from wavesweep.program.plots.region_figures import (
 from wavesweep.program.plots.sampling import Blocks, blocks_of, note_values, rows_where
 from wavesweep.program.plots.scales import by_factors, is_logarithmic
 from wavesweep.program.plots.shown import Shown
-from wavesweep.program.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, is_narrow, note_below, wide
+from wavesweep.program.plots.style import (
+    ONE_COLUMN,
+    TWO_COLUMNS,
+    figure,
+    is_narrow,
+    note_below,
+    wide,
+)
 from wavesweep.program.tables.columns import unlike_units
 
 LOGGER = logging.getLogger("wavesweep.figure.panels")  # hears which panel of how many is drawn
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
-_FILL, _THIN, _THICK = 0.6, 0.8, 4.0  # of the distance between two values of x, bars at most; and their width in points
+_FILL, _THIN, _THICK = (
+    0.6,
+    0.8,
+    4.0,
+)  # of the distance between two values of x, bars at most; and their width in points
 _PANEL_WIDTH = 0.8  # of its part of the figure
 _ROOM = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
@@ -72,7 +99,11 @@ def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
         note_values(values_of, block, "along")
         best = best_of([best, best_row(block)])
         several = bool(whose_column(block))
-    axes = {name: values[~np.isnan(values)].tolist() for name, values in values_of.items() if name != "spec"}
+    axes = {
+        name: values[~np.isnan(values)].tolist()
+        for name, values in values_of.items()
+        if name != "spec"
+    }
     dampings = [damping_of(tables) for tables in specs_of(facts).values()]
     smooth = [] if several else smooth_axes(axes, facts)
     layout = lay_out(axes, best, several, smooth, [name for name in dampings if name])
@@ -171,7 +202,9 @@ def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> 
         grid[0, 0].set_ylim(view)
 
 
-def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]) -> list[float]:
+def _draw_panel(
+    shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]
+) -> list[float]:
     """Draw a panel, and return how far boundaries go between the values of the table, with some room.
 
     how: is added what of _HOW occurs.
@@ -205,7 +238,12 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
 
 
 def _draw_plane(
-    shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float], how: set[str]
+    shown: Shown,
+    axes: Any,
+    columns: Columns,
+    members: Sequence[Member],
+    inches: tuple[float, float],
+    how: set[str],
 ) -> tuple[list[float], dict[str, Bars]]:
     """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees stand."""
     x = shown.layout.x
@@ -241,7 +279,9 @@ def _draw_plane(
             bars_of[member.guarantee] = bars
         else:
             draw_region(axes, region, member.look, filled, len(members))
-        draw_at_values(axes, region.bars, member.look, bars, shown.span if member.at_values else None)
+        draw_at_values(
+            axes, region.bars, member.look, bars, shown.span if member.at_values else None
+        )
         for line in (*region.certain, *region.doubtful):
             how.add("between")
             if not filled:
@@ -255,14 +295,18 @@ def _draw_plane(
             draw_for_all(axes, x, member.rows, shown.span, bars)
         elif member.at_values:
             draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, bars)
-    if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
+    if any(
+        curve.open_at_ends for curve in curves
+    ):  # bars at the first and the last value stay whole
         edge = max(_EDGE, (width + _APART) * in_bars / 2 / points)
         low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
 
 
-def _unknown_spans(curve: PlaneCurve, view: tuple[float, float]) -> list[tuple[float, float, float]]:
+def _unknown_spans(
+    curve: PlaneCurve, view: tuple[float, float]
+) -> list[tuple[float, float, float]]:
     """What is not known at the values of x, (x, from, to), as far as it is in the view."""
     spans_in_view = []
     for x, (_, spans) in curve.columns.items():

@@ -30,7 +30,14 @@ from wavesweep.program.row_kinds import COMPUTED, row_kind
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _SMALL = 7  # points, of a legend above a figure of one column
-BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
+BEST = {
+    "marker": "*",
+    "color": "black",
+    "markersize": 6,
+    "zorder": 5,
+    "linestyle": "none",
+    "clip_on": False,
+}
 OWN = BEST | {"marker": "x", "markeredgewidth": 1.4}
 LIMIT = {"color": "0.35", "linewidth": 0.8}
 LIMITS = {
@@ -39,7 +46,9 @@ LIMITS = {
 }
 
 
-def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+def entries_of(
+    shown: Shown, panels: Sequence[float], drawn: Sequence[Any]
+) -> tuple[list[Any], list[Any]]:
     """The entries of the legend: the members of a family, the hands or the specs, and the marks.
 
     drawn: the axes of the panels. What is not in them has no entry.
@@ -98,7 +107,9 @@ def _extent(shown: Shown, member: Member) -> str:
     return ": whole range" if whole.all() else ""
 
 
-def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
+def _marks(
+    shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]
+) -> list[Any]:
     """The entries of the legend for single points and for lines that no member has alone; artists: what is drawn."""
     from matplotlib.lines import Line2D
 
@@ -170,7 +181,9 @@ def _best_in_words(shown: Shown, certain: bool) -> str:
     return f"{stiffest}{comma}{vouched_for}{of_hand}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
 
 
-def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], at_side: bool) -> None:
+def draw_legends(
+    canvas: Any, grid: Any, members: list[Any], marks: list[Any], at_side: bool
+) -> None:
     """The members above the only panel, and the marks above these.
 
     Of several panels all are beside them, or above them.
@@ -187,7 +200,9 @@ def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], a
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
         grid[0, 0].legend(handles=members, ncols=_in_a_row(members, width), **above, **place)
     if marks:
-        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks, width), **above)
+        canvas.legend(
+            handles=marks, loc="outside upper center", ncols=_in_a_row(marks, width), **above
+        )
 
 
 def _in_a_row(entries: Sequence[Any], width: float) -> int:

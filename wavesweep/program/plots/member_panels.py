@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.program.analyses.plane_columns import KNOWN, PlaneCurve, View, columns_of, curves_of, open_spans
+from wavesweep.program.analyses.plane_columns import (
+    KNOWN,
+    PlaneCurve,
+    View,
+    columns_of,
+    curves_of,
+    open_spans,
+)
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import rows_with, where
 from wavesweep.program.plots.labels import shortened, valued
@@ -58,7 +65,10 @@ class Member:
 
 
 def members_of(
-    columns: Columns, facts: Mapping[str, Any], bars: Sequence[Mapping[str, float]], specs: Sequence[str]
+    columns: Columns,
+    facts: Mapping[str, Any],
+    bars: Sequence[Mapping[str, float]],
+    specs: Sequence[str],
 ) -> list[Member]:
     """The members of a panel, whose rows these are.
 
@@ -79,7 +89,9 @@ def members_of(
     return members
 
 
-def _members_of_specs(columns: Columns, tables: Mapping[str, Mapping[str, Any]], specs: Sequence[str]) -> list[Member]:
+def _members_of_specs(
+    columns: Columns, tables: Mapping[str, Mapping[str, Any]], specs: Sequence[str]
+) -> list[Member]:
     """The specs of a comparison that have rows here."""
     members = []
     for number, name in enumerate(specs):
@@ -90,7 +102,9 @@ def _members_of_specs(columns: Columns, tables: Mapping[str, Mapping[str, Any]],
     return members
 
 
-def _members_of_hands(columns: Columns, facts: Mapping[str, Any], kinds: np.ndarray) -> list[Member]:
+def _members_of_hands(
+    columns: Columns, facts: Mapping[str, Any], kinds: np.ndarray
+) -> list[Member]:
     """The hands, or the guarantees, that have rows here; kinds: the word of each row."""
     rows_of: dict[str, Columns] = {}
     for word in dict.fromkeys([*row_kinds(), *sorted(set(kinds.tolist()))]):
@@ -146,7 +160,9 @@ def specs_of(facts: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return facts.get("specs") or {facts.get("spec_name", ""): facts.get("spec", {})}
 
 
-def member_curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[PlaneCurve]:
+def member_curves(
+    members: Sequence[Member], view: View, span: tuple[float, float]
+) -> list[PlaneCurve]:
     """The curves of all members; those of one family in a batch."""
     of_one_spec = len({id(member.facts) for member in members}) == 1
     if of_one_spec and not any(member.guarantee for member in members):

@@ -14,10 +14,16 @@ MOST = 12  # panels
 def plain(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw each column of numbers over the first one that grows from row to row, or over the number of the row."""
     del facts
-    numbers = {name: column.astype(float) for name, column in columns.items() if column.dtype.kind in "fiu"}
-    growing = (name for name, column in numbers.items() if column.size > 1 and (np.diff(column) > 0).all())
+    numbers = {
+        name: column.astype(float) for name, column in columns.items() if column.dtype.kind in "fiu"
+    }
+    growing = (
+        name for name, column in numbers.items() if column.size > 1 and (np.diff(column) > 0).all()
+    )
     x = next(growing, "")
-    drawn = {name: column for name, column in numbers.items() if name != x and np.isfinite(column).any()}
+    drawn = {
+        name: column for name, column in numbers.items() if name != x and np.isfinite(column).any()
+    }
     shown = list(drawn)[:MOST]
     with figure(2 * ONE_COLUMN, 0.6 + 1.1 * max(1, -(-len(shown) // 3))) as canvas:
         panels = canvas.subplots(max(1, -(-len(shown) // 3)), 3, squeeze=False, sharex=True).flat
@@ -30,5 +36,7 @@ def plain(columns: Columns, facts: Mapping[str, Any]) -> Any:
             axes.set_visible(False)
         left_out = [name for name in columns if name not in (x, *shown)]
         said = f"Not drawn: {', '.join(left_out)}." if left_out else ""
-        note_below(canvas, "Drawn plainly: what makes this table is not installed.", said, axis=x or "row")
+        note_below(
+            canvas, "Drawn plainly: what makes this table is not installed.", said, axis=x or "row"
+        )
     return canvas

@@ -9,7 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.program.analyses.plane_columns import KNOWN, NARROW, UNDECIDED, Interval, PlaneCurve, View
+from wavesweep.program.analyses.plane_columns import (
+    KNOWN,
+    NARROW,
+    UNDECIDED,
+    Interval,
+    PlaneCurve,
+    View,
+)
 
 Chain = list[tuple[float, Interval]]
 """An interval followed over neighbouring values of x."""
@@ -123,7 +130,9 @@ def _go_on(growing: Sequence[Chain], x: float, intervals: Sequence[Interval]) ->
         chain.append(point)
 
 
-def _at_fold(before: Sequence[Interval], after: Sequence[Interval]) -> tuple[list[Interval], list[Interval]] | None:
+def _at_fold(
+    before: Sequence[Interval], after: Sequence[Interval]
+) -> tuple[list[Interval], list[Interval]] | None:
     """The intervals of both sides in the middle of a narrow gap, in which the boundary turns back at most once.
 
     There two neighbouring ends of one side meet, which are those of an interval or of a hole. The other ends are on both sides,
@@ -162,7 +171,10 @@ def _at_fold(before: Sequence[Interval], after: Sequence[Interval]) -> tuple[lis
 def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
     """The intervals with other ends, in the order low, high of each."""
     spans = ends.reshape(-1, 2).tolist()
-    return [replace(interval, low=low, high=high) for interval, (low, high) in zip(intervals, spans, strict=True)]
+    return [
+        replace(interval, low=low, high=high)
+        for interval, (low, high) in zip(intervals, spans, strict=True)
+    ]
 
 
 def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
@@ -201,7 +213,9 @@ def _felt(chain: Chain) -> Iterator[Line]:
             yield [(left, a.felt_high), (right, b.felt_high)]
 
 
-def _jumps(x: float, before: Sequence[Interval], after: Sequence[Interval]) -> Iterator[tuple[Line, bool]]:
+def _jumps(
+    x: float, before: Sequence[Interval], after: Sequence[Interval]
+) -> Iterator[tuple[Line, bool]]:
     """Lines across x: down where the left side is stable alone, up where the right side is."""
     every = (*before, *after)
     ends = {interval.low for interval in every} | {interval.high for interval in every}
@@ -234,7 +248,9 @@ def _joined(lines: Sequence[Line]) -> list[Line]:
 
 
 def _outline(chain: Chain) -> Line:
-    return [(x, interval.high) for x, interval in chain] + [(x, interval.low) for x, interval in reversed(chain)]
+    return [(x, interval.high) for x, interval in chain] + [
+        (x, interval.low) for x, interval in reversed(chain)
+    ]
 
 
 def _unproved(chain: Chain) -> Iterator[Chain]:

@@ -9,11 +9,24 @@ import numpy as np
 from wavesweep.program.analyses.plane_columns import View
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.plane_regions import Chain, Region
-from wavesweep.program.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
+from wavesweep.program.plots.style import (
+    DOTS_PER_INCH,
+    DOUBTFUL,
+    UNKNOWN,
+    UNPROVED,
+    Look,
+    family_looks,
+    paler,
+)
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
-CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 6}  # seen on the star of the best design
+CARET = {
+    "color": "#D55E00",
+    "markersize": 4,
+    "linestyle": "none",
+    "zorder": 6,
+}  # seen on the star of the best design
 LEFT, RIGHT, UP, DOWN = range(8, 12)  # carets of matplotlib whose base is at the point
 FELT_LINE = (0, (1, 1.2))
 BAR = {"marker": "|", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}  # in a legend
@@ -31,7 +44,9 @@ def view_of(x: str, logarithmic: bool, width: float, height: float, factors: boo
     return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
-def handles_of(names: Sequence[str], looks: Sequence[Look] = (), bars: Sequence[bool] = ()) -> list[Any]:
+def handles_of(
+    names: Sequence[str], looks: Sequence[Look] = (), bars: Sequence[bool] = ()
+) -> list[Any]:
     """Entries of a legend for the members of a family; bars: those that are bars at values of x."""
     from matplotlib.lines import Line2D
 
@@ -131,14 +146,24 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
         if chosen:
             spans = np.array([(x, interval.low, interval.high) for x, interval in chosen]).T
             axes.vlines(*spans, **body, transform=place)
-        ends = [(x, interval.low) for x, interval in chosen if interval.low_real and interval.low > bottom]
-        ends += [(x, interval.high) for x, interval in chosen if interval.high_real and interval.high < top]
+        ends = [
+            (x, interval.low)
+            for x, interval in chosen
+            if interval.low_real and interval.low > bottom
+        ]
+        ends += [
+            (x, interval.high)
+            for x, interval in chosen
+            if interval.high_real and interval.high < top
+        ]
         if ends:
             mark = {"color": colour, "markersize": max(4.0, at.width + 2), "clip_on": False}
             axes.plot(*zip(*ends, strict=True), "_", **mark, transform=place)
 
 
-def draw_unknown_at_values(axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars) -> None:
+def draw_unknown_at_values(
+    axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars
+) -> None:
     """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be seen in the span."""
     least = _SEEN * (span[1] - span[0])
     seen = [(x, low, high) for x, low, high in open_parts if high - low > least]
@@ -156,7 +181,13 @@ def draw_unknown_at_values(axes: Any, open_parts: Sequence[tuple[float, float, f
 def draw_felt(axes: Any, region: Region, look: Look) -> None:
     """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends of the range."""
     for line in region.felt:
-        axes.plot(*zip(*line, strict=True), color=look.colour, linewidth=0.8, linestyle=FELT_LINE, label=FELT)
+        axes.plot(
+            *zip(*line, strict=True),
+            color=look.colour,
+            linewidth=0.8,
+            linestyle=FELT_LINE,
+            label=FELT,
+        )
     single = [(x, interval.felt_high) for x, interval in region.bars if interval.high_real]
     if single:
         axes.plot(*zip(*single, strict=True), "v", color=look.colour, markersize=2.5, label=FELT)
@@ -167,7 +198,11 @@ def felt_differs(columns: Columns) -> bool:
     if "felt_high" not in columns:
         return False
     limit = ~np.isnan(columns["high_omega"]) & ~np.isnan(columns["felt_high"])
-    return bool((np.abs(columns["felt_high"] - columns["high"])[limit] > 0.005 * columns["high"][limit]).any())
+    return bool(
+        (
+            np.abs(columns["felt_high"] - columns["high"])[limit] > 0.005 * columns["high"][limit]
+        ).any()
+    )
 
 
 def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> None:
@@ -231,9 +266,13 @@ def range_end(columns: Columns, end: str) -> float | None:
 
     unknown = np.full(len(columns["along"]), np.nan)
     beyond = columns.get(f"open_{end}", unknown) - columns[end]
-    is_open = beyond < 0 if end == "low" else beyond > 0  # an open place is there, and not the end of the range
+    is_open = (
+        beyond < 0 if end == "low" else beyond > 0
+    )  # an open place is there, and not the end of the range
     cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~is_open
-    cut &= columns.get("guarantee", "spec") == "spec"  # an end of what is proved for all has no oscillation
+    cut &= (
+        columns.get("guarantee", "spec") == "spec"
+    )  # an end of what is proved for all has no oscillation
     if not cut.any():
         return None
     ends = columns[end][cut]

@@ -10,9 +10,23 @@ import numpy as np
 from wavesweep.capabilities import offered
 from wavesweep.program.columns import SPARED, Columns, axes_of
 from wavesweep.program.plots.figure_layout import where
-from wavesweep.program.plots.labels import assumption, at_hand, label, printed, shortened, valued, with_unit
+from wavesweep.program.plots.labels import (
+    assumption,
+    at_hand,
+    label,
+    printed,
+    shortened,
+    valued,
+    with_unit,
+)
 from wavesweep.program.plots.sampling import Blocks, shown_curves
-from wavesweep.program.plots.scales import add_decibels, by_factors, goes_by_factors, in_degrees, scale_magnitudes
+from wavesweep.program.plots.scales import (
+    add_decibels,
+    by_factors,
+    goes_by_factors,
+    in_degrees,
+    scale_magnitudes,
+)
 from wavesweep.program.plots.style import (
     FAINT,
     GRID,
@@ -39,7 +53,9 @@ _TURN = 135.0
 _BESIDE = 60.0
 Say = Callable[[str], None]
 _Response = tuple[str, dict[str, np.ndarray]]  # the values of the axes, in words, and the rows
-_TOO_FAST = "Left out: phases beyond which the frequencies are too far apart to tell how often they turn."
+_TOO_FAST = (
+    "Left out: phases beyond which the frequencies are too far apart to tell how often they turn."
+)
 NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
 
@@ -91,9 +107,14 @@ def at_both_ports(facts: Mapping[str, Any]) -> list[_Quantity]:
 def bode_ports(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
     """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output, and panels for each unit."""
     columns, left_out = _shown(table, facts, say)
-    names = [f"{source} to {output}" for source, output in zip(columns["from_input"], columns["to_output"], strict=True)]
+    names = [
+        f"{source} to {output}"
+        for source, output in zip(columns["from_input"], columns["to_output"], strict=True)
+    ]
     if len(set(columns["spec"].tolist())) > 1:
-        names = [f"{shortened(spec)}: {name}" for spec, name in zip(columns["spec"], names, strict=True)]
+        names = [
+            f"{shortened(spec)}: {name}" for spec, name in zip(columns["spec"], names, strict=True)
+        ]
     quantities = []
     for unit in dict.fromkeys(columns["unit"].tolist()):
         magnitude = with_unit("magnitude", printed([unit or "1"]))
@@ -108,7 +129,9 @@ def _shown(table, facts, say) -> tuple[Columns, str]:
     return columns, left_out
 
 
-def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:
+def _drawn(
+    columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]
+) -> Any:
     """The figure of the curves of a table."""
     x = "frequency_hz"
     place = ""
@@ -153,12 +176,17 @@ def draw_curves(
         # All phases of a figure are drawn on beyond 180 degrees, or none is.
         goes_on = False
         if over_frequency and not marked_specs:
-            goes_on = any(_goes_on(_curves_of(quantity, curves), quantity) for quantity in quantities)
+            goes_on = any(
+                _goes_on(_curves_of(quantity, curves), quantity) for quantity in quantities
+            )
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
             of_quantity = _curves_of(quantity, curves)
-            for axes, suffix, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
+            for axes, suffix, title in (
+                (above, "abs", quantity.magnitude),
+                (below, "deg", quantity.phase),
+            ):
                 name = f"{quantity.stem}_{suffix}"
                 marked = [mark.draw(axes, name) for mark in marks]
                 too_fast |= _draw_panel(axes, of_quantity, name, x, marked, goes_on)
@@ -190,12 +218,17 @@ def draw_curves(
 
 def _curves_of(quantity: _Quantity, curves: Sequence[Curve]) -> list[Curve]:
     """The curves that are drawn in the panels of a quantity."""
-    return [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
+    return [
+        curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit
+    ]
 
 
 def _swept(columns: Columns) -> list[str]:
     """The axes that have several values, the longest first."""
-    count = {name: len(np.unique(columns[name][~np.isnan(columns[name])])) for name in axes_of(columns, "spec")}
+    count = {
+        name: len(np.unique(columns[name][~np.isnan(columns[name])]))
+        for name in axes_of(columns, "spec")
+    }
     return sorted((name for name in count if count[name] > 1), key=lambda name: -count[name])
 
 
@@ -218,7 +251,9 @@ def continued(degrees: np.ndarray) -> np.ndarray:
     return degrees
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray], goes_on: bool) -> bool:
+def _draw_panel(
+    axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray], goes_on: bool
+) -> bool:
     """Draw a magnitude or a phase; gives whether a phase turns too fast to be drawn.
 
     marked: places along the figure of what capabilities have marked in it. goes_on: whether phases are drawn on beyond 180
@@ -305,10 +340,14 @@ def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
     slow = np.pi * hertz[hertz > 0] / turns[hertz > 0]
     if len(slow) and np.ptp(slow) <= 1e-9 * slow[0] and hertz.min() < slow[0] < 0.99 * hertz.max():
         words = {"label": NYQUIST.format(slow[0])} if named else {}
-        axes.axvline(slow[0], color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
+        axes.axvline(
+            slow[0], color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words
+        )
 
 
-def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Curve], tuple[str, Any] | None]:
+def _curves(
+    columns: Columns, x: str, facts: Mapping[str, Any]
+) -> tuple[list[Curve], tuple[str, Any] | None]:
     """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
@@ -370,7 +409,11 @@ def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> l
     responses: dict[bytes, _Response] = {}
     for number, combination in enumerate(different):
         rows = where(columns, number_of.reshape(-1) == number)
-        places = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
+        places = [
+            (name, value)
+            for name, value in zip(axes, combination, strict=False)
+            if np.isfinite(value)
+        ]
         place = ", ".join(valued(name, value, facts) for name, value in places)
         bytes_of_rows = b"".join(rows[name].tobytes() for name in rows if name.endswith("_re"))
         responses.setdefault(bytes_of_rows, (place, rows))
@@ -383,7 +426,9 @@ def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     if stable.all() or not stable.any():
         return [rows]
     swept = _swept(rows)
-    numbers = [name for name, column in rows.items() if column.dtype.kind == "f" and name not in swept]
+    numbers = [
+        name for name, column in rows.items() if column.dtype.kind == "f" and name not in swept
+    ]
     pieces = []
     for kind in (True, False):
         piece = dict(rows)

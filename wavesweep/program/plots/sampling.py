@@ -88,7 +88,9 @@ def _few(values: Values, along: str, most: int) -> dict[str, tuple[float, ...]]:
     """The values that are shown of each axis with too many: `most` combinations, in equal shares of the axes."""
     few = {}
     left = most
-    other_axes = sorted((name for name in values if name != along), key=lambda name: len(values[name]))
+    other_axes = sorted(
+        (name for name in values if name != along), key=lambda name: len(values[name])
+    )
     for number, name in enumerate(other_axes):
         share = max(1, int(left ** (1 / (len(other_axes) - number)) + 1e-9))
         if len(values[name]) > share:
@@ -113,7 +115,9 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
         sizes.append(len(block["channel_norm"]))
     several = {name: tuple(array.tolist()) for name, array in values.items() if len(array) > 1}
     x = along_the_figure(several)
-    if x is None:  # axes that have one value, or that are not read, repeat nothing here: a row is a dot
+    if (
+        x is None
+    ):  # axes that have one value, or that are not read, repeat nothing here: a row is a dot
         rows = sum(sizes)
         dots = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
         starts = accumulate(sizes, initial=0)
@@ -136,7 +140,9 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
 POINTS_OF_A_LINE = 1600  # more than it has pixels along
 
 
-def extremes(times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE) -> tuple[np.ndarray, np.ndarray]:
+def extremes(
+    times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE
+) -> tuple[np.ndarray, np.ndarray]:
     """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
     size = ceil(len(values) / (most // 2))
     if size <= 2:

@@ -16,7 +16,9 @@ def by_factors(axis: Any, low: float, high: float) -> None:
 
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     if high < 100 * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if high > WIDE * low else AutoLocator())
+        axis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0)) if high > WIDE * low else AutoLocator()
+        )
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -28,7 +28,9 @@ class Shown:
     the hand feels other stiffnesses at the limits, and some are shown.
     """
 
-    def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
+    def __init__(
+        self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]
+    ) -> None:
         self.columns = columns
         self.facts = facts
         self.layout = layout
@@ -80,7 +82,9 @@ class Shown:
         axes_of_bars = list(layout.bars[0]) if layout.x is None else []
         names = (self.along, layout.x, layout.panels, layout.family, *axes_of_bars, *layout.fixed)
         design = {name: spec.own(spec.names.find(name).path) for name in names if name}
-        if None in design.values():  # an edge of a filter's band, from which its order and cutoff follow
+        if (
+            None in design.values()
+        ):  # an edge of a filter's band, from which its order and cutoff follow
             return []
         if not self._shows(design, panels):
             return []
@@ -92,7 +96,9 @@ class Shown:
     def _shows(self, design: Mapping[str, float], panels: Sequence[float]) -> bool:
         """Whether these panels show all numbers of a design."""
         layout = self.layout
-        shown: dict[str | None, Sequence[float]] = {name: (value,) for name, value in layout.fixed.items()}
+        shown: dict[str | None, Sequence[float]] = {
+            name: (value,) for name, value in layout.fixed.items()
+        }
         shown[layout.panels] = panels
         shown[layout.family] = layout.members
         if layout.x is None:
@@ -146,4 +152,6 @@ class Shown:
         """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see `limits_of_walls`."""
         felt_as_it_is = self.layout.x == "B_VE" and not felt_differs(self.columns)
         limits = self.facts.get("limits_of_walls", {}) if felt_as_it_is else {}
-        return {name: limit for name, limit in limits.items() if self.view[0] < limit < self.view[1]}
+        return {
+            name: limit for name, limit in limits.items() if self.view[0] < limit < self.view[1]
+        }

@@ -29,7 +29,11 @@ DOUBTFUL = "#d62728"
 SEEN_ON_BLACK = 0.5  # luminance
 FAINT = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
-UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
+UNPROVED = {
+    "facecolor": "white",
+    "hatch": "ooo",
+    "linewidth": 0,
+}  # stable, but not certified; in the colour of its region
 GRID = {"visible": True, "color": "0.9", "linewidth": 0.5}
 LINES = (
     "-",
@@ -64,11 +68,15 @@ _STYLE = {
 }
 _ALONE = RLock()  # held while the settings are those of a figure
 _ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
-_INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes or a part of a figure, in whose place the next one is drawn
+_INTO: ContextVar[Any] = ContextVar(
+    "into", default=None
+)  # axes or a part of a figure, in whose place the next one is drawn
 
 
 @contextmanager
-def as_asked(width: float | None = None, settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+def as_asked(
+    width: float | None = None, settings: Mapping[str, Any] | None = None
+) -> Iterator[None]:
     """Draw figures this wide (inches), and with these settings of matplotlib over those of the common style."""
     before = _ASKED.set((width or _ASKED.get()[0], settings or _ASKED.get()[1]))
     try:
@@ -96,7 +104,9 @@ def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
         return draw()
     is_figure = hasattr(ax, "add_subfigure")
     if not is_figure and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
-        raise UsageError(f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}")
+        raise UsageError(
+            f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}"
+        )
     before = _INTO.set(ax)
     try:
         draw()
@@ -146,10 +156,17 @@ def style() -> Iterator[None]:
     import matplotlib
     from matplotlib.font_manager import fontManager
 
-    if not any(font.name == "DejaVu Sans" for font in fontManager.ttflist):  # its stored list of fonts is empty
+    if not any(
+        font.name == "DejaVu Sans" for font in fontManager.ttflist
+    ):  # its stored list of fonts is empty
         for path in Path(matplotlib.get_data_path(), "fonts", "ttf").glob("*.ttf"):
             fontManager.addfont(path)
-    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}):
+    with (
+        _ALONE,
+        matplotlib.rc_context(
+            {**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}
+        ),
+    ):
         yield
 
 
@@ -174,7 +191,10 @@ def png(canvas: Any, about: Mapping[str, str]) -> bytes:
 
 def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
     """The texts of a figure's metadata: title, program, command, and the spec with its digest."""
-    texts = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
+    texts = {
+        "Title": f"wavesweep {kind}",
+        "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip(),
+    }
     texts["Command"] = f"wavesweep {COMMAND_OF_FIGURE.get(kind, kind)}"
     if "spec_name" in facts:
         texts |= {"Title": f"{kind} of {facts['spec_name']}", "Spec": str(facts["spec_name"])}
@@ -195,7 +215,11 @@ def _settle(canvas: Any) -> None:
         if not any(wrapped):
             break
         canvas.draw_without_rendering()
-    again = [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"]
+    again = [
+        axes
+        for axes in canvas.axes
+        if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"
+    ]
     close = _closest(canvas.axes) < APART * canvas.dpi / 72
     if close:
         pad = _STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72
@@ -247,7 +271,11 @@ def _closest(panels: Sequence[Any]) -> float:
     spans = []  # bottom and left of the panel, left and right of its numbers
     for axes in panels:
         panel = axes.bbox
-        boxes = [box for box in _numbers_below(axes) if panel.x0 - 1 <= (box.x0 + box.x1) / 2 <= panel.x1 + 1]
+        boxes = [
+            box
+            for box in _numbers_below(axes)
+            if panel.x0 - 1 <= (box.x0 + box.x1) / 2 <= panel.x1 + 1
+        ]
         if boxes:
             left = min(box.x0 for box in boxes)
             right = max(box.x1 for box in boxes)
@@ -330,7 +358,9 @@ def family_looks(number: int) -> list[Look]:
     if number == 1:
         return [Look(_DISTINCT[0])]
     colours = family_map()
-    return [Look(colours(index / (number - 1)), LINES[index % len(LINES)]) for index in range(number)]
+    return [
+        Look(colours(index / (number - 1)), LINES[index % len(LINES)]) for index in range(number)
+    ]
 
 
 def family_map() -> Any:

@@ -57,7 +57,9 @@ class Axis:
         return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
 
 
-def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Axis | None:
+def build_axis(
+    study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mistakes, names: Names = BUILT_IN
+) -> Axis | None:
     """Return the axis given by the parts of one key of a study, or None and add its mistakes."""
     key = names.find(name) or study_keys()[f"{study}.{name}"]
     label, before = f"{study}.{name}", len(mistakes)
@@ -65,9 +67,20 @@ def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mista
         not_numeric = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
         mistakes.refuse(next(iter(parts.values())), label, "a numeric key", not_numeric)
     elif "" in parts:
-        values = mistakes.check_list(key, parts[""], label, "a list of numbers or { start, stop, num }")
+        values = mistakes.check_list(
+            key, parts[""], label, "a list of numbers or { start, stop, num }"
+        )
         if len(mistakes) == before:
-            return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, parts[""].place)
+            return Axis(
+                name,
+                key.path,
+                tuple(values),
+                min(values),
+                max(values),
+                key.structural,
+                None,
+                parts[""].place,
+            )
     else:
         span = _span(label, key, parts, mistakes)
         if len(mistakes) == before:
@@ -96,7 +109,11 @@ def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
     """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
     keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
-    numbers = {name: mistakes.check(keys[name], leaf, f"{label}.{name}") for name, leaf in parts.items() if name in keys}
+    numbers = {
+        name: mistakes.check(keys[name], leaf, f"{label}.{name}")
+        for name, leaf in parts.items()
+        if name in keys
+    }
     if not {"start", "stop"} <= set(parts):
         mistakes.refuse(axis_place(parts), label, "both start and stop", "only " + ", ".join(parts))
     if len(mistakes) > before:
@@ -105,12 +122,20 @@ def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -
     scale = numbers.get("scale") or AXIS_KEYS["scale"].default
     if fault := _span_fault(start, stop, num, scale):
         name, expected = fault
-        mistakes.refuse(parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False)
+        mistakes.refuse(
+            parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False
+        )
         return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
     try:
         if key.type == "integer":
             values = tuple(check(key, value) for value in values)
     except Rejected as error:
-        mistakes.refuse(parts["num"], f"{label}.num", "so many values that all are whole numbers", error.found, of_key=False)
+        mistakes.refuse(
+            parts["num"],
+            f"{label}.num",
+            "so many values that all are whole numbers",
+            error.found,
+            of_key=False,
+        )
     return values, start, stop, key.structural, scale

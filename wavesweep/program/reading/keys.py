@@ -49,13 +49,21 @@ class HapticDevice:
 
     def loop(self) -> dict[str, float]:
         """Return the keys of the loop that the device sets, by path."""
-        return {path: number.value for path, number in self.numbers.items() if path.startswith("device.")}
+        return {
+            path: number.value
+            for path, number in self.numbers.items()
+            if path.startswith("device.")
+        }
 
     def simulation(self) -> dict[str, float]:
         """Return the keys of [simulate] that the device sets, by their last name."""
         prefix = "simulate."
         numbers = self.numbers.items()
-        return {path.removeprefix(prefix): number.value for path, number in numbers if path.startswith(prefix)}
+        return {
+            path.removeprefix(prefix): number.value
+            for path, number in numbers
+            if path.startswith(prefix)
+        }
 
     def unknown(self) -> tuple[str, ...]:
         """Return the paths of mass and damping if no number is known, so that a spec has to give its own."""
@@ -66,8 +74,14 @@ _PHANTOM_LIMIT = Number(3.3, PHANTOM_TABLE)
 _FORCE_DIMENSION_LIMIT = Number(12.0, DELTA_TABLE)
 _OMNI_NUMBERS = {
     "device.mass": Number(0.045, f"{OMNI}: apparent mass at the tip about 45 g"),
-    "device.damping": Number(0.5, "not published: a third of what the paper's analysis takes for its device", assumed=True),
-    "simulate.friction": Number(0.26, f"{OMNI}: back-drive friction below 0.26 N, the bound is taken"),
+    "device.damping": Number(
+        0.5,
+        "not published: a third of what the paper's analysis takes for its device",
+        assumed=True,
+    ),
+    "simulate.friction": Number(
+        0.26, f"{OMNI}: back-drive friction below 0.26 N, the bound is taken"
+    ),
     "simulate.resolution": Number(0.055e-3, f"{OMNI}: about 0.055 mm (450 dpi)"),
     "simulate.max_force": _PHANTOM_LIMIT,
 }
@@ -81,17 +95,23 @@ DEVICES: Mapping[str, HapticDevice] = MappingProxyType(
                 "device.mass": Number(0.1, PAPER),
                 "device.damping": Number(1.5, PAPER),
                 "simulate.friction": Number(0.0, "none, as in the paper's analysis", assumed=True),
-                "simulate.resolution": Number(0.0, "no encoder, as in the paper's analysis", assumed=True),
+                "simulate.resolution": Number(
+                    0.0, "no encoder, as in the paper's analysis", assumed=True
+                ),
                 "simulate.max_force": _PHANTOM_LIMIT,
             },
         ),
-        "touch": HapticDevice("3D Systems (Geomagic) Touch", _OMNI_NUMBERS, (400.0, 4.0, PHANTOM_TABLE)),
+        "touch": HapticDevice(
+            "3D Systems (Geomagic) Touch", _OMNI_NUMBERS, (400.0, 4.0, PHANTOM_TABLE)
+        ),
         "omni": HapticDevice("SensAble PHANTOM Omni", _OMNI_NUMBERS, (700.0, 5.0, PHANTOM_TABLE)),
         "desktop": HapticDevice(
             "SensAble PHANTOM Desktop, Geomagic Touch X",
             {
                 "device.mass": Number(0.045, f"{DESKTOP}: apparent mass at the tip about 45 g"),
-                "simulate.friction": Number(0.06, f"{DESKTOP}: back-drive friction below 0.06 N, the bound is taken"),
+                "simulate.friction": Number(
+                    0.06, f"{DESKTOP}: back-drive friction below 0.06 N, the bound is taken"
+                ),
                 "simulate.resolution": Number(0.023e-3, f"{DESKTOP}: about 0.023 mm (1100 dpi)"),
                 "simulate.max_force": Number(7.9, PHANTOM_TABLE),
             },
@@ -103,24 +123,34 @@ DEVICES: Mapping[str, HapticDevice] = MappingProxyType(
                 "device.mass": Number(0.2, _GUESS, assumed=True),
                 "device.damping": Number(2.0, _GUESS, assumed=True),
                 "simulate.friction": Number(0.5, _GUESS, assumed=True),
-                "simulate.resolution": Number(0.0635e-3, f"{FALCON}: better than 0.0635 mm (400 dpi)"),
-                "simulate.max_force": Number(8.0, f"{DELTA_TABLE}; the product sheet has 8.9 N (2 lbf)"),
+                "simulate.resolution": Number(
+                    0.0635e-3, f"{FALCON}: better than 0.0635 mm (400 dpi)"
+                ),
+                "simulate.max_force": Number(
+                    8.0, f"{DELTA_TABLE}; the product sheet has 8.9 N (2 lbf)"
+                ),
             },
             (3000.0, 20.0, DELTA_TABLE),
         ),
         "omega": HapticDevice(
             "Force Dimension omega.3, .6 and .7",
             {
-                "simulate.resolution": Number(0.01e-3, f"{OMEGA}: below 0.01 mm, the bound is taken"),
+                "simulate.resolution": Number(
+                    0.01e-3, f"{OMEGA}: below 0.01 mm, the bound is taken"
+                ),
                 "simulate.max_force": _FORCE_DIMENSION_LIMIT,
             },
             (5000.0, 30.0, DELTA_TABLE),
         ),
         "sigma": HapticDevice(
-            "Force Dimension sigma.7", {"simulate.max_force": _FORCE_DIMENSION_LIMIT}, (4000.0, 30.0, DELTA_TABLE)
+            "Force Dimension sigma.7",
+            {"simulate.max_force": _FORCE_DIMENSION_LIMIT},
+            (4000.0, 30.0, DELTA_TABLE),
         ),
         "lambda": HapticDevice(
-            "Force Dimension lambda.7", {"simulate.max_force": _FORCE_DIMENSION_LIMIT}, (8000.0, 30.0, DELTA_TABLE)
+            "Force Dimension lambda.7",
+            {"simulate.max_force": _FORCE_DIMENSION_LIMIT},
+            (8000.0, 30.0, DELTA_TABLE),
         ),
     }
 )
@@ -132,7 +162,10 @@ VELOCITIES = {
     "difference": "the last step of the position over the tick, as an encoder gives it",
 }
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
-STEPS = {"elapsed": "the time since its last frame, as game engines do", "nominal": "always rates.ratio ticks"}
+STEPS = {
+    "elapsed": "the time since its last frame, as game engines do",
+    "nominal": "always rates.ratio ticks",
+}
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 HIGHEST_RATIO = 1000
 FILTERS = ("lp1", "hp", "lp2")
@@ -156,11 +189,26 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     loss = f"largest loss in the passband of {what}"
     attenuation = f"least attenuation in the stopband of {what}"
     return [
-        Key.whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", 0, HIGHEST_ORDER),
-        Key.positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
+        Key.whole(
+            f"{prefix}.order",
+            order,
+            f"Butterworth order of {what}; 0 for no filter",
+            0,
+            HIGHEST_ORDER,
+        ),
+        Key.positive(
+            f"{prefix}.cutoff_hz",
+            cutoff_hz,
+            "Hz",
+            f"-3 dB frequency of {what}, below half the fast rate",
+        ),
         # Order and cutoff follow from the edges.
-        Key.positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}", shaping=True),
-        Key.positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}", shaping=True),
+        Key.positive(
+            f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}", shaping=True
+        ),
+        Key.positive(
+            f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}", shaping=True
+        ),
         # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from overflowing.
         Key.positive(f"{prefix}.passband_db", None, "dB", loss, high=300.0, shaping=True),
         Key.positive(f"{prefix}.stopband_db", None, "dB", attenuation, high=300.0, shaping=True),
@@ -169,7 +217,14 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
 
 _LOOP = [
     Key.positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop", shaping=True),
-    Key.whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO, instead="rates.slow_hz"),
+    Key.whole(
+        "rates.ratio",
+        20,
+        "fast ticks in a frame of the slow environment",
+        1,
+        HIGHEST_RATIO,
+        instead="rates.slow_hz",
+    ),
     Key.positive(
         "rates.slow_hz",
         None,
@@ -185,7 +240,12 @@ _LOOP = [
     ),
     Key.positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     Key.gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
-    Key.word("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
+    Key.word(
+        "device.velocity",
+        "exact",
+        "how velocity is measured: the state, or the position's difference",
+        VELOCITIES,
+    ),
     Key.whole(
         "device.delay",
         0,
@@ -195,13 +255,23 @@ _LOOP = [
         "tick",
         instead="device.dead_time",
     ),
-    Key.gain("device.dead_time", 0.0, "s", "further time, of any part of a tick, until the motors exert the control force"),
+    Key.gain(
+        "device.dead_time",
+        0.0,
+        "s",
+        "further time, of any part of a tick, until the motors exert the control force",
+    ),
     Key.gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
     Key.gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
     Key.gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
     Key.gain("environment.K_VE", 500.0, "N/m", "stiffness of the virtual environment"),
     Key.gain("environment.B_VE", 1.0, "N*s/m", "damping of the virtual environment"),
-    Key.word("environment.integration", "implicit", "how the avatar's velocity is integrated", INTEGRATIONS),
+    Key.word(
+        "environment.integration",
+        "implicit",
+        "how the avatar's velocity is integrated",
+        INTEGRATIONS,
+    ),
     Key.whole(
         "environment.delay",
         0,
@@ -212,7 +282,10 @@ _LOOP = [
         instead='"frame"',
     ),
     Key.word(
-        "environment.step", None, "over what time the slow environment integrates where [for_all] lets frames vary", STEPS
+        "environment.step",
+        None,
+        "over what time the slow environment integrates where [for_all] lets frames vary",
+        STEPS,
     ),
     replace(
         Key.word("controller.kind", None, "how hand and environment are coupled", required=True),
@@ -220,7 +293,12 @@ _LOOP = [
         meanings={kind: controller.description for kind, controller in CONTROLLERS.items()},
     ),
     Key.positive("controller.b", 25.0, "N*s/m", "wave impedance"),
-    Key.gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
+    Key.gain(
+        "controller.Kp",
+        0.0,
+        "N^(1/2)*m^(-1/2)*s^(-1/2)",
+        "gain of the position correction in the returned wave",
+    ),
     Key.positive("controller.K_VC", 1000.0, "N/m", "stiffness of the virtual coupling"),
     Key.positive("controller.B_VC", 5.0, "N*s/m", "damping of the virtual coupling"),
     *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),
@@ -228,8 +306,20 @@ _LOOP = [
     *_filter("lp2", 2, 20.0, "the low-pass on the local model's returned wave"),
     Key.gain("local_model.K_LM", 500.0, "N/m", "stiffness of the local model"),
     Key.gain("local_model.B_LM", 0.0, "N*s/m", "damping of the local model"),
-    Key.word("local_model.integration", "implicit", "how the local model's velocity is integrated", INTEGRATIONS),
-    Key("local_model.delay", "integer", 1, "tick", "fast ticks until the local model's wave is used", choices=(0, 1)),
+    Key.word(
+        "local_model.integration",
+        "implicit",
+        "how the local model's velocity is integrated",
+        INTEGRATIONS,
+    ),
+    Key(
+        "local_model.delay",
+        "integer",
+        1,
+        "tick",
+        "fast ticks until the local model's wave is used",
+        choices=(0, 1),
+    ),
 ]
 
 # What a device preset knows beyond the loop's own numbers, for a simulation and for what encoder and motors do to a wall.
@@ -253,10 +343,18 @@ MODES = {
 STUDY_KEYS = Key.by_path(
     [
         Key.word("sweep.along", "K_VE", "the axis whose stable intervals are wanted"),
-        Key.gain("bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"),
-        Key.word("bode.from", None, "input of a drawn loop, from which the responses are wanted; by default all inputs"),
+        Key.gain(
+            "bode.frequency_hz", None, "Hz", "frequencies of the responses; 0 for the static limit"
+        ),
         Key.word(
-            "bode.to", None, "output of a drawn loop to which they lead, or any signal, BLOCK.PORT; by default all outputs"
+            "bode.from",
+            None,
+            "input of a drawn loop, from which the responses are wanted; by default all inputs",
+        ),
+        Key.word(
+            "bode.to",
+            None,
+            "output of a drawn loop to which they lead, or any signal, BLOCK.PORT; by default all outputs",
         ),
     ]
 )
@@ -266,7 +364,9 @@ AXIS_KEYS = Key.by_path(
     [
         Key.number("start", None, "", "first value of the axis, in the unit of its key"),
         Key.number("stop", None, "", "last value of the axis, in the unit of its key"),
-        Key.whole("num", None, "how many values; without it an axis of [sweep] is a span", 1, 1_000_000),
+        Key.whole(
+            "num", None, "how many values; without it an axis of [sweep] is a span", 1, 1_000_000
+        ),
         Key.word("scale", "linear", "how the values are spaced", SCALES),
     ]
 )

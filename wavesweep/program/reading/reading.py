@@ -68,15 +68,25 @@ def read_file(path: str) -> tuple[dict, Place]:
     except UnicodeDecodeError as error:
         before = error.object[: error.start]
         line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
-        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, f"byte {error.object[error.start]:#04x}")]) from error
+        raise SpecError(
+            [
+                Mistake(
+                    f"{path}:{line}:{column}", "", UTF_8, f"byte {error.object[error.start]:#04x}"
+                )
+            ]
+        ) from error
     if match := re.search(_LONG_KEY, text):
         line = text.count("\n", 0, match.start()) + 1
-        raise SpecError([Mistake(f"{path}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")])
+        raise SpecError(
+            [Mistake(f"{path}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")]
+        )
     try:
         return tomllib.loads(text), TomlPlace(path, text=text)
     except RecursionError as error:
         raise SpecError([Mistake(path, "", "a TOML file", "values nested too deeply")]) from error
-    except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
+    except (
+        ValueError
+    ) as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
         raise SpecError([syntax_mistake(text, str(error), path)]) from error
 
 
@@ -117,7 +127,9 @@ def _passed(number: int, most: int) -> bytes:
         return stream.read(most + 1)
 
 
-def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tuple[str, ...], object, Place]:
+def read_override(
+    typed: str, symbols: Mapping[str, str] = SYMBOLS
+) -> tuple[tuple[str, ...], object, Place]:
     """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
 
     The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes. symbols: short
@@ -127,10 +139,16 @@ def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tup
     name, equals, value = (side.strip() for side in typed.partition("="))
     path = _key_path(name)
     if not equals or not path:
-        raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
+        raise SpecError(
+            [Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")]
+        )
     path = symbols.get(path[0], path[0]).split(".") if len(path) == 1 else path
     table = _loads_or_none(f"value = {value}")
-    return tuple(path), table["value"] if isinstance(table, dict) and set(table) == {"value"} else value, place
+    return (
+        tuple(path),
+        table["value"] if isinstance(table, dict) and set(table) == {"value"} else value,
+        place,
+    )
 
 
 def _key_path(name: str) -> list[str]:
@@ -139,7 +157,9 @@ def _key_path(name: str) -> list[str]:
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)
-    if table != 0:  # no key that TOML could have; a later stage says so, with the names that it could have been
+    if (
+        table != 0
+    ):  # no key that TOML could have; a later stage says so, with the names that it could have been
         path = name.split(".") if name else []
     return path
 
@@ -165,7 +185,9 @@ def file_stem(path: str) -> str:
             "a name that is printable, does not begin with = + - @, which spreadsheets run as formulas, and is no value, as "
             "nan, inf, none, null, na, true and false are to readers of tables"
         )
-        raise UsageError(f"the spec's file name: expected {expected}, found {stem!a}; rename the file")
+        raise UsageError(
+            f"the spec's file name: expected {expected}, found {stem!a}; rename the file"
+        )
     return stem
 
 
@@ -177,12 +199,22 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
     """
     positions: dict[tuple[str, ...], tuple[int, int]] = {}
     table: tuple[str, ...] = ()
-    around, names, start, lists, reading_of = [], [], 0, 0, "key"  # part: of a pair, "key", "=" or "value"
+    around, names, start, lists, reading_of = (
+        [],
+        [],
+        0,
+        0,
+        "key",
+    )  # part: of a pair, "key", "=" or "value"
 
     def record(value: int) -> None:
-        for length in range(1, len(names) + 1):  # also the tables that a dotted key makes on its way
+        for length in range(
+            1, len(names) + 1
+        ):  # also the tables that a dotted key makes on its way
             if len(table) < DEEPEST:
-                positions.setdefault((*table, *names[:length]), (start, value if length == len(names) else start))
+                positions.setdefault(
+                    (*table, *names[:length]), (start, value if length == len(names) else start)
+                )
 
     for token in re.finditer(_TOKEN, text):
         word, at = token[0], token.start()

@@ -6,9 +6,19 @@ from functools import partial
 
 from wavesweep.engine.keys import Leaf, Mistakes, Names, Path, nearest, show, split_names
 from wavesweep.program.reading.keys import BUILT_IN, KEYS
-from wavesweep.program.reading.tables import Section, flat_keys, section_of, sections, study_tables, tables, top_tables
+from wavesweep.program.reading.tables import (
+    Section,
+    flat_keys,
+    section_of,
+    sections,
+    study_tables,
+    tables,
+    top_tables,
+)
 
-TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
+TABLES = tuple(
+    dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n)
+)
 
 SPAN = Section()  # of a key that may be given as an axis is
 
@@ -22,12 +32,18 @@ class Sorted:
     """
 
     keys: dict[str, Leaf] = field(default_factory=dict)
-    axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=partial(defaultdict, partial(defaultdict, dict)))
+    axes: dict[str, dict[str, dict[str, Leaf]]] = field(
+        default_factory=partial(defaultdict, partial(defaultdict, dict))
+    )
     leaves: dict[str, Leaf] = field(default_factory=dict)
 
     def below(self, table: str) -> dict[str, Leaf]:
         """Return the leaves of a table of keys by their names in it; "" is the table itself, if it is no table of keys."""
-        inside = {path: leaf for path, leaf in self.keys.items() if path == table or path.startswith(f"{table}.")}
+        inside = {
+            path: leaf
+            for path, leaf in self.keys.items()
+            if path == table or path.startswith(f"{table}.")
+        }
         return {path[len(table) + 1 :]: leaf for path, leaf in inside.items()}
 
 
@@ -78,7 +94,11 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> Non
         if name not in TABLES and not (table_of_path and name == table_of_path.path):
             break
     else:
-        return None if leaf.value == {} else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
+        return (
+            None
+            if leaf.value == {}
+            else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
+        )
     return _refuse_unknown_key(path[:length], leaf_here, mistakes)
 
 
@@ -96,7 +116,9 @@ def _refuse_unknown_key(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
     mistakes.refuse(leaf, _join(path), expected, problem, near)
 
 
-def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
+def _sort_section(
+    path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names
+) -> None:
     """Put a leaf of a section under its key, or with the parts of its axis. path: of the section; rest: the leaf's in it."""
     table, section, first, rest_of_path = ".".join(path), sections()[path], rest[0], ".".join(rest)
     if section.takes and section.takes(rest, leaf, result, names):
@@ -121,16 +143,22 @@ def _is_key(table: str, name: str, section: Section, names: Names) -> bool:
     return name in section.own and (name == "along" or not names.find(name))
 
 
-def _refuse_unknown_axis(path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names) -> None:
+def _refuse_unknown_axis(
+    path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names
+) -> None:
     """Add the mistake of an axis that is unknown, with the names that it could have been; path, rest: as in `_sort_section`."""
     table = ".".join(path)
-    is_part = len(rest) > 1 and any(rest[-1] in a_section.parts for a_section in sections().values())
+    is_part = len(rest) > 1 and any(
+        rest[-1] in a_section.parts for a_section in sections().values()
+    )
     name = ".".join(rest[:-1] if is_part else rest)
     if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
     keys_known = ("frequency_hz",) if table == "bode" else sections()[path].own
     any_path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    numbers = f"one of {', '.join(names.symbols)} or {any_path}" if names.symbols else f"or {any_path}"
+    numbers = (
+        f"one of {', '.join(names.symbols)} or {any_path}" if names.symbols else f"or {any_path}"
+    )
     expected = ", ".join((*keys_known, numbers))
     problem = "a number that follows from others" if name in names.following else "an unknown axis"
     near = nearest(name, (*keys_known, *names.symbols)) or nearest(name, names.numeric)
@@ -138,7 +166,13 @@ def _refuse_unknown_axis(path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes,
 
 
 def _add_part(
-    result: Sorted, table: str, name: str, rest: Path, leaf: Leaf, mistakes: Mistakes, section: Section = SPAN
+    result: Sorted,
+    table: str,
+    name: str,
+    rest: Path,
+    leaf: Leaf,
+    mistakes: Mistakes,
+    section: Section = SPAN,
 ) -> None:
     """Put a leaf with the parts of its axis."""
     axis_part = ".".join(rest)
@@ -149,4 +183,7 @@ def _add_part(
 
 def _join(path: Path) -> str:
     """Join a path, with quotes around every name that TOML would quote, so that a name with dots is no known path."""
-    return ".".join(name if name.replace("-", "_").isidentifier() and name.isascii() else show(name) for name in path)
+    return ".".join(
+        name if name.replace("-", "_").isidentifier() and name.isascii() else show(name)
+        for name in path
+    )

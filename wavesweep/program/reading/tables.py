@@ -121,7 +121,9 @@ def table_at(path: str) -> SpecTable:
 
 def members_of(written: Mapping[str, Any]) -> str:
     """Return the table of a written spec for all of whose numbers answers can hold, in brackets; empty without one."""
-    return next((f"[{path}]" for path, table in tables().items() if table.members and written.get(path)), "")
+    return next(
+        (f"[{path}]" for path, table in tables().items() if table.members and written.get(path)), ""
+    )
 
 
 @cache

@@ -15,7 +15,10 @@ LONGEST_LINE = 1000  # longer lines are not examined
 # Slips, each a pattern of the line about the place at which tomllib stops, and what is expected in place of it.
 _SLIPS = (
     (r"(?<![\w.,])[+-]?\d+,\d(?:[\d.,]*\d)?", "a number with a point before its decimals"),
-    (rf"{_NUMBER}\s*{_UNIT}(?: *[*/^] *{_UNIT})*", "a number without a unit (keys have fixed units)"),
+    (
+        rf"{_NUMBER}\s*{_UNIT}(?: *[*/^] *{_UNIT})*",
+        "a number without a unit (keys have fixed units)",
+    ),
     (rf"{_NUMBER}\s*[-+*/^(][^#\n]*", 'a number, or an expression in quotes, "2*a" for example'),
     (r"=\s*(True|False|TRUE|FALSE)\b", "true or false in small letters"),
     (r"=\s*((?!inf\b|nan\b)[A-Za-z_][\w.-]*)", "a number, or a text in quotes"),
@@ -28,7 +31,10 @@ _WORDS = (
     ("expected newline", "the end of the line behind a value or the name of a table"),
     ("expected ']'", "] behind the name of a table"),
     ("unclosed array", "a comma between the values of a list, or ] at its end"),
-    ("unclosed inline table", "a comma between the keys of a table, or } at its end in the same line"),
+    (
+        "unclosed inline table",
+        "a comma between the keys of a table, or } at its end in the same line",
+    ),
     ("invalid initial", "a key; a table in braces stands in one line"),
     ("unescaped", "a text in single quotes, in which \\ stands for itself, or \\\\"),
     ("illegal character '\\n'", "quotes at the end of a text"),

@@ -25,7 +25,11 @@ LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
 def names_of(kind: str) -> list[str]:
     """The names of all files that a table may have, its package last."""
     best = [BEST] if kind in WITH_SPECS else []
-    return [*(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md")), *best, f"{kind}{PACKAGE}"]
+    return [
+        *(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md")),
+        *best,
+        f"{kind}{PACKAGE}",
+    ]
 
 
 def place_of(sources: Iterable[str | Path], directory: str | Path) -> str:
@@ -53,9 +57,17 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
     if it was edited, and those of an equal spec in any case.
     """
     facts = existing_facts(kind, directory)
-    if facts is None or facts.get("spec_sha256") == sha256 or (place and facts.get("spec_place") == place):
+    if (
+        facts is None
+        or facts.get("spec_sha256") == sha256
+        or (place and facts.get("spec_place") == place)
+    ):
         return
-    maker = f"another spec ({_name(facts)}SHA-256 {facts['spec_sha256'][:12]}…)" if facts else "an unknown origin"
+    maker = (
+        f"another spec ({_name(facts)}SHA-256 {facts['spec_sha256'][:12]}…)"
+        if facts
+        else "an unknown origin"
+    )
     raise UsageError(
         f"{Path(directory) / kind}.*: found results of {maker}; give --overwrite to replace them, or another --out"
     )
@@ -96,14 +108,23 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     before, now: the facts of both runs.
     """
     old, new = (dict(_numbers(facts)) for facts in (before, now))
-    return [text for key in {**new, **old} if old.get(key) != new.get(key) for text in _changed(old, new, key)]
+    return [
+        text
+        for key in {**new, **old}
+        if old.get(key) != new.get(key)
+        for text in _changed(old, new, key)
+    ]
 
 
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[str]:
     """Yield the change of a key; of an axis that has ends before and after, those of its parts."""
     if isinstance(old.get(key), Mapping) and isinstance(new.get(key), Mapping):
-        keys = [name for name in {**new[key], **old[key]} if old[key].get(name) != new[key].get(name)]
-        yield from (f"{key}.{name} {_shown(old[key], name)} -> {_shown(new[key], name)}" for name in keys)
+        keys = [
+            name for name in {**new[key], **old[key]} if old[key].get(name) != new[key].get(name)
+        ]
+        yield from (
+            f"{key}.{name} {_shown(old[key], name)} -> {_shown(new[key], name)}" for name in keys
+        )
     else:
         yield f"{key} {_shown(old, key)} -> {_shown(new, key)}"
 
@@ -114,7 +135,9 @@ def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     several, along = facts.get("specs"), facts.get("along")
     if isinstance(along, Mapping):  # of `why`, which an option may name
         yield "along", along.get("name")
-    for name, tables in (several if several and isinstance(several, Mapping) else {"": facts.get("spec")}).items():
+    for name, tables in (
+        several if several and isinstance(several, Mapping) else {"": facts.get("spec")}
+    ).items():
         if not isinstance(tables, Mapping):  # a package that somebody has changed
             continue
         for path, value in _flat(tables):
@@ -123,7 +146,9 @@ def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in tables.items():
-        if isinstance(value, Mapping) and "start" not in value:  # an axis is one value, if it has ends or a list
+        if (
+            isinstance(value, Mapping) and "start" not in value
+        ):  # an axis is one value, if it has ends or a list
             yield from _flat(value, f"{above}{name}.")
         else:
             yield f"{above}{name}", list(value) if isinstance(value, tuple) else value
@@ -133,7 +158,11 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
     if key not in values:
         if key.rpartition(": ")[2] in ("bode.from", "bode.to"):
             return "all"
-        return "not swept" if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key else "not given"
+        return (
+            "not swept"
+            if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key
+            else "not given"
+        )
     value = values[key]
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
@@ -167,17 +196,24 @@ def refuse_folders(kind: str, directory: Path) -> None:
     """Raise UsageError for a folder in the place of a file of the table that holds anything but what this program writes."""
     for place in (directory / name for name in names_of(kind)):
         if place.name == BEST and os.path.lexists(place):
-            ours = _holds_only(DESIGNS, place) and all(read_file(path).startswith(HEADER.encode()) for path in place.iterdir())
+            ours = _holds_only(DESIGNS, place) and all(
+                read_file(path).startswith(HEADER.encode()) for path in place.iterdir()
+            )
             if not ours:
-                raise UsageError(f"{place}: expected designs of this program or none, found others; move it away")
+                raise UsageError(
+                    f"{place}: expected designs of this program or none, found others; move it away"
+                )
         elif is_folder(place) and not (place.suffix == ".parquet" and _holds_only(PART, place)):
-            raise UsageError(f"{place}: expected a file of results or none, found a folder; move it away")
+            raise UsageError(
+                f"{place}: expected a file of results or none, found a folder; move it away"
+            )
 
 
 def _holds_only(pattern: str, folder: Path) -> bool:
     """Whether a path is a folder that holds files of such names and nothing else."""
     return is_folder(folder) and all(
-        re.fullmatch(pattern, path.name) and path.is_file() and not path.is_symlink() for path in folder.iterdir()
+        re.fullmatch(pattern, path.name) and path.is_file() and not path.is_symlink()
+        for path in folder.iterdir()
     )
 
 
@@ -187,7 +223,9 @@ def refuse_unusable(directory: str | Path) -> None:
     try:
         _refuse_unusable(directory, place)
     except OSError as error:
-        raise UsageError(f"{directory}: {error.strerror}; name another folder for the results with --out") from error
+        raise UsageError(
+            f"{directory}: {error.strerror}; name another folder for the results with --out"
+        ) from error
 
 
 def _refuse_unusable(directory, place):
@@ -197,9 +235,13 @@ def _refuse_unusable(directory, place):
         )
     while not place.exists() and place != place.parent:
         if place.is_symlink():
-            raise UsageError(f"{directory}: {place} is a link to nothing; remove it, or name another folder for the results")
+            raise UsageError(
+                f"{directory}: {place} is a link to nothing; remove it, or name another folder for the results"
+            )
         place = place.parent
     if not place.is_dir():
         raise UsageError(f"{directory}: {place} is a file; name another folder for the results")
     if not os.access(place, os.W_OK | os.X_OK):
-        raise UsageError(f"{directory}: {place} may not be written to; name another folder for the results")
+        raise UsageError(
+            f"{directory}: {place} may not be written to; name another folder for the results"
+        )

@@ -18,7 +18,10 @@ from wavesweep.program.results.folder import refuse_folders, refuse_unusable, re
 
 @contextmanager
 def at_work(
-    kinds: Sequence[str], directory: str | Path, wait: bool = False, say: Callable[[str], None] = lambda _: None
+    kinds: Sequence[str],
+    directory: str | Path,
+    wait: bool = False,
+    say: Callable[[str], None] = lambda _: None,
 ) -> Iterator[None]:
     """Be the only run that writes tables of these kinds in the directory, which is made if it is missing.
 
@@ -47,7 +50,9 @@ def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> 
     holder = path.with_suffix(".holder")
     for file in (path, holder):
         if os.path.lexists(file) and not stat.S_ISREG(file.lstat().st_mode):
-            raise UsageError(f"{file}: expected a lock file or none, found something else; move it away")
+            raise UsageError(
+                f"{file}: expected a lock file or none, found something else; move it away"
+            )
     unlock = _locked(path, wait=False)
     while unlock is None:
         busy = f"{path.parent}: another run is at work on {kind} here{_name_in(holder)}"
@@ -56,10 +61,20 @@ def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> 
         say(f"{busy}; waiting for it")
         unlock = _locked(path, wait=True)
     with suppress(OSError):  # the name is for people alone
-        host = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "this machine")
+        host = (
+            os.uname().nodename
+            if hasattr(os, "uname")
+            else os.environ.get("COMPUTERNAME", "this machine")
+        )
         since = time.strftime("%Y-%m-%d %H:%M:%S")
-        holder.unlink(missing_ok=True)  # what another run left, whatever has taken its place meanwhile
-        with os.fdopen(os.open(holder, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o644), "w", encoding="utf-8") as written:
+        holder.unlink(
+            missing_ok=True
+        )  # what another run left, whatever has taken its place meanwhile
+        with os.fdopen(
+            os.open(holder, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o644),
+            "w",
+            encoding="utf-8",
+        ) as written:
             written.write(f"process {os.getpid()} on {host}, since {since}")
     return unlock
 
@@ -78,7 +93,10 @@ def _locked(path: Path, wait: bool) -> Callable[[], None] | None:
             os.close(descriptor)
             if isinstance(error, BlockingIOError):
                 return None
-            if isinstance(error, OSError) and error.errno in (errno.ENOSYS, errno.ENOTSUP):  # a file system without locks
+            if isinstance(error, OSError) and error.errno in (
+                errno.ENOSYS,
+                errno.ENOTSUP,
+            ):  # a file system without locks
                 return _locked_elsewhere(path, wait)
             raise
         if os.fstat(descriptor).st_nlink:

@@ -11,8 +11,19 @@ from wavesweep.capabilities import WITH_SPECS
 from wavesweep.program.atomic_files import open_file, write_file
 from wavesweep.program.tables.fields import Field, FieldKind
 
-_DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
-_MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
+_DIALECT = {
+    "delimiter": ",",
+    "lineTerminator": "\n",
+    "quoteChar": '"',
+    "doubleQuote": True,
+    "header": True,
+}
+_MEDIA = {
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "pdf": "application/pdf",
+    "eps": "application/postscript",
+}
 _HASH_BLOCK = 1 << 20
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
@@ -22,14 +33,25 @@ MOST_DIFFERENCES = 5  # that are named
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
-def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], stem: Path, figures: Sequence[Path]) -> str:
+def package_text(
+    kind: str,
+    fields: tuple[Field, ...],
+    facts: Mapping[str, Any],
+    stem: Path,
+    figures: Sequence[Path],
+) -> str:
     """The package as JSON text, for the files as they are on disk; `facts` includes the timings.
 
     stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
     of_booleans = {"trueValues": ["1"], "falseValues": ["0"]}
     described = [
-        {"name": field.name, "type": field.kind, "unit": field.unit, "description": field.description}
+        {
+            "name": field.name,
+            "type": field.kind,
+            "unit": field.unit,
+            "description": field.description,
+        }
         | (of_booleans if field.kind == "boolean" else {})
         for field in fields
     ]
@@ -40,7 +62,11 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "title": _title(kind, facts),
         "resources": [
             *_tables(kind, stem, schema),
-            *(_spec(kind, spec) for spec in sorted((stem.parent / BEST).glob("*.toml")) if kind in WITH_SPECS),
+            *(
+                _spec(kind, spec)
+                for spec in sorted((stem.parent / BEST).glob("*.toml"))
+                if kind in WITH_SPECS
+            ),
             *(figure_resource(kind, facts, figure) for figure in figures),
         ],
         "wavesweep": facts,
@@ -51,7 +77,12 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
 def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
     # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
-    parquet = {"profile": "data-resource", "type": "file", "format": "parquet", "mediatype": "application/vnd.apache.parquet"}
+    parquet = {
+        "profile": "data-resource",
+        "type": "file",
+        "format": "parquet",
+        "mediatype": "application/vnd.apache.parquet",
+    }
     single = stem.with_suffix(".parquet")
     if single.is_dir():
         return [
@@ -64,9 +95,20 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
             }
             for file in sorted(single.iterdir())
         ]
-    csv = {"profile": "tabular-data-resource", "format": "csv", "mediatype": "text/csv", "encoding": "utf-8"}
+    csv = {
+        "profile": "tabular-data-resource",
+        "format": "csv",
+        "mediatype": "text/csv",
+        "encoding": "utf-8",
+    }
     return [
-        {"name": f"{kind}-csv", **csv, "dialect": _DIALECT, **file_facts(stem.with_suffix(".csv")), "schema": schema},
+        {
+            "name": f"{kind}-csv",
+            **csv,
+            "dialect": _DIALECT,
+            **file_facts(stem.with_suffix(".csv")),
+            "schema": schema,
+        },
         {"name": f"{kind}-parquet", **parquet, **file_facts(single), "schema": schema},
     ]
 
@@ -95,7 +137,9 @@ def loaded(package: Path) -> dict[str, Any]:
 
 def packaged_parts(package: Path) -> int:
     """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
-    return sum(re.fullmatch(PART, name.rpartition("/")[2]) is not None for name in packaged_files(package))
+    return sum(
+        re.fullmatch(PART, name.rpartition("/")[2]) is not None for name in packaged_files(package)
+    )
 
 
 def packaged_files(package: Path) -> list[str]:
@@ -137,7 +181,11 @@ def packaged_facts(package: Path) -> dict[str, Any]:
 def packaged_fault(csv: Path, package: Path) -> str:
     """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
     if not packaged_facts(package):
-        state = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
+        state = (
+            "a damaged one; use the Parquet file, or compute the table again"
+            if package.is_file()
+            else "none"
+        )
         return f"expected the data package of wavesweep, {package.name}, beside the table, found {state}"
     described = loaded(package)["resources"][0]
     facts = file_facts(csv)
@@ -154,7 +202,9 @@ def same_but_for_the_run(one: Path, other: Path) -> bool:
         packages = [loaded(package_file) for package_file in (one, other)]
         for content in packages:
             content.pop("hash", None)
-            content["wavesweep"] = {name: fact for name, fact in content["wavesweep"].items() if name not in OF_RUN}
+            content["wavesweep"] = {
+                name: fact for name, fact in content["wavesweep"].items() if name not in OF_RUN
+            }
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return False
     return packages[0] == packages[1] and not other.is_symlink()
@@ -183,16 +233,26 @@ def _as_text(package: Mapping[str, Any]) -> str:
     return json.dumps(content | {"hash": f"sha256:{digest}"}, indent=2, allow_nan=False) + "\n"
 
 
-def package_differences(package: Path, kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any]) -> Iterator[str]:
+def package_differences(
+    package: Path, kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any]
+) -> Iterator[str]:
     """Yield where a package differs from the one that this program writes for the files beside it.
 
     fields, facts: those in the Parquet file; what such a file does not have is held against the hash in the package.
     Sizes and hashes of files are not compared. Raises OSError, ValueError, KeyError or TypeError if something cannot be read.
     """
     content, stem = loaded(package), package.with_name(kind)
-    own_facts = {name: content["wavesweep"][name] for name in OWN_FACTS if name in content["wavesweep"]}
-    figures = [package.parent / resource["path"] for resource in content["resources"] if resource.get("format") in _MEDIA]
-    figures = [figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}]
+    own_facts = {
+        name: content["wavesweep"][name] for name in OWN_FACTS if name in content["wavesweep"]
+    }
+    figures = [
+        package.parent / resource["path"]
+        for resource in content["resources"]
+        if resource.get("format") in _MEDIA
+    ]
+    figures = [
+        figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}
+    ]
     text = package_text(kind, fields, {**facts, **own_facts}, stem, figures)
     expected = json.loads(text)
     for resource, entry in zip(expected["resources"], content["resources"], strict=False):
@@ -201,7 +261,10 @@ def package_differences(package: Path, kind: str, fields: tuple[Field, ...], fac
     entries = {name: value for name, value in content.items() if name != "hash"}
     places = list(_differences(entries, expected, ""))
     yield from places[:MOST_DIFFERENCES]
-    if not places and package.read_text(encoding="utf-8") not in (_as_text(content), json.dumps(entries, indent=2) + "\n"):
+    if not places and package.read_text(encoding="utf-8") not in (
+        _as_text(content),
+        json.dumps(entries, indent=2) + "\n",
+    ):
         yield "its text does not have the hash that it gives"
 
 

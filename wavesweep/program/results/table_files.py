@@ -14,7 +14,13 @@ from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.engine.rows import different
 from wavesweep.program.atomic_files import open_file
 from wavesweep.program.platform_compat import memory
-from wavesweep.program.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
+from wavesweep.program.results.package import (
+    PART,
+    packaged_facts,
+    packaged_fault,
+    packaged_kinds,
+    packaged_parts,
+)
 from wavesweep.program.tables import kind_named, kinds
 from wavesweep.program.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
 from wavesweep.program.tables.fields import Field, FieldKind
@@ -36,11 +42,20 @@ class ParquetFile:
 
         types = _types()
         columns = [
-            pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
+            pyarrow.field(
+                f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}
+            )
+            for f in fields
         ]
-        text, units = json.dumps(facts, allow_nan=False), json.dumps({"units": {f.name: f.unit for f in fields}})
+        text, units = (
+            json.dumps(facts, allow_nan=False),
+            json.dumps({"units": {f.name: f.unit for f in fields}}),
+        )
         # pandas puts what it finds under its own key into `.attrs`.
-        self._path, self._schema = path, pyarrow.schema(columns, metadata={"wavesweep": text, "PANDAS_ATTRS": units})
+        self._path, self._schema = (
+            path,
+            pyarrow.schema(columns, metadata={"wavesweep": text, "PANDAS_ATTRS": units}),
+        )
         self._writer: Any = None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
@@ -50,18 +65,24 @@ class ParquetFile:
         if self._writer is None:
             self._open(columns)
         arrays = [_array(column) for column in columns.values()]
-        self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS)
+        self._writer.write_table(
+            pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS
+        )
 
     def _open(self, columns: Mapping[str, np.ndarray]) -> None:
         """Open the file for columns like those of the first group: numbers that repeat are kept once, in a dictionary."""
         import pyarrow.parquet
 
         many = [
-            name for name, column in columns.items() if column.dtype == np.float64 and different(column).size > len(column) // 2
+            name
+            for name, column in columns.items()
+            if column.dtype == np.float64 and different(column).size > len(column) // 2
         ]
         few = [name for name in columns if name not in many]
         self._file = _opened(self._path, "wb")
-        self._writer = pyarrow.parquet.ParquetWriter(self._file, self._schema, compression="zstd", use_dictionary=few)
+        self._writer = pyarrow.parquet.ParquetWriter(
+            self._file, self._schema, compression="zstd", use_dictionary=few
+        )
 
     def close(self) -> None:
         """Write the footer; without it the file cannot be read."""
@@ -77,10 +98,16 @@ class ParquetFile:
 class ParquetParts:
     """A folder of Parquet files with `rows` rows each, the last one with the rest: as for `ParquetFile`."""
 
-    def __init__(self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], rows: int) -> None:
+    def __init__(
+        self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], rows: int
+    ) -> None:
         path.mkdir()
         self._path, self._given, self._rows = path, (fields, facts), rows
-        self._number, self._left, self._part = 0, rows, ParquetFile(path / part_name(0), fields, facts)
+        self._number, self._left, self._part = (
+            0,
+            rows,
+            ParquetFile(path / part_name(0), fields, facts),
+        )
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Write checked columns, no more than fit into the part, as one row group."""
@@ -101,7 +128,9 @@ def _opened(path: Path, mode: str) -> Any:
     import pyarrow
 
     if mode == "rb":
-        open_file(path).close()  # or an error for a pipe, which would be waited for, and for a device, which has no end
+        open_file(
+            path
+        ).close()  # or an error for a pipe, which would be waited for, and for a device, which has no end
     return pyarrow.OSFile(os.fsencode(path), mode)
 
 
@@ -135,7 +164,9 @@ def _cells(column: np.ndarray) -> Any:
         return _decimals(array)
     bits = pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers())  # 0 is not -0
     coded = bits.dictionary_encode()
-    each = pyarrow.Array.from_buffers(pyarrow.float64(), len(coded.dictionary), coded.dictionary.buffers())
+    each = pyarrow.Array.from_buffers(
+        pyarrow.float64(), len(coded.dictionary), coded.dictionary.buffers()
+    )
     return _decimals(each).take(coded.indices)
 
 
@@ -175,7 +206,9 @@ def _joined(pieces: list[Any], between: str) -> Any:
     """Arrays of texts, and texts, joined row by row; what is missing is an empty text."""
     from pyarrow import compute
 
-    return compute.binary_join_element_wise(*pieces, _text(between), null_handling="replace", null_replacement="")
+    return compute.binary_join_element_wise(
+        *pieces, _text(between), null_handling="replace", null_replacement=""
+    )
 
 
 def read(path: str | Path) -> dict[str, np.ndarray]:
@@ -227,7 +260,9 @@ def _as_table(path: Path) -> Iterator[None]:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         said = str(error).strip().partition("\n")[0] or type(error).__name__
-        raise UsageError(f"{path}: expected a whole table, found a file that cannot be read as one ({said})") from error
+        raise UsageError(
+            f"{path}: expected a whole table, found a file that cannot be read as one ({said})"
+        ) from error
 
 
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
@@ -263,15 +298,23 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         command = packaged_facts(package).get("command", "")  # which a Parquet file does not have
         kind = kind_of(names, path.stem, {"command": command})
         if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
-            raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
+            raise UsageError(
+                f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}"
+            )
         columns = in_order(kind, read(path), facts)
-        if kind in kinds() and kind_named(kind).fields:  # the columns of a design study follow from its spec
+        if (
+            kind in kinds() and kind_named(kind).fields
+        ):  # the columns of a design study follow from its spec
             checked(fields_of(kind, columns, facts), columns)
     except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
         if isinstance(error, UsageError):
             raise
-        said = str(error) if isinstance(error, WavesweepError) else f"{type(error).__name__}: {error}"
-        raise UsageError(f"{path}: expected a whole table, found columns or facts of another form ({said})") from error
+        said = (
+            str(error) if isinstance(error, WavesweepError) else f"{type(error).__name__}: {error}"
+        )
+        raise UsageError(
+            f"{path}: expected a whole table, found columns or facts of another form ({said})"
+        ) from error
     if not len(next(iter(columns.values()), ())):
         raise UsageError(f"{path}: expected the rows of a table, found none")
     return kind, columns, facts if kind in kinds() else {**facts, "command": command}
@@ -280,8 +323,13 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
 def _refuse_other_paths(path: Path) -> None:
     """Raise UsageError for a path that is neither a file nor a folder of Parquet parts."""
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
-        tables = sorted(package.with_suffix("").with_suffix(".parquet").name for package in path.glob("*.datapackage.json"))
-        problem = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
+        tables = sorted(
+            package.with_suffix("").with_suffix(".parquet").name
+            for package in path.glob("*.datapackage.json")
+        )
+        problem = (
+            f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
+        )
         raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {problem}")
 
 
@@ -298,9 +346,16 @@ def _names_and_facts(path: Path, package: Path) -> tuple[list[str], dict[str, An
         schema = _schema(path)
         names, facts = schema.names, _facts_in(schema)
     if not facts:
-        raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
-    if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
-        raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
+        raise UsageError(
+            f"{path}: expected a table of wavesweep, found no facts of a run in the file"
+        )
+    if not all(
+        isinstance(facts.get(name, {}), Mapping)
+        for name in ("spec", "linear_loop", "ticks", "unlike_units")
+    ):
+        raise UsageError(
+            f"{path}: expected the facts of a run, found damaged ones; compute the table again"
+        )
     return names, facts
 
 
@@ -333,14 +388,19 @@ def schema_fields(path: Path) -> tuple[Field, ...]:
     """The columns of a Parquet table with kind, unit and description, as its schema has them."""
     kinds = {str(arrow): kind for kind, arrow in _types().items()}
     schema = _schema(path)
-    texts = [{name.decode(): text.decode() for name, text in (member.metadata or {}).items()} for member in schema]
+    texts = [
+        {name.decode(): text.decode() for name, text in (member.metadata or {}).items()}
+        for member in schema
+    ]
     return tuple(
         Field(field.name, kinds[str(field.type)], text["unit"], text["description"])
         for field, text in zip(schema, texts, strict=True)
     )
 
 
-def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
+def read_rows(
+    path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None
+) -> dict[str, np.ndarray]:
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
 
     Raises UsageError for a group larger than this program writes: a file of some MB could hold any number of rows.
@@ -350,7 +410,11 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
     blocks: list[dict[str, np.ndarray]] = []
     before = 0
     for block_file in parts_of(path):
-        with _as_table(block_file), _opened(block_file, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
+        with (
+            _as_table(block_file),
+            _opened(block_file, "rb") as source,
+            pyarrow.parquet.ParquetFile(source) as file,
+        ):
             rows = file.metadata.num_rows
             start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
             if start < stop or not blocks:  # of the first part at least the columns
@@ -365,9 +429,15 @@ def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
     """The same of an open Parquet file, as a table of Arrow."""
     sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
     if max(sizes, default=0) > GROUP_ROWS:
-        raise UsageError(f"expected groups of at most {GROUP_ROWS} rows, found one of {max(sizes)}, of another program")
+        raise UsageError(
+            f"expected groups of at most {GROUP_ROWS} rows, found one of {max(sizes)}, of another program"
+        )
     borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-    groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
+    groups = [
+        number
+        for number in range(len(sizes))
+        if borders[number] < end and borders[number + 1] > first
+    ]
     table = file.read_row_groups(groups, columns=columns)
     return table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
 
@@ -399,7 +469,9 @@ def parts_of(path: Path) -> list[Path]:
     package = path.with_suffix(".datapackage.json")
     expected = packaged_parts(package) if package.exists() else len(names)
     if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
-        raise UsageError(f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others")
+        raise UsageError(
+            f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others"
+        )
     return [path / name for name in names]
 
 
@@ -408,12 +480,17 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
 
     tables, cells = [], 0
     for file_part in parts_of(path):
-        with _as_table(file_part), _opened(file_part, "rb") as file:  # `read_table` would import pandas
+        with (
+            _as_table(file_part),
+            _opened(file_part, "rb") as file,
+        ):  # `read_table` would import pandas
             opened = pyarrow.parquet.ParquetFile(file)
             rows = opened.metadata.num_rows
             cells += rows * opened.metadata.num_columns
             if 8 * cells > memory():
-                raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {file_part.name}")
+                raise UsageError(
+                    f"{path}: expected a table that fits into memory, found {rows:,} rows in {file_part.name}"
+                )
             tables.append(opened.read())
     return _columns(pyarrow.concat_tables(tables))
 
@@ -437,7 +514,10 @@ def _csv_options(path: Path) -> dict[str, Any]:
         column_types={name: types[kind] for name, kind in kinds.items()}, null_values=[""],
         strings_can_be_null=False, true_values=["1"], false_values=["0"],
     )  # fmt: skip
-    return {"parse_options": pyarrow.csv.ParseOptions(newlines_in_values=True), "convert_options": convert}
+    return {
+        "parse_options": pyarrow.csv.ParseOptions(newlines_in_values=True),
+        "convert_options": convert,
+    }
 
 
 def _columns(table: Any) -> dict[str, np.ndarray]:
@@ -449,7 +529,9 @@ def _numpy(column: Any) -> np.ndarray:
     kind = str(column.type)
     if kind == "string":
         return np.concatenate([np.empty(0, object), *map(_words, column.chunks)])
-    if kind not in _NUMPY or (kind != "double" and column.null_count):  # of a file that another program wrote
+    if kind not in _NUMPY or (
+        kind != "double" and column.null_count
+    ):  # of a file that another program wrote
         import pandas  # noqa: F401 - here a Ctrl-C is not dropped
 
         return column.to_numpy()
@@ -460,7 +542,9 @@ def _numpy(column: Any) -> np.ndarray:
         column = column.fill_null(not_a_number)
     held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
     chunks: Any = (
-        np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :] for chunk in column.chunks if chunk
+        np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :]
+        for chunk in column.chunks
+        if chunk
     )
     return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
 
@@ -477,7 +561,12 @@ def _words(texts: Any) -> np.ndarray:
 def _types() -> dict[FieldKind, Any]:
     import pyarrow
 
-    return {"number": pyarrow.float64(), "integer": pyarrow.int64(), "boolean": pyarrow.bool_(), "string": pyarrow.string()}
+    return {
+        "number": pyarrow.float64(),
+        "integer": pyarrow.int64(),
+        "boolean": pyarrow.bool_(),
+        "string": pyarrow.string(),
+    }
 
 
 def _array(column: np.ndarray) -> Any:
@@ -504,7 +593,9 @@ def _encoded(values: list) -> tuple[np.ndarray, bytes]:
     try:
         texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}
     except UnicodeEncodeError as error:
-        raise WavesweepError(f"a name in the table cannot be written as UTF-8 ({error}); rename the spec") from error
+        raise WavesweepError(
+            f"a name in the table cannot be written as UTF-8 ({error}); rename the spec"
+        ) from error
     if len(texts) == 1:  # the usual case, and several times faster
         (text,) = texts.values()
         return np.arange(len(values) + 1, dtype=np.int32) * np.int32(len(text)), text * len(values)

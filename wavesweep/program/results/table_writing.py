@@ -25,15 +25,34 @@ from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import is_folder, put, random_part, scratch, sync
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.results.folder import BEST, FIGURES, existing_facts, names_of, refuse_other_spec
+from wavesweep.program.results.folder import (
+    BEST,
+    FIGURES,
+    existing_facts,
+    names_of,
+    refuse_other_spec,
+)
 from wavesweep.program.results.lock import at_work
-from wavesweep.program.results.package import OWN_FACTS, package_text, packaged_files, same_but_for_the_run
-from wavesweep.program.results.table_files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
+from wavesweep.program.results.package import (
+    OWN_FACTS,
+    package_text,
+    packaged_files,
+    same_but_for_the_run,
+)
+from wavesweep.program.results.table_files import (
+    GROUP_ROWS,
+    ParquetFile,
+    ParquetParts,
+    csv_header,
+    csv_rows,
+)
 from wavesweep.program.tables.columns import checked, fields_of
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.table import Table
 
-REPLACED = "replaced"  # the name, in the folder of new files, of a file or folder whose place is needed
+REPLACED = (
+    "replaced"  # the name, in the folder of new files, of a file or folder whose place is needed
+)
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
 
 
@@ -63,12 +82,16 @@ def publish(
     """
     overwrite, locked = boolean("overwrite", overwrite), boolean("locked", locked)
     if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
-        raise UsageError(f"partition: expected a whole number of rows >= 1, found {partition!r:.60}")
+        raise UsageError(
+            f"partition: expected a whole number of rows >= 1, found {partition!r:.60}"
+        )
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
         if not overwrite:
-            refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
+            refuse_other_spec(
+                table.kind, directory, facts["spec_sha256"], facts.get("spec_place", "")
+            )
         folder = directory / f".{table.kind}.new-{random_part()}"
         folder.mkdir(0o700)
         try:
@@ -76,13 +99,17 @@ def publish(
             _write_all(stem, table, fields, blocks, formats, partition)
             if table.extra_files is not None:
                 table.extra_files(folder)
-            package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
+            package = package_text(
+                table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"])
+            )
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory)
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:
-            rmtree(folder, ignore_errors=True)  # what was not put in place, as far as that is possible now
+            rmtree(
+                folder, ignore_errors=True
+            )  # what was not put in place, as far as that is possible now
 
 
 def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
@@ -92,7 +119,9 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
         for file in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
             sync(file)
         sync(folder / name)
-    for name in sorted(files, key=lambda name: not name.endswith(".parquet")):  # it has the facts of the run as well
+    for name in sorted(
+        files, key=lambda name: not name.endswith(".parquet")
+    ):  # it has the facts of the run as well
         _replace(folder / name, directory / name, folder / f"{REPLACED}-{name}")
     listed = packaged_files(folder / package)
     for suffix in (".csv", *FIGURES):
@@ -118,12 +147,20 @@ def _replace(new: Path, place: Path, old: Path) -> None:
 def _of_folder(error: OSError, directory: Path) -> OSError:
     """The error with the folder in place of a temporary file's name, or of none; Arrow has the number in its text alone."""
     matched = re.search(r"\[errno (\d+)\] ([^\n]+)", str(error))
-    number, text = (int(matched[1]), matched[2]) if matched else (error.errno, error.strerror or str(error))
+    number, text = (
+        (int(matched[1]), matched[2]) if matched else (error.errno, error.strerror or str(error))
+    )
     return OSError(number, text, str(directory))
 
 
 def _write_all(
-    stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None, only: str = ""
+    stem: Path,
+    table: Table,
+    fields: tuple[Field, ...],
+    blocks,
+    formats,
+    partition: int | None,
+    only: str = "",
 ) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
     from concurrent.futures import ThreadPoolExecutor
@@ -161,7 +198,9 @@ def _draw_all(stem: Path, table: Table, formats) -> None:
             draw(stem.with_suffix(f".{form}"))
         except Exception as error:  # any: a style or a spec of the user's may make matplotlib fail in many ways; it goes on up
             if not isinstance(error, OSError):
-                error.add_note("This happened in the figure; --no-plot writes the table without it.")
+                error.add_note(
+                    "This happened in the figure; --no-plot writes the table without it."
+                )
             raise
 
 
@@ -173,11 +212,21 @@ def save(table: Table, path: Path) -> Path:
     """
     fields, blocks = _opened(table)
     if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):
-        raise UsageError(f"{path}: expected a file or none, found a link, a folder or a device; move it away")
+        raise UsageError(
+            f"{path}: expected a file or none, found a link, a folder or a device; move it away"
+        )
     suffix = path.suffix.lower()
     try:
         with scratch(path.parent) as folder:
-            _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
+            _write_all(
+                folder / table.kind,
+                table,
+                fields,
+                blocks,
+                [suffix[1:]] if suffix in FIGURES else (),
+                None,
+                suffix,
+            )
             target = folder / f"{table.kind}{suffix}"
             sync(target)
             put(target, path)
@@ -220,7 +269,9 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
     return fields, chain([checked(fields, first)], blocks)
 
 
-def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
+def _groups(
+    fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None
+) -> Iterator[Columns]:
     """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no group spans two parts."""
     pending, waiting, rows = [], 0, 0
     for block in blocks:
@@ -233,7 +284,10 @@ def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int
         while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
             yield {name: column[start : start + size] for name, column in group.items()}
             start += size
-        pending, waiting = [{name: column[start:] for name, column in group.items()}], waiting - start
+        pending, waiting = (
+            [{name: column[start:] for name, column in group.items()}],
+            waiting - start,
+        )
     if waiting:
         yield joined(pending)
 
@@ -245,7 +299,9 @@ def _rows_after(rows: int, partition: int | None) -> int:
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
     """The figures of the table: the new ones, and those of the same spec that stay."""
-    new, old = ([place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name))
+    new, old = (
+        [place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name)
+    )
     figures = [fresh if fresh.exists() else former for fresh, former in zip(new, old, strict=True)]
     figures = [figure for figure in figures if figure.exists()]
     same = figures and (existing_facts(stem.name, directory) or {}).get("spec_sha256") == sha256

@@ -13,15 +13,33 @@ from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.columns import Columns
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.results.folder import BEST, PACKAGE
-from wavesweep.program.results.package import file_facts, loaded, package_differences, packaged_facts
-from wavesweep.program.results.table_files import GROUP_ROWS, csv_blocks, read_rows, rows_in, schema_facts, schema_fields
+from wavesweep.program.results.package import (
+    file_facts,
+    loaded,
+    package_differences,
+    packaged_facts,
+)
+from wavesweep.program.results.table_files import (
+    GROUP_ROWS,
+    csv_blocks,
+    read_rows,
+    rows_in,
+    schema_facts,
+    schema_fields,
+)
 from wavesweep.program.tables import HOMES, kind_named
 from wavesweep.program.tables.kind import Recompute
 
 ROWS = 20
 SEED = 0
 CLOSE = 1e-9  # relative difference that counts as none if versions, or what is computed together, differ
-FAULTS = (WavesweepError, LookupError, TypeError, ValueError, AttributeError)  # of packages and schemas that were changed
+FAULTS = (
+    WavesweepError,
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+)  # of packages and schemas that were changed
 NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 
@@ -76,23 +94,39 @@ def verify(
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     """
     if prove and offered("prover") is None:
-        raise UsageError("prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing")
+        raise UsageError(
+            "prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing"
+        )
     packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")
     stems = {package.name.removesuffix(PACKAGE) for package in packages}
-    alone = (path for suffix in (".csv", ".parquet") for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
+    alone = (
+        path
+        for suffix in (".csv", ".parquet")
+        for path in Path(directory).glob(f"*{suffix}")
+        if path.stem not in stems
+    )
     checked: list[str] = []
-    differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
+    differences = [
+        f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES
+    ]
     proved: list[Mapping[str, str | int]] = []
     for package in packages:
-        for text, different in _of_package(package, rows, seed, prove, proved, progress or (lambda *_: None)):
+        for text, different in _of_package(
+            package, rows, seed, prove, proved, progress or (lambda *_: None)
+        ):
             (differences if different else checked).append(text)
     return Verification(tuple(checked), tuple(differences), tuple(proved))
 
 
 def _of_package(
-    package: Path, rows: int, seed: int, prove: int, proved: list, progress: Callable[[int, int], None]
+    package: Path,
+    rows: int,
+    seed: int,
+    prove: int,
+    proved: list,
+    progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
     facts = packaged_facts(package)
@@ -119,7 +153,10 @@ def _of_package(
         yield f"{package}: its rows cannot be computed again from a spec", False
         return
     if again.sha256 != facts["spec_sha256"]:
-        yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
+        yield (
+            f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…",
+            True,
+        )
     yield from _rows(package, facts, again, rows, seed, progress)
     if prove and again.provable:
         yield from _proved_again(parquet, again, prove, proved, progress)
@@ -142,7 +179,9 @@ def _files(package: Path) -> Iterator[str]:
     for name in sorted(present - set(expected_files)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in expected_files.items():
-        relative = name.removeprefix(f"{folder.name}/").removeprefix(f"{BEST}/" if stem in WITH_SPECS else "")
+        relative = name.removeprefix(f"{folder.name}/").removeprefix(
+            f"{BEST}/" if stem in WITH_SPECS else ""
+        )
         if relative != Path(relative).name:
             yield f"{package}: {name} in its list of files is in another folder"
             continue
@@ -162,7 +201,9 @@ def _described(package: Path) -> Iterator[str]:
     kind = package.name.removesuffix(PACKAGE)
     parquet = package.with_name(f"{kind}.parquet")
     try:
-        for text in package_differences(package, kind, schema_fields(parquet), schema_facts(parquet)):
+        for text in package_differences(
+            package, kind, schema_fields(parquet), schema_facts(parquet)
+        ):
             yield f"{package}: {text}"
     except (*FAULTS, OSError) as error:
         yield f"{package}: cannot be held against its Parquet file: {error}"
@@ -188,7 +229,9 @@ def _again(package: Path, facts: Mapping[str, Any]) -> Recompute | None:
 def _stem(package: Path) -> str:
     """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
     try:
-        column = read_rows(package.with_name(package.name.replace(PACKAGE, ".parquet")), 0, 1).get("spec", ["spec"])
+        column = read_rows(package.with_name(package.name.replace(PACKAGE, ".parquet")), 0, 1).get(
+            "spec", ["spec"]
+        )
     except WavesweepError as error:
         raise OSError(str(error)) from error
     return str(column[0]) if len(column) else "spec"
@@ -202,21 +245,38 @@ def _counted(items: Sequence[int], progress: Callable[[int, int], None]) -> Iter
 
 
 def _rows(
-    package: Path, facts: Mapping[str, Any], again: Recompute, rows: int, seed: int, progress: Callable[[int, int], None]
+    package: Path,
+    facts: Mapping[str, Any],
+    again: Recompute,
+    rows: int,
+    seed: int,
+    progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
-    parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
-    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+    parquet, exact = (
+        package.with_name(package.name.replace(PACKAGE, ".parquet")),
+        versions().items() <= facts.items(),
+    )
+    how = (
+        "to the bit"
+        if exact
+        else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+    )
     if exact and again.of_combinations is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
     try:
-        if again.rows not in (0, rows_there := rows_in(parquet)):  # before a foreign package has millions of them computed
+        if again.rows not in (
+            0,
+            rows_there := rows_in(parquet),
+        ):  # before a foreign package has millions of them computed
             difference, extent = f"{rows_there} rows and not {again.rows}", ""
         elif again.of_combinations is None:
             difference = _compared(parquet, again.all_blocks(), exact)
             extent = "all rows"
         else:
-            difference = _sampled(parquet, again.of_combinations, again.combinations, rows, seed, exact, progress)
+            difference = _sampled(
+                parquet, again.of_combinations, again.combinations, rows, seed, exact, progress
+            )
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
     except (WavesweepError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be held against new ones: {error}", True
@@ -254,13 +314,17 @@ def _sampled(
         return "no column interval"
     if len(starts) != combinations:
         return f"{len(starts)} combinations and not {combinations}"
-    picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))
+    picked = np.sort(
+        np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False)
+    )
     ends = np.append(starts[1:], rows)
     for number, new in zip(picked, some(_counted(picked.tolist(), progress)), strict=True):
         first, wanted = int(starts[number]), len(new["interval"])
         if ends[number] - first != wanted:
             return f"row {first + 1}: {ends[number] - first} intervals and not {wanted}"
-        if difference := first_difference(read_rows(parquet, first, first + wanted), new, exact, first):
+        if difference := first_difference(
+            read_rows(parquet, first, first + wanted), new, exact, first
+        ):
             return difference
     return ""
 
@@ -284,27 +348,46 @@ def _proved_again(
         starts = _starts(parquet)
         if starts is None or len(starts) != again.combinations:
             return  # which is a difference already
-        certified = np.flatnonzero(read_rows(parquet, columns=["certified"])["certified"][starts[: again.provable]])
+        certified = np.flatnonzero(
+            read_rows(parquet, columns=["certified"])["certified"][starts[: again.provable]]
+        )
         places = np.linspace(0, len(certified) - 1, min(most, len(certified))).round().astype(int)
         picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
-        claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in _counted(picked, progress))
+        claims = (
+            (number, read_rows(parquet, ends[number], ends[number + 1]))
+            for number in _counted(picked, progress)
+        )
         verdicts = list(again.prove(claims)) if again.prove else []
     except (WavesweepError, KeyError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be proved again: {error}", True
         return
-    counts = {name: sum(result.verdict == name for result in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
-    proved.append({"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts})
-    reasons = "; ".join(dict.fromkeys(result.why for result in verdicts if result.verdict == "unsettled"))
+    counts = {
+        name: sum(result.verdict == name for result in verdicts)
+        for name in ("whole", "ends", "unsettled", "refuted")
+    }
+    proved.append(
+        {"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts}
+    )
+    reasons = "; ".join(
+        dict.fromkeys(result.why for result in verdicts if result.verdict == "unsettled")
+    )
     text = f"{parquet}: {len(picked)} of {len(certified)} certified slices proved again in ball arithmetic: {counts['whole']} "
     text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
     yield f"{text}{counts['unsettled']} not settled{f' ({reasons})' if reasons else ''}", False
-    fault = "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
+    fault = (
+        "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
+    )
     for number, result in zip(picked, verdicts, strict=True):
         if result.verdict == "refuted":
-            yield f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {result.why}; {fault}", True
+            yield (
+                f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {result.why}; {fault}",
+                True,
+            )
 
 
-def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:
+def first_difference(
+    found: Columns, expected: Columns, exact: bool = True, first_row: int = 0
+) -> str:
     """The first difference of two tables as a text, empty for equal tables.
 
     found, expected: columns. exact: to the bit; otherwise numbers may differ by CLOSE, relative. first_row: number of the
@@ -319,7 +402,9 @@ def first_difference(found: Columns, expected: Columns, exact: bool = True, firs
         different = np.flatnonzero(~_equal(np.asarray(column), wanted, exact))
         if different.size and (exact or name not in NOISE):
             row = int(different[0])
-            return f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {wanted[row]!s}"
+            return (
+                f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {wanted[row]!s}"
+            )
     return ""
 
 
@@ -329,4 +414,6 @@ def _equal(found: np.ndarray, expected: np.ndarray, exact: bool) -> np.ndarray:
     missing = np.isnan(found) & np.isnan(expected)
     if exact:
         return missing | (found.view(np.int64) == expected.astype(float).view(np.int64))
-    return missing | (np.abs(found - expected) <= CLOSE * np.maximum(np.abs(found), np.abs(expected)))
+    return missing | (
+        np.abs(found - expected) <= CLOSE * np.maximum(np.abs(found), np.abs(expected))
+    )

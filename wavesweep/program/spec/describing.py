@@ -7,7 +7,15 @@ from typing import Any
 
 from wavesweep.engine.drawing import TICK_HZ, TYPES, keys_of_block
 from wavesweep.engine.keys import Key, expectation, nearest, show
-from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES, HARDWARE_KEYS, KEYS, SYMBOLS, HapticDevice, find_key
+from wavesweep.program.reading.keys import (
+    AXIS_KEYS,
+    DEVICES,
+    HARDWARE_KEYS,
+    KEYS,
+    SYMBOLS,
+    HapticDevice,
+    find_key,
+)
 from wavesweep.program.reading.tables import study_keys, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
 
@@ -15,7 +23,10 @@ Description = dict[str, Any]
 STUDIES = ("sweep", "bode")
 _AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
 _OF_STUDIES = {
-    path: key for table in study_tables() for path, key in (study_keys() | _AXES).items() if path.startswith(f"{table}.")
+    path: key
+    for table in study_tables()
+    for path, key in (study_keys() | _AXES).items()
+    if path.startswith(f"{table}.")
 }
 EVERY_KEY: Mapping[str, Key] = {**KEYS, **_OF_STUDIES}
 # Tables with names of the user's own.
@@ -37,9 +48,13 @@ _TABLES = {
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 _OF_CAPABILITIES = {
-    path: each for table in sorted(tables().values(), key=lambda each: each.path) for path, each in table.described.items()
+    path: each
+    for table in sorted(tables().values(), key=lambda each: each.path)
+    for path, each in table.described.items()
 }
-TABLES: Mapping[str, Description] = {path: {"description": text} for path, text in _TABLES.items()} | _OF_CAPABILITIES
+TABLES: Mapping[str, Description] = {
+    path: {"description": text} for path, text in _TABLES.items()
+} | _OF_CAPABILITIES
 
 
 def symbol_of(path: str) -> str:
@@ -73,9 +88,17 @@ def described(key: Key, path: str = "") -> Description:
 
 
 def _values(key: Key) -> str:
-    lists = {"list": "list of numbers" if "." not in key.path else "list", "rows": "list of rows", "ports": "list of names"}
+    lists = {
+        "list": "list of numbers" if "." not in key.path else "list",
+        "rows": "list of rows",
+        "ports": "list of names",
+    }
     most = f" and <= {key.high:.16g}" if key.high is not None else ""
-    return ", ".join(map(str, key.choices)) or lists.get(key.type) or expectation(key).removeprefix("a ") + most
+    return (
+        ", ".join(map(str, key.choices))
+        or lists.get(key.type)
+        or expectation(key).removeprefix("a ") + most
+    )
 
 
 def _device(device: HapticDevice) -> Description:
@@ -89,12 +112,23 @@ def _device(device: HapticDevice) -> Description:
         }
         for path, number in device.numbers.items()
     }
-    return {"title": device.title, "numbers": numbers, "not_known": list(device.unknown()), "recommended_wall": wall}
+    return {
+        "title": device.title,
+        "numbers": numbers,
+        "not_known": list(device.unknown()),
+        "recommended_wall": wall,
+    }
 
 
 def default_of(description: Description) -> str:
     """Return the default of a key in the notation of a spec; empty if it may be absent."""
-    return "required" if description["required"] else "" if description["default"] is None else show(description["default"])
+    return (
+        "required"
+        if description["required"]
+        else ""
+        if description["default"] is None
+        else show(description["default"])
+    )
 
 
 def meaning_of(description: Description) -> str:
@@ -110,9 +144,13 @@ def named(name: str) -> dict[str, Description]:
     Empty for an unknown name.
     """
     path = SYMBOLS.get(name, name)
-    if path in study_keys() and path in EVERY_KEY:  # also one in a table with names of the user's own
+    if (
+        path in study_keys() and path in EVERY_KEY
+    ):  # also one in a table with names of the user's own
         return {path: described(EVERY_KEY[path], path)}
-    if table := next((table for table in TABLES if path == table or path.startswith(f"{table}.")), ""):
+    if table := next(
+        (table for table in TABLES if path == table or path.startswith(f"{table}.")), ""
+    ):
         return {table: TABLES[table]}
     if blocks := _blocks(path):
         return blocks
@@ -127,7 +165,9 @@ def named(name: str) -> dict[str, Description]:
         }
         return {path: described(key, path) | {"default": None, "description": text}} | axis_keys
     return {
-        known_path: described(key, known_path) for known_path, key in EVERY_KEY.items() if known_path.startswith(f"{path}.")
+        known_path: described(key, known_path)
+        for known_path, key in EVERY_KEY.items()
+        if known_path.startswith(f"{path}.")
     }
 
 
@@ -155,13 +195,20 @@ def _class(file: Path) -> Description:
     """The description of a class of blocks that a capability has: the first paragraph of its file, ports and numbers."""
     text = file.read_text(encoding="utf-8")
     tables = tomllib.loads(text)
-    numbers = {name: number for name, number in tables["numbers"].items() if isinstance(number, dict)}
+    numbers = {
+        name: number for name, number in tables["numbers"].items() if isinstance(number, dict)
+    }
     keys = {
-        name: Key(name, "number", number["value"], number["unit"], number["description"]) for name, number in numbers.items()
+        name: Key(name, "number", number["value"], number["unit"], number["description"])
+        for name, number in numbers.items()
     }
     ports = tables["ports"]
     return {
-        "description": text.partition("\n#\n")[0].partition("\n\n")[0].removeprefix("# ").replace("\n# ", " ").rstrip("."),
+        "description": text.partition("\n#\n")[0]
+        .partition("\n\n")[0]
+        .removeprefix("# ")
+        .replace("\n# ", " ")
+        .rstrip("."),
         "ports": f"{', '.join(ports['inputs'])} -> {', '.join(ports['outputs'])}",
         "steps": "as those of its blocks",
         "keys": {name: described(key) for name, key in keys.items()},
@@ -170,10 +217,16 @@ def _class(file: Path) -> Description:
 
 def _type(name: str) -> Description:
     kind = TYPES[name]
-    pairs = kind.ports.values() if isinstance(kind.ports, Mapping) else [kind.ports or (("inputs",), ("outputs",))]
+    pairs = (
+        kind.ports.values()
+        if isinstance(kind.ports, Mapping)
+        else [kind.ports or (("inputs",), ("outputs",))]
+    )
     return {
         "description": kind.description,
-        "ports": "; or ".join(f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs),
+        "ports": "; or ".join(
+            f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs
+        ),
         "steps": kind.steps or ("runs in every tick" if kind.plant else "refused"),
         "keys": {key.path: described(key) for key in keys_of_block(name).values()},
     }

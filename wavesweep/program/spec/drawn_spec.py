@@ -13,7 +13,9 @@ from wavesweep.program.spec.shipped_classes import shipped_classes
 def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     """Return what the other tables of a spec ask of its drawing."""
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
-    asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
+    asking = (
+        leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves
+    )
     outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
     return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), TAKEN, FREE)
 
@@ -23,30 +25,52 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
 
     An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
     """
-    tables, tops, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
+    tables, tops, meant = (
+        ("type", *TABLES, *study_tables()),
+        dict.fromkeys(path[0] for path in leaves),
+        {},
+    )
     expected = f"one of the tables {', '.join(tables)}"
     numbers = _names_under("numbers", leaves)
     for (name, *rest), leaf in leaves.items():
         if name in tables or name in meant:
             continue
-        place, near, alone = leaf.place.under((name,)), nearest(name, tables), not rest and leaf.value != {} and numbers
+        place, near, alone = (
+            leaf.place.under((name,)),
+            nearest(name, tables),
+            not rest and leaf.value != {} and numbers,
+        )
         meant[name] = near if near not in tops else ""
         if name == "controller":
             meant[name] = ""
             mistakes.refuse(place, name, "either a controller or blocks", "both")
         elif alone:  # of --set, which gives numbers by name
             or_number = f"{', '.join(numbers)} of [numbers], or {expected}"
-            mistakes.refuse(place, name, or_number, "an unknown name", near or nearest(name, numbers))
+            mistakes.refuse(
+                place, name, or_number, "an unknown name", near or nearest(name, numbers)
+            )
         else:
             blocks = _names_under("block", leaves)
-            mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
+            mistakes.refuse(
+                place,
+                name,
+                expected,
+                "an unknown table",
+                f"block.{name}" if name in blocks else near,
+            )
     return _with_renamed_tables(leaves, meant)
 
 
-def _with_renamed_tables(leaves: Mapping[Path, Leaf], new_names: Mapping[str, str]) -> dict[Path, Leaf]:
+def _with_renamed_tables(
+    leaves: Mapping[Path, Leaf], new_names: Mapping[str, str]
+) -> dict[Path, Leaf]:
     """Return the leaves with new names of their tables; a table whose new name is empty is left out."""
     named = {path: (new_names.get(path[0], path[0]), *path[1:]) for path in leaves}
-    return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
+    return {
+        path if path[0] == new[0] else normal_path(new): leaves[path]
+        for path, new in named.items()
+        if new[0]
+    }
 
 
 def _names_under(table: str, leaves: Iterable[Path]) -> list[str]:
@@ -56,11 +80,15 @@ def _names_under(table: str, leaves: Iterable[Path]) -> list[str]:
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
     """Return the paths of the keys of blocks that tables take for axes."""
-    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
+    blocks = {
+        path[1] for path in leaves if path[0] == "block" and len(path) > 1
+    }  # those of a class have two names
     named = [path[len(section) :] for path in leaves if (section := section_of(path))]
     along = leaves.get(("sweep", "along"))
     if along and isinstance(along.value, str):
         named.append(tuple(along.value.split(".")))
     return frozenset(
-        ".".join(names[: 3 + (".".join(names[1:3]) in blocks)]) for names in named if len(names) > 2 and names[0] == "block"
+        ".".join(names[: 3 + (".".join(names[1:3]) in blocks)])
+        for names in named
+        if len(names) > 2 and names[0] == "block"
     )

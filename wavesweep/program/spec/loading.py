@@ -17,7 +17,14 @@ from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
 
-MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
+MARKS = (
+    "numbers",
+    "type",
+    "block",
+    "signals",
+    "wire",
+    "ports",
+)  # a spec that has one of these draws its loop
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 
@@ -49,12 +56,16 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
         try:
             name, path, tables, place = "spec", None, read_dict(source), Place()
         except RecursionError:
-            raise UsageError("a spec: expected nested tables, found one that contains itself") from None
+            raise UsageError(
+                "a spec: expected nested tables, found one that contains itself"
+            ) from None
     else:
         try:
             path = os.fsdecode(os.fspath(source))
         except TypeError:
-            raise UsageError(f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}") from None
+            raise UsageError(
+                f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}"
+            ) from None
         tables, place = read_file(path)
         name = file_stem(path)
     mistakes = Mistakes()
@@ -70,7 +81,11 @@ def naming(spec: Spec, names: Iterable[object], signal: str | None = None) -> Sp
     """
     if spec.drawing is None:
         return spec
-    of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
+    of_blocks = (
+        name
+        for name in names
+        if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name)
+    )
     return _naming(spec, tuple(of_blocks), signal if signal in spec.drawing.signals else None)
 
 
@@ -79,19 +94,30 @@ def _naming(spec, names, signal):
     if not names and signal is None:
         return spec
     tables = spec.tables()
-    written = {f"block.{block}.{key}": value for block, keys in tables["block"].items() for key, value in keys.items()}
+    written = {
+        f"block.{block}.{key}": value
+        for block, keys in tables["block"].items()
+        for key, value in keys.items()
+    }
     new = {name: [written[name]] for name in names if isinstance(written.get(name), (int, float))}
-    tables |= {"sweep": tables["sweep"] | new, "bode": tables["bode"] | ({} if signal is None else {"to": signal})}
+    tables |= {
+        "sweep": tables["sweep"] | new,
+        "bode": tables["bode"] | ({} if signal is None else {"to": signal}),
+    }
     try:
         return replace(load(tables), name=spec.name, source=spec.source)
     except SpecError:  # a key that has a number and takes none that varies
         return spec
 
 
-def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:
+def _collect(
+    tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes
+) -> dict[Path, Leaf]:
     """Return the leaves of a source by path, with those of the overrides in their places."""
     leaves: dict[Path, Leaf] = {}
-    read_leaves = [(normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)]
+    read_leaves = [
+        (normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)
+    ]
     if len(read_leaves) > MOST_KEYS:
         mistakes.refuse(read_leaves[-1][1], "", f"at most {MOST_KEYS} keys", "more")
         return leaves
@@ -99,7 +125,11 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
-    symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
+    symbols = {
+        name: path_of(name)
+        for path in leaves
+        if (name := path[1:] and path[1]) and path[0] == "numbers"
+    }
     if any(path[0] == "block" for path in leaves):
         from wavesweep.engine.drawing import numbers_of_blocks
         from wavesweep.program.spec.shipped_classes import with_classes
@@ -110,21 +140,33 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
 
 
 def _overridden(
-    leaves: dict[Path, Leaf], overrides: Iterable[str], symbols: Mapping[str, str], mistakes: Mistakes
+    leaves: dict[Path, Leaf],
+    overrides: Iterable[str],
+    symbols: Mapping[str, str],
+    mistakes: Mistakes,
 ) -> dict[Path, Leaf]:
     """Return the leaves with those of --set in their places. symbols: the short names of a drawn loop's numbers."""
     source = dict(leaves)
     for typed in overrides:
         try:
-            path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)
+            path, value, where = read_override(
+                typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS
+            )
         except SpecError as error:
             mistakes += error.mistakes
         else:
             # A number that has a unit keeps it.
             path = normal_path((*path, "value") if (*path, "value") in leaves else path)
-            if value == "" and not any(_alike(path, known_path) for known_path in (*source, *leaves)):
-                mistakes.refuse(where, ".".join(path), "a value, or a key of the spec to leave out", "neither")
-            leaves, twin = _override(leaves, path, value, where), tuple(TWINS.get(".".join(path), "").split("."))
+            if value == "" and not any(
+                _alike(path, known_path) for known_path in (*source, *leaves)
+            ):
+                mistakes.refuse(
+                    where, ".".join(path), "a value, or a key of the spec to leave out", "neither"
+                )
+            leaves, twin = (
+                _override(leaves, path, value, where),
+                tuple(TWINS.get(".".join(path), "").split(".")),
+            )
             if value != "" and twin in source and leaves.get(twin) is source[twin]:
                 del leaves[twin]
     return leaves
@@ -135,12 +177,17 @@ def _alike(one: Path, other: Path) -> bool:
     return all(a == b for a, b in zip(one, other, strict=False))
 
 
-def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
+def _override(
+    leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place
+) -> dict[Path, Leaf]:
     """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
     new = (
         {}
         if value == ""
-        else {normal_path(path): leaf for path, leaf in leaves_of({replaced[-1]: value}, where, replaced[:-1])}
+        else {
+            normal_path(path): leaf
+            for path, leaf in leaves_of({replaced[-1]: value}, where, replaced[:-1])
+        }
     )  # without a text it is left out
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
@@ -155,15 +202,23 @@ def _without_missing_tables(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dic
     """Return the leaves without the tables of capabilities that are not installed, and add a mistake for each of these."""
     for table, capability in missing().items():
         path_of_table = tuple(table.split("."))
-        if inside := [path_below for path_below in leaves if path_below[: len(path_of_table)] == path_of_table]:
+        if inside := [
+            path_below for path_below in leaves if path_below[: len(path_of_table)] == path_of_table
+        ]:
             reason = f"a table of the capability {capability}, which is not installed"
             place_of_table = leaves[inside[0]].place.under(path_of_table)
-            mistakes.refuse(place_of_table, f"[{table}]", "only tables of what is installed", reason)
-            leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
+            mistakes.refuse(
+                place_of_table, f"[{table}]", "only tables of what is installed", reason
+            )
+            leaves = {
+                path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside
+            }
     return leaves
 
 
-def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
+def _build(
+    name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes
+) -> Spec:
     tables = {table_field[0] for table_field in leaves}
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
     names, drawing, wrong = BUILT_IN, None, True
@@ -173,7 +228,9 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
         from wavesweep.program.spec.drawn_spec import beside_drawing, with_corrected_names
 
         leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
-        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes, beside_drawing(leaves))
+        drawing, values, of_loop, names = read_drawing(
+            leaves, place, mistakes, beside_drawing(leaves)
+        )
         given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
         hz = drawing.rate(values) if drawing else values.get(RATE)
     else:
@@ -181,10 +238,18 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
         given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
         values, wrong = resolve(given)
         mistakes += wrong
-        hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values["rates.fast_hz"]
+        hz = (
+            None
+            if any(mistake.key.startswith("rates.") for mistake in wrong)
+            else values["rates.fast_hz"]
+        )
     facts = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
     studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **facts))
     if mistakes:
         raise SpecError(mistakes.in_order())
-    request_values = {table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)}
-    return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values)
+    request_values = {
+        table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)
+    }
+    return Spec(
+        name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values
+    )

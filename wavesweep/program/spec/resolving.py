@@ -7,12 +7,31 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from wavesweep.engine.drawing import LONGEST_DELAY, Drawing
-from wavesweep.engine.keys import HIGHEST_ORDER, LONGEST_FRAME, Leaf, Mistakes, Place, expectation, show
+from wavesweep.engine.keys import (
+    HIGHEST_ORDER,
+    LONGEST_FRAME,
+    Leaf,
+    Mistakes,
+    Place,
+    expectation,
+    show,
+)
 from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS
-from wavesweep.program.reading.keys import BAND_EDGES, DEVICES, FILTERS, HIGHEST_RATIO, KEYS, VALUE_PATHS, HapticDevice
+from wavesweep.program.reading.keys import (
+    BAND_EDGES,
+    DEVICES,
+    FILTERS,
+    HIGHEST_RATIO,
+    KEYS,
+    VALUE_PATHS,
+    HapticDevice,
+)
 
 DELAY = "environment.delay"
-TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}  # which displace each other
+TWINS = {
+    "rates.ratio": "rates.slow_hz",
+    "rates.slow_hz": "rates.ratio",
+}  # which displace each other
 SAME = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
 
 
@@ -39,8 +58,16 @@ class Given:
         """
         displaced = {TWINS.get(path)}.difference(beside)
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
-        displaced |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
-        return Given({**{name: old for name, old in self.leaves.items() if name not in displaced}, path: leaf}, self.source)
+        displaced |= {
+            f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")
+        }
+        return Given(
+            {
+                **{name: old for name, old in self.leaves.items() if name not in displaced},
+                path: leaf,
+            },
+            self.source,
+        )
 
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
@@ -69,7 +96,13 @@ def _refuse_missing_keys(given: Given, unpublished: Iterable[str], mistakes: Mis
     """Add a mistake for each key without a default that is missing. unpublished: those that the preset has no number for."""
     for key in KEYS.values():
         if key.required and key.path not in given.leaves:
-            mistakes.refuse(given.leaf(key.path), key.path, expectation(key), "nothing (it has no default)", of_key=False)
+            mistakes.refuse(
+                given.leaf(key.path),
+                key.path,
+                expectation(key),
+                "nothing (it has no default)",
+                of_key=False,
+            )
     for path in unpublished:
         if path not in given.leaves:
             leaf = given.leaf("device.preset")
@@ -77,17 +110,23 @@ def _refuse_missing_keys(given: Given, unpublished: Iterable[str], mistakes: Mis
             mistakes.refuse(leaf, path, expected, "nothing")
 
 
-def _refuse_beyond_limits(given: Given, values: Mapping, wrong: set[str], mistakes: Mistakes) -> None:
+def _refuse_beyond_limits(
+    given: Given, values: Mapping, wrong: set[str], mistakes: Mistakes
+) -> None:
     """Add a mistake for each value beyond its limit. wrong: keys with mistakes, which limit nothing."""
     for path, limiting in LIMITS.items():
         if wrong & {path, *limiting} or not _is_read(path, values):
             continue
         if expected := exceeds_limit(path, values[path], values):
             default = "" if path in given.leaves else " (the default)"
-            mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
+            mistakes.refuse(
+                given.leaf(path), path, expected, show(values[path]) + default, of_key=False
+            )
 
 
-def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -> tuple[dict[str, float], Mistakes]:
+def resolve_drawn(
+    drawing: Drawing, before: Mapping[str, float], given: Given
+) -> tuple[dict[str, float], Mistakes]:
     """Return the values of a drawing's numbers as they are given now, and all mistakes."""
     from wavesweep.engine.drawing import faults
 
@@ -105,7 +144,9 @@ def is_frame(given: Given) -> bool:
     return DELAY in given.leaves and given.leaves[DELAY].value == "frame"
 
 
-def _resolve_rates(given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
+def _resolve_rates(
+    given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes
+) -> None:
     """Set the ratio in `values` if the slow rate was given instead."""
     path, fast_hz = "rates.slow_hz", values["rates.fast_hz"]
     if path in given.leaves and "rates.ratio" in given.leaves:
@@ -115,16 +156,20 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict, rate_known: boo
             values["rates.ratio"] = ratio
         else:
             expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of "
-            expected += f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
+            expected += (
+                f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
+            )
             below = math.floor(min(fast_hz / checked[path], HIGHEST_RATIO))
             # With their ratios, as few of these rates are short decimals.
-            ratios = [ratio_near for ratio_near in (below, below + 1) if 1 <= ratio_near <= HIGHEST_RATIO]
-            expected += (
-                f" (the nearest: {' and '.join(f'{fast_hz / ratio_near:g} Hz, ratio = {ratio_near}' for ratio_near in ratios)})"
-            )
+            ratios = [
+                ratio_near for ratio_near in (below, below + 1) if 1 <= ratio_near <= HIGHEST_RATIO
+            ]
+            expected += f" (the nearest: {' and '.join(f'{fast_hz / ratio_near:g} Hz, ratio = {ratio_near}' for ratio_near in ratios)})"
             if checked[path] > fast_hz:
                 expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
-            mistakes.refuse(given.leaf(path), path, expected, show(given.leaf(path).value), of_key=False)
+            mistakes.refuse(
+                given.leaf(path), path, expected, show(given.leaf(path).value), of_key=False
+            )
 
 
 def _ratio(fast_hz: float, slow_hz: float) -> float | None:
@@ -144,23 +189,34 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
     return ticks / steps if fits and 2 <= quotient <= HIGHEST_RATIO else None
 
 
-def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
+def _resolve_filter(
+    name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes
+) -> None:
     """Set order and cutoff in `values` if the filter was given by its band edges; a resolved spec has both, which agree."""
     path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
         return
     leaf = given.leaf(f"{path}.{edges[0]}")
-    direct = [path_given for path_given in (f"{path}.order", f"{path}.cutoff_hz") if path_given in given.leaves]
+    direct = [
+        path_given
+        for path_given in (f"{path}.order", f"{path}.cutoff_hz")
+        if path_given in given.leaves
+    ]
     either = "either order and cutoff_hz or the four band edges"
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
     if len(edges) < len(BAND_EDGES):
         all_or_some = "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges)
         mistakes.refuse(leaf, path, *((either, "both") if direct else all_or_some))
-    elif None not in numbers and rate_known and (of_edges := _order_of_edges(name, leaf, numbers, values, given, mistakes)):
+    elif (
+        None not in numbers
+        and rate_known
+        and (of_edges := _order_of_edges(name, leaf, numbers, values, given, mistakes))
+    ):
         values[f"{path}.order"], values[f"{path}.cutoff_hz"] = of_edges
         if any(
-            path_given in checked and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME)
+            path_given in checked
+            and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME)
             for path_given in direct
         ):
             mistakes.refuse(leaf, path, either, "both, which differ")
@@ -182,10 +238,15 @@ def _order_of_edges(
     return order, cutoff_hz
 
 
-def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given, mistakes: Mistakes) -> None:
+def _check_edges(
+    name: str, numbers: list[float], fast_hz: float, given: Given, mistakes: Mistakes
+) -> None:
     passband_hz, stopband_hz, passband_db, stopband_db = numbers
     ordered = passband_hz > stopband_hz if name == "hp" else passband_hz < stopband_hz
-    side, below_half = "below" if name == "hp" else "above", f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"
+    side, below_half = (
+        "below" if name == "hp" else "above",
+        f"a number < {fast_hz / 2!r} (half of rates.fast_hz)",
+    )
     for edge, right, expected in (
         ("stopband_hz", ordered, f"an edge {side} the passband ({passband_hz!r})"),
         ("stopband_db", passband_db < stopband_db, f"more than passband_db = {passband_db!r}"),
@@ -194,12 +255,18 @@ def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given, 
     ):
         if not right:
             leaf = given.leaf(f"filters.{name}.{edge}")
-            mistakes.refuse(leaf, f"filters.{name}.{edge}", expected, show(leaf.value), of_key=False)
+            mistakes.refuse(
+                leaf, f"filters.{name}.{edge}", expected, show(leaf.value), of_key=False
+            )
 
 
 # Which keys set a limit to which others.
 LIMITS = {
-    f"filters.{name}.cutoff_hz": ("rates.fast_hz", f"filters.{name}", *(f"filters.{name}.{edge}" for edge in BAND_EDGES))
+    f"filters.{name}.cutoff_hz": (
+        "rates.fast_hz",
+        f"filters.{name}",
+        *(f"filters.{name}.{edge}" for edge in BAND_EDGES),
+    )
     for name in FILTERS
 }
 LIMITS["device.dead_time"] = ("device.delay", "rates.fast_hz")
@@ -209,7 +276,11 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
     if path == "environment.delay" and number > (most := longest_delay(values["rates.ratio"])):
-        few = " ticks: rates that do not divide leave none below 3 ticks in a frame" if not most else ""
+        few = (
+            " ticks: rates that do not divide leave none below 3 ticks in a frame"
+            if not most
+            else ""
+        )
         return f"a whole number <= {most} (rates.ratio{few})"
     rate = values["rates.fast_hz"]
     if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:

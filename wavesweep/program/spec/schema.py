@@ -20,7 +20,9 @@ from wavesweep.program.spec.shipped_classes import shipped_classes
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}
-UNKNOWN = {"not": {"title": "unknown key"}}  # false, but for the place: editors mark the whole table for a false
+UNKNOWN = {
+    "not": {"title": "unknown key"}
+}  # false, but for the place: editors mark the whole table for a false
 TERMS = {"type": ["string", "number"], "description": "expression that is linear in signals"}
 OTHERS = {
     "list": {"items": TERMS, "minItems": 1},
@@ -51,7 +53,9 @@ def schema() -> Schema:
         **_either({"required": ["controller"]}, _controlled(definitions), _drawn(definitions)),
         "$defs": {
             # "numbers.k" may be a path of tables
-            "axis": _either({"anyOf": [{"type": "array"}, {"required": ["start"]}]}, axis, _tables({}, AXIS)),
+            "axis": _either(
+                {"anyOf": [{"type": "array"}, {"required": ["start"]}]}, axis, _tables({}, AXIS)
+            ),
             **{path: _value(key) for path, key in KEYS.items()},
             **{f"axis_of_{path}": _axis(key) for path, key in KEYS.items() if key.numeric},
             **definitions,
@@ -61,7 +65,9 @@ def schema() -> Schema:
 
 def _controlled(definitions: Schema) -> Schema:
     shapes = _nested({path: _reference(path) for path in KEYS})
-    shapes["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
+    shapes["environment"]["properties"]["delay"] = {
+        "anyOf": [_reference("environment.delay"), {"const": "frame"}]
+    }
     shapes["controller"]["required"] = ["kind"]
     shapes |= _studies(Shapes(False, definitions))
     del shapes["bode"]["properties"]["from"], shapes["bode"]["properties"]["to"]
@@ -76,7 +82,9 @@ def _drawn(definitions: Schema) -> Schema:
     ports = {
         name: _tables(
             {
-                port_key: {"type": "boolean"} if port_key == "turns" else texts.get(f"{name}.{port_key}", TEXT)
+                port_key: {"type": "boolean"}
+                if port_key == "turns"
+                else texts.get(f"{name}.{port_key}", TEXT)
                 for port_key in port_keys
             },
             required=[port_key for port_key in port_keys if port_key not in OPTIONAL],
@@ -88,16 +96,27 @@ def _drawn(definitions: Schema) -> Schema:
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
         "numbers": _tables({}, _either({"type": "object"}, number, {"type": ["number", "string"]})),
         "type": _tables({}, _tables({port_key: {"type": "object"} for port_key in OF_CLASS})),
-        "block": _tables({}, {"type": "object", "required": ["type"], "allOf": [*map(_block, TYPES)]}),
+        "block": _tables(
+            {}, {"type": "object", "required": ["type"], "allOf": [*map(_block, TYPES)]}
+        ),
         "signals": _tables({}, wire),
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
         "ports": _tables(ports),
     }
     shapes |= _studies(Shapes(True, definitions))
     of_program = {
-        "properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES, *shipped_classes()]}}}}}
+        "properties": {
+            "block": {
+                "additionalProperties": {
+                    "properties": {"type": {"enum": [*TYPES, *shipped_classes()]}}
+                }
+            }
+        }
     }
-    classes = {"if": {"required": ["type"]}, "else": of_program}  # whose names are types of blocks too
+    classes = {
+        "if": {"required": ["type"]},
+        "else": of_program,
+    }  # whose names are types of blocks too
     return _tables(shapes, title="drawn loop", required=["rates", "block"]) | classes
 
 
@@ -123,12 +142,18 @@ def _block(kind: str) -> Schema:
     of_kind = {"properties": {"type": {"const": kind}}, "required": ["type"]}
     # A key that is misspelt is not also said to be missing.
     complete = {"if": {"propertyNames": {"enum": ["type", *keys]}}, "then": {"required": required}}
-    return {"if": of_kind, "then": _tables({"type": TEXT, **keys}, description=TYPES[kind].description) | complete}
+    return {
+        "if": of_kind,
+        "then": _tables({"type": TEXT, **keys}, description=TYPES[kind].description) | complete,
+    }
 
 
 def _axis(key: Key) -> Schema:
     """The values of an axis: a list of them, or a span."""
-    span_keys = {name: _value(span_key) for name, span_key in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
+    span_keys = {name: _value(span_key) for name, span_key in AXIS_KEYS.items()} | {
+        "start": _value(key),
+        "stop": _value(key),
+    }
     values = {"type": "array", "items": _value(key), "minItems": 1}
     span = _tables(span_keys, required=["start", "stop"])
     return _either({"type": "array"}, values, span) | {"description": _described(key)}
@@ -169,7 +194,12 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
     """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
-    return {"type": "object", "properties": dict(properties), "additionalProperties": others or UNKNOWN, **more}
+    return {
+        "type": "object",
+        "properties": dict(properties),
+        "additionalProperties": others or UNKNOWN,
+        **more,
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +213,9 @@ class Shapes:
     def numbers(self) -> dict[str, Key]:
         """The numbers with known names, by symbol and by path."""
         paths = () if self.drawn else (path for path, key in KEYS.items() if key.numeric)
-        return {path: KEYS[path] for path in paths} | {name: KEYS[path] for name, path in SYMBOLS.items() if not self.drawn}
+        return {path: KEYS[path] for path in paths} | {
+            name: KEYS[path] for name, path in SYMBOLS.items() if not self.drawn
+        }
 
     def axes(self, others: Mapping[str, Schema] = MappingProxyType({})) -> Schema:
         """A table of axes. others: keys beside them."""

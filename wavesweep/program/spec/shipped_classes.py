@@ -12,15 +12,22 @@ from wavesweep.engine.keys import Leaf, Path, Place, leaves_of
 
 def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
     """Return the leaves with the classes that a capability has, of those that blocks name and the spec does not draw."""
-    kinds = {path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)}
+    kinds = {
+        path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)
+    }
     drawn_types = {*TYPES, *(path[1] for path in leaves if path[0] == "type" and len(path) > 1)}
-    missing = {leaf.value: leaf for leaf in kinds.values() if isinstance(leaf.value, str) and leaf.value not in drawn_types}
+    missing = {
+        leaf.value: leaf
+        for leaf in kinds.values()
+        if isinstance(leaf.value, str) and leaf.value not in drawn_types
+    }
     shipped = shipped_classes() if missing else {}
     completed = dict(leaves)
     for name in missing.keys() & shipped.keys():
         tables = tomllib.loads(shipped[name].read_text(encoding="utf-8"))
         completed |= {
-            path: replace(leaf, place=missing[name].place) for path, leaf in leaves_of(tables, Place(), ("type", name))
+            path: replace(leaf, place=missing[name].place)
+            for path, leaf in leaves_of(tables, Place(), ("type", name))
         }
     return completed
 

@@ -16,7 +16,14 @@ from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.tables import TableValue, table_at, tables
 from wavesweep.program.spec.resolving import Given, is_frame, resolve, resolve_drawn
-from wavesweep.program.spec.studies import K_VE_SPAN, Studies, axis_fault, fitting, hardware_of, unknown_end
+from wavesweep.program.spec.studies import (
+    K_VE_SPAN,
+    Studies,
+    axis_fault,
+    fitting,
+    hardware_of,
+    unknown_end,
+)
 from wavesweep.program.spec.writing import written
 
 
@@ -30,9 +37,15 @@ class Spec(Studies):
     name: str
     source: str | None
     _values: dict[str, float | int | str]
-    _given: Given  # the keys of the loop as given, with their places; `with_values` starts from them
-    parts: frozenset[str] = frozenset()  # names of tables that are part of this request and not of every one, see `asking`
-    drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
+    _given: (
+        Given  # the keys of the loop as given, with their places; `with_values` starts from them
+    )
+    parts: frozenset[str] = (
+        frozenset()
+    )  # names of tables that are part of this request and not of every one, see `asking`
+    drawing: Drawing | None = (
+        None  # of a spec that draws its loop; its values are the tick's rate and the numbers
+    )
 
     def __getattr__(self, name: str) -> TableValue | None:
         """The value of the table of that name, with the numbers of the spec's device."""
@@ -63,7 +76,9 @@ class Spec(Studies):
     def files(self) -> list[Path]:
         """The file of the spec, and those that its tables name; none for a dict."""
         own = [Path(self.source)] if self.source else []
-        return own + [Path(self.source or "").parent / name for each in self._asked() for name in each.files]
+        return own + [
+            Path(self.source or "").parent / name for each in self._asked() for name in each.files
+        ]
 
     @property
     def given(self) -> frozenset[str]:
@@ -83,7 +98,9 @@ class Spec(Studies):
         number. changes: paths that are given in addition to the spec's own.
         """
         paths = (*self._given.leaves, *changes)
-        alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in paths)
+        alone = not any(
+            each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in paths
+        )
         return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
 
     @property
@@ -96,10 +113,14 @@ class Spec(Studies):
         """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
         device = self._given.device()
         numbers = device.numbers.items() if device else ()
-        return frozenset(path for path, number in numbers if number.assumed and path not in self._own())
+        return frozenset(
+            path for path, number in numbers if number.assumed and path not in self._own()
+        )
 
     def _own(self) -> frozenset[str]:
-        return frozenset((*self._given.leaves, *(path for each in self._asked() for path in each.given)))
+        return frozenset(
+            (*self._given.leaves, *(path for each in self._asked() for path in each.given))
+        )
 
     @property
     def hardware(self) -> Mapping[str, float | None]:
@@ -110,7 +131,13 @@ class Spec(Studies):
         """The mistake of a drawn loop whose [ports] name no hand; empty for any other spec."""
         if self.drawing is None or self.drawing.hand:
             return []
-        return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
+        return [
+            self.mistake(
+                "ports",
+                "hand = { force = ..., displacement = ... }, where the hand's force acts",
+                "no hand",
+            )
+        ]
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
@@ -124,14 +151,23 @@ class Spec(Studies):
         """The same for an input and an output, None for all. Errors: UsageError for an unknown name."""
         drawing, asked = self.drawing, source is not None or output is not None
         if drawing is None and asked:
-            raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
+            raise UsageError(
+                "from, to: expected a drawn loop, found a controller, whose responses are those at the hand"
+            )
         if drawing is None or (drawing.hand and not asked):
             return ()
         for end, name, ports in (("from", source, "inputs"), ("to", output, "outputs")):
             if name is not None and (fault := unknown_end(drawing, name, ports)):
                 raise UsageError(str(Mistake("", end, *fault)))
         names = ([each[0] for each in ports] for ports in (drawing.inputs, drawing.outputs))
-        return tuple(product(*(some if name is None else [name] for some, name in zip(names, (source, output), strict=True))))
+        return tuple(
+            product(
+                *(
+                    some if name is None else [name]
+                    for some, name in zip(names, (source, output), strict=True)
+                )
+            )
+        )
 
     def unit_between(self, source: str, output: str) -> str:
         """The unit of the response from an input to an output, empty if one of their units is unknown."""
@@ -213,7 +249,9 @@ class Spec(Studies):
 
     @property
     def _frequencies(self) -> Axis:
-        return fitting(self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
+        return fitting(
+            self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz"
+        )
 
     @property
     def uneven(self) -> bool:
@@ -247,23 +285,42 @@ class Spec(Studies):
         bode = (self._frequencies, *self.bode)
         for parent, tables_in_it in inner.items():
             like_sweep[parent] = like_sweep.get(parent, {}) | tables_in_it
-        return found | like_sweep | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}} | others
+        return (
+            found
+            | like_sweep
+            | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}}
+            | others
+        )
 
     def _written_tables(self) -> tuple[dict, dict, dict]:
         """The tables of capabilities: those in others, by these, those that hold axes as [sweep] does, and all others."""
         found: tuple[dict, dict, dict] = {}, {}, {}
-        for table in sorted(tables().values(), key=lambda table: not table.always):  # the order decides the digest
+        for table in sorted(
+            tables().values(), key=lambda table: not table.always
+        ):  # the order decides the digest
             value = getattr(self, table.name)
-            if value is not None and (table.always or table.name in self.parts) and (written := value.written()):
+            if (
+                value is not None
+                and (table.always or table.name in self.parts)
+                and (written := value.written())
+            ):
                 parent = table.path.rpartition(".")[0]
-                place = found[0].setdefault(parent, {}) if parent else found[1 if table.path in table.sections else 2]
+                place = (
+                    found[0].setdefault(parent, {})
+                    if parent
+                    else found[1 if table.path in table.sections else 2]
+                )
                 place[table.name] = written
         return found
 
     def _written(self) -> dict[tuple[str, ...], object]:
         if self.drawing:
             return written(self.drawing, self._values, self._given)
-        edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
+        edges = {
+            path: float(leaf.value)
+            for path, leaf in self._given.leaves.items()
+            if path.startswith("filters.")
+        }
         names = {**edges, **self._values}
         if self.uneven:
             del names["rates.ratio"]
@@ -297,15 +354,21 @@ class Spec(Studies):
                 changed = changed.replaced(key.path, Leaf(plain(value), Place()), changes)
             else:
                 names = (*self.names.symbols, *self.names.keys)
-                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, names))
-        values, wrong = resolve_drawn(self.drawing, self._values, changed) if self.drawing else resolve(changed)
+                mistakes.refuse(
+                    Place(), name, "a key of the spec", "an unknown key", nearest(name, names)
+                )
+        values, wrong = (
+            resolve_drawn(self.drawing, self._values, changed) if self.drawing else resolve(changed)
+        )
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, _values=values, _given=changed)
 
 
-def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tuple[Axis, tuple[Axis, ...]]:
+def sweep_axes(
+    spec: Spec, along: str | None = None, swept: bool = True
+) -> tuple[Axis, tuple[Axis, ...]]:
     """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
 
     along: a symbol or a path; K_VE is the stiffness that the [ports] of a drawn loop name, and has a default span if the spec
@@ -325,7 +388,9 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         problem = "a single value" if wanted else "none"
         raise SpecError([place.mistake(f"sweep.{name}", expected, problem)])
-    return wanted, tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
+    return wanted, tuple(
+        axis for axis in spec.sweep if axis.path != path and (axis.values or not swept)
+    )
 
 
 def _axis_name(spec: Spec, along: str | None) -> str:
@@ -335,21 +400,24 @@ def _axis_name(spec: Spec, along: str | None) -> str:
         raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
     if spec.drawing and not spec.names.find(name):
         if along == "K_VE" and not spec.wall:
-            expected = (
-                "wall = { stiffness = ..., damping = ... }, the numbers of a wall; or wavesweep stability-region, which is "
-            )
+            expected = "wall = { stiffness = ..., damping = ... }, the numbers of a wall; or wavesweep stability-region, which is "
             expected += "along any number"
             raise SpecError([spec.mistake("ports", expected, "no wall")])
         if not name:
             expected = "along = ..., the number whose stable intervals are wanted"
-            raise SpecError([spec.mistake("sweep", expected, "none, and not a single axis that is only a span")])
+            raise SpecError(
+                [spec.mistake("sweep", expected, "none, and not a single axis that is only a span")]
+            )
         name = spec.drawing.wall[0] if along == "K_VE" else name
     return name
 
 
 def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | None:
     """Return the axis of [sweep] over a key, or one with a default span; None if it has neither."""
-    wanted = next((axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)), None)
+    wanted = next(
+        (axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)),
+        None,
+    )
     value, structural = spec.own(path), spec.names.keys[path].structural
     if wanted is None and (path in spec.wall[:1] or (value and not swept and not structural)):
         span = K_VE_SPAN if path in spec.wall[:1] else sorted((value / 10, value * 10))

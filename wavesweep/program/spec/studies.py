@@ -9,14 +9,25 @@ from wavesweep.engine.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys import Leaf, Mistakes, Names, Place, nearest, show
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
-from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, HapticDevice
+from wavesweep.program.reading.keys import (
+    BAND_EDGES,
+    BUILT_IN,
+    HARDWARE_KEYS,
+    STUDY_KEYS,
+    HapticDevice,
+)
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import TableValue, missing, table_at, tables
 from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
-DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
-OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses between inputs and outputs
+DEFAULT_FREQUENCIES = Axis(
+    "frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log"
+)
+OF_PORTS = (
+    1e-5,
+    0.49,
+)  # of the tick's rate, the usual frequencies of responses between inputs and outputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
@@ -77,7 +88,9 @@ class Request:
             path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
             if path in first:
                 repeated = f"the key of the axis {first[path]} again"
-                self.mistakes.refuse(axis_place(leaves), f"{section}.{name}", "each key once", repeated)
+                self.mistakes.refuse(
+                    axis_place(leaves), f"{section}.{name}", "each key once", repeated
+                )
             first.setdefault(path, name)
             axis = build_axis(section, name, leaves, self.mistakes, self.names)
             axes += [axis] if axis else []
@@ -101,12 +114,18 @@ class Request:
         if self.values is None:
             return
         swept = {axis.path: axis for axis in axes}
-        limiting = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else self.values
+        limiting = (
+            {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start}
+            if "rates.fast_hz" in swept
+            else self.values
+        )
         for axis in axes:
             if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
                 continue
             if expected := exceeds_limit(axis.path, axis.stop, limiting):
-                self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, show(axis.stop))
+                self.mistakes.refuse(
+                    axis.place, f"{section}.{axis.name}", expected, show(axis.stop)
+                )
 
     def refuse_unknown_ends(self, path: str, names: Iterable[object], ports: str) -> None:
         """Add the mistake of a key that names none of the `inputs` or `outputs` of the loop, if what it is is known."""
@@ -115,7 +134,9 @@ class Request:
                 self.mistakes.refuse(self.belongs.keys[path], path, *fault, of_key=False)
 
 
-def hardware_of(asked: Mapping[str, TableValue | None], device: HapticDevice | None) -> dict[str, float | None]:
+def hardware_of(
+    asked: Mapping[str, TableValue | None], device: HapticDevice | None
+) -> dict[str, float | None]:
     """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
     numbers = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
     numbers |= device.simulation() if device else {}
@@ -132,10 +153,14 @@ def build_studies(request: Request) -> Studies:
         request.refuse_other_edges(study, swept_axes)
     for axis in axes["bode"]:
         if not axis.values:
-            mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
+            mistakes.refuse(
+                axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span"
+            )
     frequencies = _frequencies(request, axes["bode"])
     bode = tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path)
-    if request.hz and frequencies.place != Place():  # defaults are not checked, since `bode` may never run
+    if (
+        request.hz and frequencies.place != Place()
+    ):  # defaults are not checked, since `bode` may never run
         refuse_beyond_half(frequencies, bode, request.hz, request.rate, mistakes)
     route = _route(request)
     along = _along(request, axes["sweep"])
@@ -159,7 +184,9 @@ def _route(request: Request) -> dict[str, str]:
     keys = request.belongs.keys
     route = {name: keys[f"bode.{name}"].value for name in ("from", "to") if f"bode.{name}" in keys}
     for name, value in route.items():
-        request.refuse_unknown_ends(f"bode.{name}", [value], "inputs" if name == "from" else "outputs")
+        request.refuse_unknown_ends(
+            f"bode.{name}", [value], "inputs" if name == "from" else "outputs"
+        )
     return {name: str(value) for name, value in route.items()}
 
 
@@ -169,7 +196,9 @@ def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:
     if given or not (request.stepped and request.hz):
         return given or DEFAULT_FREQUENCIES
     start, stop = (share * request.hz for share in OF_PORTS)
-    return replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    return replace(
+        DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop
+    )
 
 
 def _along(request: Request, axes: Iterable[Axis]) -> str:
@@ -191,7 +220,9 @@ def value_of(path: str, keys: Mapping[str, object]) -> TableValue:
     Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
     table = table_at(path)
-    leaves = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
+    leaves = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {
+        path: Leaf({}, Place())
+    }
     request = Request(belongs=Sorted(leaves), given=Given({}, Place()), mistakes=Mistakes())
     value = table.build(request)
     if request.mistakes:
@@ -205,7 +236,9 @@ def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str,
     if name in port_names:
         return None
     signals = drawing.signals if drawing and ports == "outputs" else ()
-    expected = f"an {ports[:-1]} in [ports] of a drawn loop ({', '.join(port_names) or 'it has none'})"
+    expected = (
+        f"an {ports[:-1]} in [ports] of a drawn loop ({', '.join(port_names) or 'it has none'})"
+    )
     hint = nearest(name, (*port_names, *signals)) if isinstance(name, str) else ""
     return f"{expected} or a signal BLOCK.PORT" if signals else expected, show(name), hint
 
@@ -220,7 +253,9 @@ def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
     return None if key.numeric else (f"{show(name)}, which takes no number", "")
 
 
-def refuse_beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes) -> None:
+def refuse_beyond_half(
+    frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes
+) -> None:
     """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held force is not defined.
 
     axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its path.
@@ -228,7 +263,13 @@ def refuse_beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: 
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency.stop > least / 2:
         expected, highest = apart(least / 2, frequency.stop)
-        mistakes.refuse(frequency.place, frequency.path, f"numbers <= {expected} (half of {rate})", highest, of_key=False)
+        mistakes.refuse(
+            frequency.place,
+            frequency.path,
+            f"numbers <= {expected} (half of {rate})",
+            highest,
+            of_key=False,
+        )
 
 
 def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:

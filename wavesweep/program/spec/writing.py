@@ -17,17 +17,27 @@ def as_toml(tables: Mapping[str, object]) -> str:
 
     tables: of texts, numbers, booleans, lists of these and further tables, as `Spec.tables` gives them; None is left out.
     """
-    return "\n".join("\n".join(_table(name, table)) + "\n" for name, table in tables.items() if table)
+    return "\n".join(
+        "\n".join(_table(name, table)) + "\n" for name, table in tables.items() if table
+    )
 
 
 def _table(name: str, table: Mapping[str, object]) -> Iterator[str]:
-    plain = {key: value for key, value in table.items() if not (name == "block" and isinstance(value, Mapping))}
+    plain = {
+        key: value
+        for key, value in table.items()
+        if not (name == "block" and isinstance(value, Mapping))
+    }
     if plain:
         yield f"[{_key(name)}]"
-        yield from (f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value is not None)
+        yield from (
+            f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value is not None
+        )
     for at, (key, block) in enumerate(table.items() if name == "block" else ()):
         yield from ["", f"[block.{_key(key)}]"] if at or plain else [f"[block.{_key(key)}]"]
-        yield from (f"{_key(name)} = {_value(value)}" for name, value in block.items() if value is not None)
+        yield from (
+            f"{_key(name)} = {_value(value)}" for name, value in block.items() if value is not None
+        )
 
 
 def _key(name: str) -> str:
@@ -36,7 +46,9 @@ def _key(name: str) -> str:
 
 def _value(value: object) -> str:
     if isinstance(value, Mapping):
-        items = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items() if item is not None)
+        items = ", ".join(
+            f"{_key(key)} = {_value(item)}" for key, item in value.items() if item is not None
+        )
         return f"{{ {items} }}" if items else "{}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_value, value))}]"
@@ -52,17 +64,28 @@ def _text(text: str) -> str:
 
 def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, object]:
     """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
-    tables: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
+    tables: dict[Path, object] = {
+        ("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value
+    }
     for name, unit, description in drawing.numbers:
-        tables["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
+        tables["numbers", name] = {
+            "value": values[path_of(name)],
+            "unit": unit,
+            "description": description,
+        }
     for block in drawing.blocks:
         if f"block.{block.name}.type" in given.leaves:  # others are of `prev(...)`
             tables |= _written_block(block, values, given)
     for path in given.leaves:
         tables |= _written_leaf(path, values, given)
     for name, terms, unit in drawing.outputs:
-        if path_of_port("outputs", name) not in given.leaves:  # asked for by [bode] or another table, see `Drawing.signals`
-            tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
+        if (
+            path_of_port("outputs", name) not in given.leaves
+        ):  # asked for by [bode] or another table, see `Drawing.signals`
+            tables |= {
+                ("ports", "outputs", name, "signal"): sum_of(terms),
+                ("ports", "outputs", name, "unit"): unit,
+            }
     return tables
 
 
@@ -76,7 +99,9 @@ def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, o
         return {(*place, "signal"): leaf.value, (*place, "unit"): word.value if word else ""}
     if table in ("wire", "signals", "ports"):
         return {tuple(path.split(".")) if table == "ports" else (table, rest): leaf.value}
-    if table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
+    if (
+        table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS)
+    ):  # one that follows from others
         words = (given.leaves.get(path + suffix) for suffix in NUMBER_WORDS)
         unit, description = (word.value if word else "" for word in words)
         return {(table, rest): {"value": leaf.value, "unit": unit, "description": description}}

@@ -22,7 +22,12 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import make_folders
 
 SUFFIX = ".sqlite"  # of the name of a checkpoint
-BESIDE = ("", "-journal", "-wal", "-shm")  # behind it: the file itself, and those that SQLite puts beside it
+BESIDE = (
+    "",
+    "-journal",
+    "-wal",
+    "-shm",
+)  # behind it: the file itself, and those that SQLite puts beside it
 DAMAGED = ".damaged"  # behind the name of a file that was moved away
 PATIENCE = 2.0  # s for a lock
 # What SQLite says of the disk or of other programs, and not of the file, each with what helps.
@@ -93,11 +98,24 @@ class FileCheckpoint:
     OSError if it cannot be used.
     """
 
-    def __init__(self, place: Path | None, name: str, identity: Mapping[str, object], dtype, force: bool, warnings: list[str]):
+    def __init__(
+        self,
+        place: Path | None,
+        name: str,
+        identity: Mapping[str, object],
+        dtype,
+        force: bool,
+        warnings: list[str],
+    ):
         self._db, self.place, self._name, self._dtype, self._force = None, place, name, dtype, force
-        self._identity, self.warnings = json.dumps({"job": name, **identity}, sort_keys=True), warnings
+        self._identity, self.warnings = (
+            json.dumps({"job": name, **identity}, sort_keys=True),
+            warnings,
+        )
         self._digest = hashlib.sha256(self._identity.encode()).digest()
-        numbers = self._do("SELECT number FROM chunks WHERE run = ? AND typeof(number) = 'integer'", self._digest)
+        numbers = self._do(
+            "SELECT number FROM chunks WHERE run = ? AND typeof(number) = 'integer'", self._digest
+        )
         self._numbers = {number for (number,) in numbers}
 
     def __del__(self):
@@ -111,7 +129,10 @@ class FileCheckpoint:
         """Write a finished chunk."""
         content = records.tobytes()
         row = (self._digest, number, self._checksum(number, content), content)
-        self._do("INSERT OR REPLACE INTO chunks (run, number, checksum, records) VALUES (?, ?, ?, ?)", *row)
+        self._do(
+            "INSERT OR REPLACE INTO chunks (run, number, checksum, records) VALUES (?, ?, ?, ?)",
+            *row,
+        )
         self._numbers.add(number)
 
     def load(self, number: int) -> np.ndarray:
@@ -125,7 +146,9 @@ class FileCheckpoint:
     def set_aside(self, number: int, why: Exception) -> None:
         """Let a chunk that cannot be used be computed again, and add a warning."""
         self._numbers.discard(number)
-        self.warnings.append(f"{self.place}, chunk {number}: {why}; these slices are computed again")
+        self.warnings.append(
+            f"{self.place}, chunk {number}: {why}; these slices are computed again"
+        )
 
     def remove(self) -> None:
         """Remove the file, which is one step, or the rows of this job if the file has those of others."""
@@ -148,7 +171,11 @@ class FileCheckpoint:
         return zlib.crc32(content, zlib.crc32(self._digest + number.to_bytes(8, "big")))
 
     def _files(self):
-        return [self.place.with_name(self.place.name + suffix) for suffix in BESIDE] if self.place else []
+        return (
+            [self.place.with_name(self.place.name + suffix) for suffix in BESIDE]
+            if self.place
+            else []
+        )
 
     def _do(self, statement, *values, again=False):
         """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away, and a new one begun.
@@ -163,10 +190,19 @@ class FileCheckpoint:
             return self._db.execute(statement, values).fetchall()
         except (sqlite3.Error, UnicodeDecodeError) as error:
             code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            hint = next((hint for name, hint in OF_DISK.items() if code == getattr(sqlite3, f"SQLITE_{name}")), None)
+            hint = next(
+                (
+                    hint
+                    for name, hint in OF_DISK.items()
+                    if code == getattr(sqlite3, f"SQLITE_{name}")
+                ),
+                None,
+            )
             if self.place is None or again or (hint is not None and not self._force):
                 hint = hint or ""
-                raise OSError(errno.EIO, f"{error}{hint}", str(self.place or "a file of finished chunks")) from error
+                raise OSError(
+                    errno.EIO, f"{error}{hint}", str(self.place or "a file of finished chunks")
+                ) from error
             self._move_away(error)
         return self._do(statement, *values, again=True)
 
@@ -174,7 +210,9 @@ class FileCheckpoint:
         """Open the file, and enter this job in it."""
         for path in self._files():
             if os.path.lexists(path) and not stat.S_ISREG(path.lstat().st_mode):
-                raise CheckpointError(f"{path}: expected a file of finished chunks, found something else; move it away")
+                raise CheckpointError(
+                    f"{path}: expected a file of finished chunks, found something else; move it away"
+                )
         if self.place:
             make_folders(self.place.parent)
         try:
@@ -187,19 +225,28 @@ class FileCheckpoint:
                 self._prepare(sqlite3, "&nolock=1")  # a file system without locks
             except sqlite3.OperationalError:
                 raise error from None
-        rows = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
+        rows = self._db.execute(
+            "SELECT digest, identity FROM runs WHERE name = ?", [self._name]
+        ).fetchall()
         if self._force:
             self._forget()
         elif rows and rows[0][0] != self._digest and rows[0][1] != self._identity:
             raise self._of_another_run(rows[0][1])
-        self._db.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", (self._name, self._digest, self._identity))
+        self._db.execute(
+            "INSERT OR REPLACE INTO runs VALUES (?, ?, ?)",
+            (self._name, self._digest, self._identity),
+        )
         self._force = False  # it is anew, and will not be thrown away if the disk is full later on
 
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
-        self._db = sqlite3.connect(address, PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
+        self._db = sqlite3.connect(
+            address, PATIENCE, isolation_level=None, check_same_thread=False, uri=True
+        )
         if self.place and self.place.exists() and max(_formats(self.place), default=0) > NEWEST:
-            raise sqlite3.DatabaseError("a file of an unknown format")  # SQLite would call it read-only
+            raise sqlite3.DatabaseError(
+                "a file of an unknown format"
+            )  # SQLite would call it read-only
         self._db.execute("PRAGMA synchronous = OFF")  # there are no chunks yet
         if self._db.execute("PRAGMA page_count").fetchall() == [(0,)]:
             self._db.execute("PRAGMA page_size = 65536")  # chunks have hundreds of kB
@@ -208,7 +255,9 @@ class FileCheckpoint:
             raise sqlite3.DatabaseError("another program's database")
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = NORMAL")
-        if (problems := self._db.execute("PRAGMA integrity_check(1)").fetchall()) != [("ok",)]:  # 0.1 s for a GB
+        if (problems := self._db.execute("PRAGMA integrity_check(1)").fetchall()) != [
+            ("ok",)
+        ]:  # 0.1 s for a GB
             raise sqlite3.DatabaseError(problems[0][0])
 
     def _forget(self):
@@ -226,7 +275,11 @@ class FileCheckpoint:
     def _of_another_run(self, other):
         try:
             ours, theirs = json.loads(self._identity), json.loads(other)
-            names = [f"{name} ({theirs.get(name)}, not {ours[name]})" for name in ours if theirs.get(name) != ours[name]]
+            names = [
+                f"{name} ({theirs.get(name)}, not {ours[name]})"
+                for name in ours
+                if theirs.get(name) != ours[name]
+            ]
         except (ValueError, TypeError, AttributeError):
             names = ["words that cannot be read"]
         return CheckpointError(

@@ -17,7 +17,9 @@ from wavesweep.program.sweep.pools import DIED
 
 PATIENCE = 10.0  # s for a scheduler to answer
 ALONE = 20.0  # s that a dask scheduler may be without workers
-TOGETHER = 8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
+TOGETHER = (
+    8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
+)
 OTHERS = "one that is ended has its chunks done by others"
 
 
@@ -41,7 +43,9 @@ def dask(workers):
         last_seen = time.monotonic()
 
         def threads():
-            return client.sync(client.scheduler.ncores, callback_timeout=PATIENCE)  # a frozen scheduler never answers
+            return client.sync(
+                client.scheduler.ncores, callback_timeout=PATIENCE
+            )  # a frozen scheduler never answers
 
         def look():
             nonlocal last_seen
@@ -62,7 +66,9 @@ def dask(workers):
         except distributed.KilledWorker as error:
             raise WavesweepError(DIED) from error
         except (CancelledError, OSError) as error:  # all that is heard of a scheduler that ended
-            raise WavesweepError(f"the dask scheduler {workers.scheduler or 'of this process'} is lost") from error
+            raise WavesweepError(
+                f"the dask scheduler {workers.scheduler or 'of this process'} is lost"
+            ) from error
         finally:
             executor.shutdown(wait=False)
 
@@ -76,15 +82,21 @@ def _client(distributed, address, opened):
         try:
             return distributed.get_client()
         except ValueError as error:
-            raise UsageError("backend dask: give the scheduler's address, e.g. tcp://host:8786") from error
+            raise UsageError(
+                "backend dask: give the scheduler's address, e.g. tcp://host:8786"
+            ) from error
     place = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
     if not place:
         raise UsageError(f"scheduler {address}: expected an address such as tcp://host:8786")
     try:
         socket.create_connection((place[1].strip("[]"), int(place[2])), PATIENCE).close()
-        return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
+        return opened.enter_context(
+            distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        )
     except (OSError, ValueError, OverflowError) as error:
-        raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
+        raise UsageError(
+            f"scheduler {address}: no dask scheduler answers there ({error})"
+        ) from error
 
 
 def imported():

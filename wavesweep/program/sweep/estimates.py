@@ -94,7 +94,9 @@ def _samples(job):
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
-    if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
+    if (
+        2 * len(job.resolved) > chunks.loops
+    ):  # nearly every loop is drawn for itself, and few of them show the time
         deep = min(deep, FEW_DRAWN)
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[3, 0, 5, 1, 4, 2]]  # slices at an end often take longer

@@ -48,11 +48,16 @@ class Grid:
     def loop_values(self, index) -> dict[str, np.ndarray]:
         """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
         digits = _digits(self.loop_axes, index)
-        return {axis.path: self.arrays[axis.path][digit] for axis, digit in zip(self.loop_axes, digits, strict=True)}
+        return {
+            axis.path: self.arrays[axis.path][digit]
+            for axis, digit in zip(self.loop_axes, digits, strict=True)
+        }
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
-        digits = dict(zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True))
+        digits = dict(
+            zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True)
+        )
         if not self.loop_axes:
             return np.zeros(np.size(combination), int)
         shape = tuple(len(axis.values) for axis in self.loop_axes)
@@ -68,7 +73,11 @@ class Grid:
 
 def keys_of(spec: Spec) -> frozenset[str]:
     """Paths of the keys that the spec's loop reads."""
-    return frozenset(spec.values) - spec.drawing.of_limits if spec.drawing else keys_of_page(spec.values)
+    return (
+        frozenset(spec.values) - spec.drawing.of_limits
+        if spec.drawing
+        else keys_of_page(spec.values)
+    )
 
 
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
@@ -85,7 +94,11 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
         )
     _refuse_too_many("combinations", axes, MOST)
     # Responses and radii are those of a frame, also if no part of the controller runs at the slow rate.
-    used = [axis for axis in axes if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")]
+    used = [
+        axis
+        for axis in axes
+        if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")
+    ]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
     loop = tuple(used if apart else sorted(used, key=lambda axis: axis not in drawn))
@@ -95,13 +108,17 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
 def refuse_rows(table: str, rows: int) -> None:
     """Raise UsageError if a table would have too many rows."""
     if rows > MOST:
-        raise UsageError(f"{table}: expected at most {MOST} rows, found {rows:.3g}; compute fewer values at a time")
+        raise UsageError(
+            f"{table}: expected at most {MOST} rows, found {rows:.3g}; compute fewer values at a time"
+        )
 
 
 def _refuse_too_many(what, axes, most):
     if _count(axes) > most:
         product = " x ".join(f"{axis.name}[{len(axis.values)}]" for axis in axes)
-        raise UsageError(f"expected at most {most} {what}, found {product} = {_count(axes):.3g}; sweep fewer values at a time")
+        raise UsageError(
+            f"expected at most {most} {what}, found {product} = {_count(axes):.3g}; sweep fewer values at a time"
+        )
 
 
 def _is_read(path, read):
@@ -118,7 +135,11 @@ def _count(axes):
 
 
 def _digits(axes, index):
-    return np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes)) if axes else ()
+    return (
+        np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes))
+        if axes
+        else ()
+    )
 
 
 def groups(
@@ -131,9 +152,15 @@ def groups(
     through the spec, once per distinct combination. resolved: a dict that remembers these from call to call. rates: whether
     the loops of a group may have different fast rates.
     """
-    structural = {path: column for path, column in changes.items() if not is_plain(spec, path, changes if rates else None)}
+    structural = {
+        path: column
+        for path, column in changes.items()
+        if not is_plain(spec, path, changes if rates else None)
+    }
     plain = {path: column for path, column in changes.items() if path not in structural}
-    for members, settled in _by_structure(spec, structural, size, {} if resolved is None else resolved):
+    for members, settled in _by_structure(
+        spec, structural, size, {} if resolved is None else resolved
+    ):
         zeros = [column[members] == 0 for column in plain.values()]
         for alike in distinct(zeros, members.size):
             index = members[alike]
@@ -141,7 +168,13 @@ def groups(
 
 
 def drawn_groups(
-    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False, along: str = ""
+    spec: Spec,
+    changes: Mapping[str, np.ndarray],
+    size: int,
+    resolved=None,
+    *,
+    rates: bool = False,
+    along: str = "",
 ) -> Iterator[tuple[np.ndarray, Loops]]:
     """Yield (members, loops): `groups`, each as loops with all numbers of the spec.
 

@@ -17,7 +17,10 @@ from wavesweep.program.sweep.pools import Task
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
 FEWEST, MOST = 16, 4096  # slices of a chunk; with more, none takes less time
-MOST_DRAWN, MOST_SLOW = 256, 128  # of drawn loops, and of those by panels or with dead times: one may take 20 ms
+MOST_DRAWN, MOST_SLOW = (
+    256,
+    128,
+)  # of drawn loops, and of those by panels or with dead times: one may take 20 ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +181,9 @@ def naming_values(job: Job) -> Iterator[None]:
         drawn = own_loop(job.grid.spec).drawn()
         slices = min(job.slices, job.chunks.deep * job.chunks.wide)
         size = f"{len(drawn.labels())} states and {drawn.ticks} ticks a frame, of which up to {slices} are computed at once"
-        error.add_note(f"It is taken by loops of {size}; fewer ticks of delay or shorter frames take less.")
+        error.add_note(
+            f"It is taken by loops of {size}; fewer ticks of delay or shorter frames take less."
+        )
         raise
     except IllPosedLoopError as error:
         values = "" if error.chunk is None else _unsolvable(job, job.chunks[error.chunk])
@@ -206,7 +211,11 @@ def _unsolvable(job, chunk):
     if not fails(at):
         return ""
     values = job.grid.loop_values(np.array(at["loops"][:1]))
-    return ", ".join(f"{axis.name} = {show(values[axis.path][0].item())}" for axis in job.grid.axes if axis.path in values)
+    return ", ".join(
+        f"{axis.name} = {show(values[axis.path][0].item())}"
+        for axis in job.grid.axes
+        if axis.path in values
+    )
 
 
 def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dict:
@@ -220,10 +229,16 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
     for values in product(*(axis.values for axis in axes)):
         changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
         try:
-            resolved[tuple(changes.items())] = dict((grid.spec.with_values(changes) if changes else grid.spec).values)
+            resolved[tuple(changes.items())] = dict(
+                (grid.spec.with_values(changes) if changes else grid.spec).values
+            )
         except SpecError as error:
-            named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
-            raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
+            named = ", ".join(
+                f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True)
+            )
+            raise UsageError(
+                f"[{table}]: every combination is computed, and {named} makes no loop: {error}"
+            ) from error
     if grid.spec.drawing:
         _refuse_unsuitable_loops(grid, resolved)
     return resolved

@@ -14,7 +14,15 @@ from contextlib import closing, contextmanager, suppress
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, WavesweepError
-from wavesweep.program.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, versions, why_no_processes
+from wavesweep.program.platform_compat import (
+    MASKS,
+    STOPPING,
+    block,
+    block_only,
+    keep_memory,
+    versions,
+    why_no_processes,
+)
 
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows
@@ -87,14 +95,29 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
         with parallel_config("loky", **options), _started_here():
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
-            run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, **shared)
+            run = Parallel(
+                count,
+                return_as="generator_unordered",
+                batch_size=1,
+                pre_dispatch=AHEAD * count,
+                **shared,
+            )
             answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm
-        raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
+        raise WavesweepError(
+            f"no worker processes can be started here ({error}); --jobs 1 needs none"
+        ) from error
     try:
-        with warnings.catch_warnings(), _no_word_of_loky(), _cut_short_results_end(), closing(answers):
+        with (
+            warnings.catch_warnings(),
+            _no_word_of_loky(),
+            _cut_short_results_end(),
+            closing(answers),
+        ):
             # Closing the iterator says so of the tasks that it ends.
-            warnings.filterwarnings("ignore", ".* tasks which were still being processed", UserWarning)
+            warnings.filterwarnings(
+                "ignore", ".* tasks which were still being processed", UserWarning
+            )
             yield from answers
     except BrokenExecutor as error:
         raise WavesweepError(DIED) from error
@@ -104,7 +127,9 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
 def _no_word_of_loky() -> Iterator[None]:
     """Show no traceback of the thread that hands out loky's tasks, which may look for one it has dropped as it ends."""
     before = threading.excepthook
-    threading.excepthook = lambda failed: None if failed.thread.name == "ExecutorManagerThread" else before(failed)
+    threading.excepthook = lambda failed: (
+        None if failed.thread.name == "ExecutorManagerThread" else before(failed)
+    )
     try:
         yield
     finally:

@@ -26,7 +26,9 @@ from wavesweep.program.sweep.workers import WORTH, Workers, choose, results
 LEAST = 1e-6  # s of a slice: none takes less
 LAYOUT = 5  # of the records
 IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
-BLOCK = 1 << 17  # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
+BLOCK = (
+    1 << 17
+)  # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
 Progress = Callable[[int, int, int | None], None]
 
 
@@ -68,7 +70,9 @@ class Work:
         if unknown := [name for name in given if name not in names]:
             meant = nearest(unknown[0], names)
             hint = f"; did you mean {meant}?" if meant else ""
-            raise UsageError(f"{unknown[0]}: expected one of the arguments {', '.join(names)}, found an unknown one{hint}")
+            raise UsageError(
+                f"{unknown[0]}: expected one of the arguments {', '.join(names)}, found an unknown one{hint}"
+            )
         return Work(**given)
 
     def __post_init__(self):
@@ -76,7 +80,9 @@ class Work:
         if self.jobs is not None and not (integral and self.jobs >= 1):
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
         if self.scheduler is not None and self.backend != "dask":
-            raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
+            raise UsageError(
+                f'scheduler: expected backend = "dask" beside it, found {self.backend!r}'
+            )
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
             raise UsageError(f"checkpoint: expected a file, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "force", boolean("force", self.force))
@@ -93,9 +99,13 @@ class RunCounts:
     records: int = 0
     seconds: float = 0.0
 
-    def add(self, job: Job, records: np.ndarray, seconds: float = 0.0, *, kept: bool = False) -> None:
+    def add(
+        self, job: Job, records: np.ndarray, seconds: float = 0.0, *, kept: bool = False
+    ) -> None:
         """Count a chunk; kept: whether it was in the checkpoint."""
-        first = np.diff(records["slice"], prepend=-1) != 0  # of each slice, by which they are sorted
+        first = (
+            np.diff(records["slice"], prepend=-1) != 0
+        )  # of each slice, by which they are sorted
         self.done += int(first.sum())
         self.kept += int(first.sum()) * kept
         self.certified += int((records["certified"] & first).sum()) if job.kind.certifies else 0
@@ -122,7 +132,11 @@ class Run:
     @property
     def rows(self) -> int:
         """Number of rows of all jobs; those of a slice are repeated for each combination of axes that it does not depend on."""
-        return sum(self.tallies[name].records * job.size // job.slices for name, job in self.jobs.items() if job.slices)
+        return sum(
+            self.tallies[name].records * job.size // job.slices
+            for name, job in self.jobs.items()
+            if job.slices
+        )
 
     @property
     def timings(self) -> dict[str, float]:
@@ -144,7 +158,9 @@ class Run:
             try:
                 store.remove()
             except OSError as error:
-                self.warnings.append(f"{store.place}: {error.strerror}; the next run removes this checkpoint")
+                self.warnings.append(
+                    f"{store.place}: {error.strerror}; the next run removes this checkpoint"
+                )
 
 
 def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
@@ -154,16 +170,32 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
     """
     started = time.perf_counter()
     refuse_full_disk(work.checkpoint, jobs.values())
-    total, tallies, stores, warnings, workers = sum(job.slices for job in jobs.values()), {}, {}, [], None
+    total, tallies, stores, warnings, workers = (
+        sum(job.slices for job in jobs.values()),
+        {},
+        {},
+        [],
+        None,
+    )
     for name, job in jobs.items():
         stores[name] = checkpoint_of(job, work.checkpoint, work.force, warnings, work.part + name)
-        tallies[name] = kept_of(job, stores[name])  # of all jobs first: what is kept is not done in no time later on
+        tallies[name] = kept_of(
+            job, stores[name]
+        )  # of all jobs first: what is kept is not done in no time later on
         if stores[name].place and len(jobs) > 1:
             stores[name].close()  # one of them at a time has the file open
     for name, job in jobs.items():
-        workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job))
+        workers = choose(
+            work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job)
+        )
         others = [tally for other, tally in tallies.items() if other != name]
-        compute(job, stores[name], workers, work.progress and _continued(work.progress, total, others), tallies[name])
+        compute(
+            job,
+            stores[name],
+            workers,
+            work.progress and _continued(work.progress, total, others),
+            tallies[name],
+        )
     return Run(jobs, stores, tallies, workers, time.perf_counter() - started, warnings)
 
 
@@ -201,7 +233,9 @@ def _expected(job):
 def _continued(progress, total, others):
     """The reports of one job as reports of all of them; others: the tallies of the others, finished or what is kept of them."""
     done, certified = sum(tally.done for tally in others), sum(tally.certified for tally in others)
-    return lambda now, _, proved: progress(done + now, total, None if proved is None else certified + proved)
+    return lambda now, _, proved: progress(
+        done + now, total, None if proved is None else certified + proved
+    )
 
 
 def compute(
@@ -222,7 +256,11 @@ def compute(
 
     def report():
         if progress:
-            progress(min(tally.done, job.slices), job.slices, tally.certified if job.kind.certifies else None)
+            progress(
+                min(tally.done, job.slices),
+                job.slices,
+                tally.certified if job.kind.certifies else None,
+            )
 
     computed = results(workers, missing, lambda number: job.task(job.chunks[number]))
     with resumable(job, store, tally), closing(computed), naming_values(job):
@@ -233,7 +271,9 @@ def compute(
             report()
 
 
-def kept_of(job: Job, store, numbers: range | None = None, tally: RunCounts | None = None) -> RunCounts:
+def kept_of(
+    job: Job, store, numbers: range | None = None, tally: RunCounts | None = None
+) -> RunCounts:
     """The tally of what the checkpoint `store` has of a job, without the chunks of it that are damaged.
 
     numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
@@ -304,10 +344,15 @@ def gather(job: Job, store, slices: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     for members in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1):
         chunk = job.chunks[int(owner[members[0]])]
         records = records_of(job, store, chunk.number)
-        first, end = (np.searchsorted(records["slice"], slices[members] - chunk.first, side=side) for side in ("left", "right"))
+        first, end = (
+            np.searchsorted(records["slice"], slices[members] - chunk.first, side=side)
+            for side in ("left", "right")
+        )
         rows = end - first
         index.append(np.repeat(members, rows))
-        chunks_of_records.append(records[np.repeat(first - (np.cumsum(rows) - rows), rows) + np.arange(rows.sum())])
+        chunks_of_records.append(
+            records[np.repeat(first - (np.cumsum(rows) - rows), rows) + np.arange(rows.sum())]
+        )
     index = np.concatenate(index)
     back = np.argsort(index, kind="stable")
     return index[back], np.concatenate(chunks_of_records)[back]

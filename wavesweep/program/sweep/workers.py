@@ -22,7 +22,9 @@ TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it ta
 LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
 PROCESSES = 2  # by default
-LOGGER = logging.getLogger("wavesweep")  # Python writes its warnings to stderr, unless somebody listens
+LOGGER = logging.getLogger(
+    "wavesweep"
+)  # Python writes its warnings to stderr, unless somebody listens
 WORTH = 1.2  # s of work; two processes take 0.45 s each until their first chunk is done, and below this save nothing
 
 
@@ -39,7 +41,9 @@ class Workers:
 def refuse_backend(backend: str | None) -> None:
     """Raise UsageError for a backend that is unknown, whose package is missing, or that cannot keep its promises."""
     if backend == "multiprocessing":
-        raise UsageError("backend multiprocessing: its pool never notices that a worker has died; use loky")
+        raise UsageError(
+            "backend multiprocessing: its pool never notices that a worker has died; use loky"
+        )
     if backend is not None and backend not in BACKENDS:
         raise UsageError(f"backend {backend}: expected one of {', '.join(BACKENDS)}")
     if backend == "dask":
@@ -55,7 +59,13 @@ def excess(jobs: int, backend: str | None) -> str:
     return f"--jobs {jobs}: this machine has {processors()} processors for wavesweep, and no more workers are used"
 
 
-def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
+def choose(
+    jobs: int | None,
+    backend: str | None,
+    scheduler: str | None,
+    chunks: int,
+    seconds: Callable[[], float],
+) -> Workers:
     """Decide which workers compute `chunks` chunks.
 
     jobs: largest number of workers, PROCESSES if None; no more than there are processors are used. seconds: estimates the
@@ -65,7 +75,12 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     jobs = jobs or PROCESSES
     useful = max(1, min(jobs, processors()))
     if backend is not None:
-        return Workers(useful if backend == LOCAL else jobs, backend, scheduler, f"the backend {backend} was asked for")
+        return Workers(
+            useful if backend == LOCAL else jobs,
+            backend,
+            scheduler,
+            f"the backend {backend} was asked for",
+        )
     if jobs == 1:
         return Workers(1, None, None, "one job was asked for")
     if chunks < 2:
@@ -73,9 +88,15 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     if useful < 2:
         return Workers(1, None, None, "a single processor")
     expected = seconds()
-    if alone := f"work below {WORTH:g} s is faster without workers" if expected < WORTH else why_no_processes():
+    if (
+        alone := f"work below {WORTH:g} s is faster without workers"
+        if expected < WORTH
+        else why_no_processes()
+    ):
         return Workers(1, None, None, alone)
-    return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
+    return Workers(
+        min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work"
+    )
 
 
 def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iterator[tuple]:
@@ -135,7 +156,8 @@ def _of_our_version(results, theirs):
     """What a worker has computed. Raises WavesweepError if it has other versions, on which the last digits depend."""
     if theirs != versions():
         ours, their_words = (
-            f"wavesweep {version['tool_version']} and numpy {version['numpy_version']}" for version in (versions(), theirs)
+            f"wavesweep {version['tool_version']} and numpy {version['numpy_version']}"
+            for version in (versions(), theirs)
         )
         raise WavesweepError(f"expected workers with {ours}, found one with {their_words}")
     return results

@@ -18,7 +18,11 @@ HOMES: Mapping[str, str] = MappingProxyType(
         **dict.fromkeys(_OF_INTERVALS, f"{__name__}.interval_table"),
         "zwidth-specs": f"{__name__}.specs",
         **dict.fromkeys(("bode", "bode-ports"), f"{__name__}.response_table"),
-        **{kind: capability.name_of("table") for capability in CAPABILITIES for kind in capability.kinds},
+        **{
+            kind: capability.name_of("table")
+            for capability in CAPABILITIES
+            for kind in capability.kinds
+        },
     }
 )
 

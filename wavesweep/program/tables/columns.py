@@ -58,7 +58,9 @@ def fields(
     return (*columns[:before], *fields_of_axes, *columns[before:])
 
 
-def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> tuple[Field, ...]:
+def fields_of(
+    kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None
+) -> tuple[Field, ...]:
     """Give the columns of an existing table: those that are not columns of its kind are its axes.
 
     `facts` of the run describe the numbers of a drawn loop.
@@ -171,7 +173,9 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     outputs = _signals_of_ports("outputs", ports, "output")
     environment = ports.get("environment")
     if environment is not None:
-        at_its_port = f"at the environment's port: {environment['force']}, {environment['displacement']}"
+        at_its_port = (
+            f"at the environment's port: {environment['force']}, {environment['displacement']}"
+        )
         name = "environment.force"
         inputs[name] = Field(name, "number", "N", f"force, held over the tick, {at_its_port}")
         name = "environment.displacement"
@@ -182,7 +186,9 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
             continue
         for number, signal in enumerate(hand[quantity], 1):
             name = f"hand.{quantity}.{number}"
-            signals[name] = Field(name, "number", unit, f"{quantity} of the hand, axis {number}: {signal}")
+            signals[name] = Field(
+                name, "number", unit, f"{quantity} of the hand, axis {number}: {signal}"
+            )
     named = {}
     for name, text in spec.get("signals", {}).items():
         column = run_column("signals", name)
@@ -238,7 +244,9 @@ def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
     """
     names = list(names)
     known_kinds = kinds()
-    fitting = [name for name, kind in known_kinds.items() if kind.fields and set(kind.names) <= set(names)]
+    fitting = [
+        name for name, kind in known_kinds.items() if kind.fields and set(kind.names) <= set(names)
+    ]
     if stem in fitting:
         return stem
     if fitting:
@@ -267,11 +275,15 @@ def _axis(name: str, own: Mapping[str, Field] = MappingProxyType({})) -> Field:
         return own[name]
     key = KEYS.get(SYMBOLS.get(name, name))
     if key is None or not key.numeric:
-        raise WavesweepError(f"column {name}: neither a column of this table nor an axis that a spec can sweep")
+        raise WavesweepError(
+            f"column {name}: neither a column of this table nor an axis that a spec can sweep"
+        )
     return Field(name, "integer" if key.type == "integer" else "number", key.unit, key.description)
 
 
-def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: int = 0) -> dict[str, np.ndarray]:
+def checked(
+    fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: int = 0
+) -> dict[str, np.ndarray]:
     """Give the columns in their fields' order as contiguous float64, int64, bool and object arrays.
 
     `first_row` is the number of rows of the table before these; it only makes the row numbers of errors right.
@@ -280,7 +292,9 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
     """
     expected = [field.name for field in fields]
     if sorted(columns) != sorted(expected):
-        raise WavesweepError(f"the table's columns are {', '.join(columns)}; expected {', '.join(expected)}")
+        raise WavesweepError(
+            f"the table's columns are {', '.join(columns)}; expected {', '.join(expected)}"
+        )
     arrays = {field.name: _typed(field, np.asarray(columns[field.name])) for field in fields}
     lengths = {name: array.shape[0] for name, array in arrays.items()}
     if len(set(lengths.values())) > 1:
@@ -292,7 +306,9 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
         if infinite.size:
             row = int(infinite[0])
             fault = f"column {name}, row {first_row + row + 1}: found {array[row]}"
-            raise WavesweepError(f"{fault}, expected a finite number or a missing value; nothing was written")
+            raise WavesweepError(
+                f"{fault}, expected a finite number or a missing value; nothing was written"
+            )
     return arrays
 
 

@@ -37,7 +37,9 @@ _ADVICE = MappingProxyType(
             "within 1e-3 of each other, frames of many ticks), and describe that part with fewer "
             "or slower states. The numbers of the row are good guesses."
         ),
-        "counts": ("Search a shorter range of the axis, which leaves out where the loop is nearly singular."),
+        "counts": (
+            "Search a shorter range of the axis, which leaves out where the loop is nearly singular."
+        ),
         "crowded": (
             "Move a number a little (eigenvalues that meet or touch the circle rarely do so for "
             "two values), search a shorter range, or, if the loop conserves energy, require = { "
@@ -52,8 +54,12 @@ _ADVICE = MappingProxyType(
             "A frame of many ticks with a very unstable part grows beyond doubles: leave out the "
             "values that are far from stable, or take a shorter frame."
         ),
-        "unstable": ("wavesweep check says what would make it stable. The numbers are right, but no experiment shows them."),
-        "defective": ("Move another number a little, and ask again: the end of that interval has a derivative."),
+        "unstable": (
+            "wavesweep check says what would make it stable. The numbers are right, but no experiment shows them."
+        ),
+        "defective": (
+            "Move another number a little, and ask again: the end of that interval has a derivative."
+        ),
         "fast": (
             "Judge the delay by a dead time: add a block of type delay with seconds, and sweep these with stability-region."
         ),
@@ -63,7 +69,9 @@ _ADVICE = MappingProxyType(
     }
 )
 
-DOUBTS: Mapping[str, Doubt] = MappingProxyType({word: Doubt(meaning, _ADVICE[word]) for word, meaning in MEANINGS.items()})
+DOUBTS: Mapping[str, Doubt] = MappingProxyType(
+    {word: Doubt(meaning, _ADVICE[word]) for word, meaning in MEANINGS.items()}
+)
 """The words of the column `doubt`, the most severe last; tables show the most severe of a slice."""
 
 _OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow", "contradiction")
@@ -142,7 +150,9 @@ _LINES = _GROUPS["lines"]
 _OPEN = _GROUPS["open"]
 _BODE = _GROUPS["bode"]
 _INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_OPEN, *_GROUPS["set-by"])
-_REFUTED = tuple(field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled"))
+_REFUTED = tuple(
+    field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled")
+)
 _FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES, *_REFUTED, *_OPEN)
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {

@@ -73,7 +73,11 @@ class DecidingLengths:
         left_out = sorted({*self._lengths} - self._decide)
         if self._open or not self._decide or not left_out:
             return {}
-        return {"decide": sorted(self._decide), "left_out": left_out, "moves_an_end_by": self._widest}
+        return {
+            "decide": sorted(self._decide),
+            "left_out": left_out,
+            "moves_an_end_by": self._widest,
+        }
 
 
 def lengths_in_words(numbers: Mapping[str, Any]) -> str:

@@ -65,7 +65,9 @@ def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
 def _guarantee_of(kind: str, options: str | None) -> Guarantee | None:
     """The guarantee that a capability offers for a kind of hands, None if there is none. Errors: UsageError of its options."""
     try:
-        return next(filter(None, (module.of_word(kind, options) for module in modules("guarantee"))), None)
+        return next(
+            filter(None, (module.of_word(kind, options) for module in modules("guarantee"))), None
+        )
     except ValueError as error:
         raise UsageError(str(error)) from error
 
@@ -81,13 +83,21 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
         kind, colon, options = word.partition(":") if isinstance(word, str) else ("", "", "")
         guarantee = _guarantee_of(kind, options if colon else None)
         if guarantee is None and kind in HANDS and kind not in hands_offered():
-            raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
+            raise UsageError(
+                f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there"
+            )
         if guarantee is None:
-            raise UsageError(f"hands: expected one of {', '.join(hands_offered())}, found {word!r:.60}")
+            raise UsageError(
+                f"hands: expected one of {', '.join(hands_offered())}, found {word!r:.60}"
+            )
         if kind in guarantees:
             raise UsageError(f"hands: expected {kind} once, found it twice")
         guarantees[kind] = guarantee
-    return Hands(tuple(sorted(guarantees.values(), key=lambda guarantee: guarantee.order))) if guarantees else None
+    return (
+        Hands(tuple(sorted(guarantees.values(), key=lambda guarantee: guarantee.order)))
+        if guarantees
+        else None
+    )
 
 
 def device_held(kind: str, own: Job) -> "HeldLoop":

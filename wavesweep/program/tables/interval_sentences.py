@@ -17,7 +17,11 @@ from wavesweep.program.tables.number_words import rounded_down, rounded_up, span
 from wavesweep.program.tables.refuters import in_a_sentence
 
 STIFFNESS = ("N/m", "N*m/rad")
-ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}
+ENDS = {
+    "stability": "",
+    "range": ", where the swept range ends",
+    "unknown": ", beyond which {} is not known",
+}
 HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g} N/m"
 
 
@@ -57,7 +61,10 @@ class Sentences:
             said += f": {count(numbers['stable_intervals'], 'interval')} with {numbers['required']}"
         else:
             said += f": {count(numbers['stable_intervals'], 'stable interval')}"
-        for name, gap in (("slices_with_a_hole", "a hole"), ("slices_with_open_places", "open places")):
+        for name, gap in (
+            ("slices_with_a_hole", "a hole"),
+            ("slices_with_open_places", "open places"),
+        ):
             if numbers[name]:
                 said += f", {count(numbers[name], 'slice')} with {gap}"
         return said
@@ -190,17 +197,28 @@ class Sentences:
         if "lengths" in self._numbers:
             parts.append(lengths_in_words(self._numbers["lengths"]))
         # With direct coupling the stiffest wall and the stiffest felt are the same.
-        same = self._hand and felt and largest and np.isclose(felt["value"], largest["value"], rtol=1e-9)
+        same = (
+            self._hand
+            and felt
+            and largest
+            and np.isclose(felt["value"], largest["value"], rtol=1e-9)
+        )
         if not same:
             parts.append(self.stiffest_felt())
-        if not self._kind.searched:  # of rows that are, none is certified: those of a box are proved or not
+        if (
+            not self._kind.searched
+        ):  # of rows that are, none is certified: those of a box are proved or not
             certified, _ = self.certified()
             parts.append(certified)
         line = "; ".join(part for part in parts if part)
         return f"{self._kind.title} ({self._hand}): {line}" if self._hand else line
 
     def _doubtful(self, extreme: Numbers) -> str:
-        return "" if extreme["certified"] or self._kind.searched else f", not {self._numbers['vouched']}"
+        return (
+            ""
+            if extreme["certified"] or self._kind.searched
+            else f", not {self._numbers['vouched']}"
+        )
 
     def _gap(self, low: float, open_places: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
@@ -224,7 +242,9 @@ class Sentences:
         return f" {unit}" if unit else ""
 
     def _numbers_in_words(self, numbers: Mapping[str, float]) -> str:
-        return ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in numbers.items())
+        return ", ".join(
+            f"{name} = {value:g}{self._unit_of(name)}" for name, value in numbers.items()
+        )
 
     def _place(self, extreme: Numbers) -> str:
         if not extreme["at"]:
@@ -254,7 +274,10 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
         kind = row_kinds()[words[0]]
         unsettled = numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
         if unsettled:
-            yield kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)), True
+            yield (
+                kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
+                True,
+            )
         elif kind.settled:
             yield kind.settled, False
 

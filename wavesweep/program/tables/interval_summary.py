@@ -65,7 +65,9 @@ class LoopSummary:
     axes. facts: those of the run, from which the end of the swept range and the units of a drawn loop's numbers follow.
     """
 
-    def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None
+    ) -> None:
         self.kind = row_kinds()[hand]
         self._hand = hand
         self._axes = axes or {}
@@ -82,8 +84,12 @@ class LoopSummary:
         self._felt = Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
-        self._lengths = DecidingLengths(varying_lengths(self._facts.get("spec", {})) if self.kind.proved else ())
-        self._slices: list[dict[str, Any]] = []  # axes' values, intervals and open places of the first few
+        self._lengths = DecidingLengths(
+            varying_lengths(self._facts.get("spec", {})) if self.kind.proved else ()
+        )
+        self._slices: list[
+            dict[str, Any]
+        ] = []  # axes' values, intervals and open places of the first few
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -199,13 +205,22 @@ class LoopSummary:
 
     def _largest_numbers(self) -> dict[str, Any] | None:
         # Of rows with the same value, one without a gap below it is named.
-        first = self._without_gap if self._without_gap.value == self._largest.value else self._largest
+        first = (
+            self._without_gap if self._without_gap.value == self._largest.value else self._largest
+        )
         if not first.row:
             return None
         row = first.row
         columns = {name: np.array([value]) for name, value in row.items()}
-        facts = {"from": row["low"], "ended_by": self._ended_by(row), "open": open_places(columns, 0)}
-        hand = {number: row.get(f"high_hand_{number}", np.nan) for number in ("mass", "damping", "stiffness")}
+        facts = {
+            "from": row["low"],
+            "ended_by": self._ended_by(row),
+            "open": open_places(columns, 0),
+        }
+        hand = {
+            number: row.get(f"high_hand_{number}", np.nan)
+            for number in ("mass", "damping", "stiffness")
+        }
         refuter = _refuters(row).high
         if refuter:
             facts |= {"refuted_from": row["fails_from"], "refuted_by": refuter}
@@ -233,7 +248,9 @@ class LoopSummary:
         row = self._least.row
         largest = self._largest_numbers()
         least["value"] = value
-        least["upwards"] = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
+        least["upwards"] = bool(
+            largest and largest["ended_by"] == "range" and not self._ends_within
+        )
         least["unknown_below"] = bool(row["open_low"] < row["low"])
         refuter = _refuters(row).low
         if refuter:

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.hand_rows import Hands
 
 
-def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[WorkOptions]) -> Table:
+def intervals(
+    spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[WorkOptions]
+) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
@@ -88,7 +90,9 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
     from wavesweep.program.tables.hand_rows import guarantees_of
 
     for guarantee in guarantees_of(own, hands):
-        yield Stage(guarantee.kind, guaranteed(cut_otherwise(own, deep=1), guarantee), guarantee.method)
+        yield Stage(
+            guarantee.kind, guaranteed(cut_otherwise(own, deep=1), guarantee), guarantee.method
+        )
 
 
 def of_calls(own: Job) -> Columns:
@@ -104,7 +108,9 @@ def of_calls(own: Job) -> Columns:
     return joined(_finished(in_memory(stage.job), stage, stages, None) for stage in stages)
 
 
-def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
+def rows_again(
+    spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]
+) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
     spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
@@ -119,14 +125,18 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         of_stage = int(np.searchsorted(ends, number, side="right"))
         stage = stages[of_stage]
         combination = np.array([number - starts[of_stage]])
-        single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
+        single = cut_otherwise(
+            stage.job, deep=1, wide=1
+        )  # then the number of a chunk is that of its slice
         chunk = single.chunks[int(stage.job.grid.slice_of(combination)[0])]
         records = single.task(chunk)()
         block = stage.job.columns(np.repeat(combination, records.size), records)
         yield KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
 
 
-def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
+def proved_again(
+    spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]
+) -> Iterator[ProvedAgain]:
     """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
     from wavesweep.program.analyses.interval_jobs import searches_of
     from wavesweep.program.sweep.job import cut_otherwise

@@ -74,7 +74,9 @@ class Kind:
     tally: Callable[..., Summary]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
-    again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(default=lambda *_: None, repr=False)
+    again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(
+        default=lambda *_: None, repr=False
+    )
     study: Literal["sweep", "bode"] = "sweep"
     before: int = 0
     vouched: tuple[str, ...] = ()
@@ -98,7 +100,9 @@ class Kind:
         for column in self.fields:
             name = column.name
             if column.derived and name in columns:
-                raise UsageError(f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}")
+                raise UsageError(
+                    f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}"
+                )
             if column.derived:
                 derived[name] = column.derived(columns)
         return self.ordered({**columns, **derived})
@@ -125,7 +129,9 @@ class Kind:
         """The columns in the order of the table; any column that its kind does not have is an axis."""
         names = [field.name for field in self.fields if field.name in columns]
         axes = [name for name in columns if name not in names]
-        return {name: columns[name] for name in (*names[: self.before], *axes, *names[self.before :])}
+        return {
+            name: columns[name] for name in (*names[: self.before], *axes, *names[self.before :])
+        }
 
 
 class SingleBlockSummary:
@@ -143,7 +149,13 @@ class SingleBlockSummary:
         return self._measure(self._columns, facts)
 
 
-def whole_kind(name: str, measure: Callable[[Columns, Numbers], Numbers], lines: Callable, figure: str, **more: Any) -> Kind:
+def whole_kind(
+    name: str,
+    measure: Callable[[Columns, Numbers], Numbers],
+    lines: Callable,
+    figure: str,
+    **more: Any,
+) -> Kind:
     """A kind of table whose rows come in one block; see `SingleBlockSummary` and `Kind`."""
     return Kind(name, lambda _: SingleBlockSummary(measure), lines, figure, **more)
 
@@ -157,7 +169,9 @@ def from_spec(
         from wavesweep.program.spec import load
 
         spec = load(facts["spec"])
-        return Recompute(spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec))
+        return Recompute(
+            spec.sha256, lambda: make(spec, *(facts[name] for name in given)).blocks(), rows(spec)
+        )
 
     return again
 

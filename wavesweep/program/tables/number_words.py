@@ -2,7 +2,10 @@
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
-DIGITS, MOST_DIGITS = 6, 17  # significant ones of a number in a sentence, and those that tell any two doubles apart
+DIGITS, MOST_DIGITS = (
+    6,
+    17,
+)  # significant ones of a number in a sentence, and those that tell any two doubles apart
 
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:

@@ -35,7 +35,9 @@ def in_a_sentence(refuter: str) -> str:
     if not of_messages:
         return refuter
     channels = [channel.partition(": ") for channel in messages.split("; ")]
-    patterns = [f"{name}: {', '.join(map(_message, pattern.split(', ')))}" for name, _, pattern in channels]
+    patterns = [
+        f"{name}: {', '.join(map(_message, pattern.split(', ')))}" for name, _, pattern in channels
+    ]
     return f"{numbers}this pattern of messages, repeated: {'; '.join(patterns)}"
 
 

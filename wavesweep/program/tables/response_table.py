@@ -54,7 +54,9 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     routes = [(spec, route) for spec in specs for route in routes_of(spec)]
     at_hand = {route is None for _, route in routes}
     if len(at_hand) > 1:
-        raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
+        raise UsageError(
+            "bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both"
+        )
     kind = "bode" if at_hand == {True} else "bode-ports"
     jobs = {}
     for number, (spec, route) in enumerate(routes):
@@ -62,16 +64,23 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
         jobs[name] = response_job(spec, spec.bode, spec.frequency_hz, names, route=route)
     result = run(jobs, Work.of(work))
     facts = with_unlike_units(_facts(specs, kind, result), _units(specs, kind, names))
-    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
+    return Table(
+        kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows
+    )
 
 
-def _units(specs: Sequence[Spec], kind: str, names: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+def _units(
+    specs: Sequence[Spec], kind: str, names: Sequence[str]
+) -> dict[str, list[tuple[str, str]]]:
     """The unit that each spec has in the columns of the axes and of the responses at the hand."""
     from wavesweep.program.analyses.response_jobs import units_in
 
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     if kind == "bode":
-        units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+        units |= {
+            name: [(spec.name, spec.at_port(unit)) for spec in specs]
+            for name, unit in UNITS.items()
+        }
     return units
 
 
@@ -79,7 +88,11 @@ def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:
     """The facts of a run; a table of responses certifies none."""
     grids = [job.grid for job in result.jobs.values()]
     computed = sum(grid.loops for grid in grids)
-    counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
+    counts = {
+        "computed": computed,
+        "skipped": sum(grid.size for grid in grids) - computed,
+        "certified": 0,
+    }
     notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods = METHODS if kind == "bode" else METHODS_PORTS
@@ -195,7 +208,10 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
         share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
-        yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
+        yield (
+            f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})",
+            True,
+        )
     if found["undecided_curves"]:
         share = f"{found['undecided_curves']} of {count(found['curves'], 'loop')}"
         yield f"{share} not known to be stable, see the column doubt", True

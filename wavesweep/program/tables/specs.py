@@ -58,7 +58,9 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
     read = keys_of(spec)
     with_spec = {"spec": np.full(rows, spec.name, dtype=object)}
     for name in names:
-        with_spec[name] = columns[name] if name in columns else np.full(rows, own_value(spec, name, read))
+        with_spec[name] = (
+            columns[name] if name in columns else np.full(rows, own_value(spec, name, read))
+        )
     rest = {name: column for name, column in columns.items() if name not in with_spec}
     return with_spec | rest
 
@@ -76,4 +78,8 @@ def _facts(specs, tables, swept):
     return facts_of(list(specs), methods, counts, {"compute_s": compute_s}, notices, swept)
 
 
-KINDS = (interval_kind("zwidth-specs", figure="wavesweep.program.plots.interval_figures.of_specs", before=1),)
+KINDS = (
+    interval_kind(
+        "zwidth-specs", figure="wavesweep.program.plots.interval_figures.of_specs", before=1
+    ),
+)

@@ -63,7 +63,9 @@ class Table:
         return replace(self, blocks=blocks)
 
 
-def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False, run=None) -> dict:
+def facts_of(
+    specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False, run=None
+) -> dict:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
@@ -106,7 +108,9 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
             by_unit.setdefault(unit, []).append(spec)
         if len(by_unit) > 1:
             unlike[name] = by_unit
-            units_of_specs = [f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in by_unit.items()]
+            units_of_specs = [
+                f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in by_unit.items()
+            ]
             columns.setdefault(", ".join(units_of_specs), []).append(name)
     if not unlike:
         return facts

@@ -13,7 +13,9 @@ from wavesweep.program.cli.options import PATH, folder, override, overwriting
 
 @click.command("export")
 @click.argument("spec", type=PATH)
-@click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
+@click.option(
+    "--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99."
+)
 @click.option(
     "--gains",
     is_flag=True,
@@ -23,7 +25,9 @@ from wavesweep.program.cli.options import PATH, folder, override, overwriting
 @folder("Folder for the files [default: results/<spec's name>/c].")
 @overwriting("Replace existing files.")
 @override
-def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], gains: bool) -> None:
+def export(
+    spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], gains: bool
+) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
     SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
@@ -40,7 +44,12 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     from wavesweep.program import results
     from wavesweep.program import spec as specs
     from wavesweep.program.analyses.assumptions import assumes, over_preset
-    from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.program.cli.file_places import (
+        own_folder,
+        refuse_inputs,
+        refuse_other_things,
+        write_whole,
+    )
     from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
     from wavesweep.simulation.export import exported, terms_of
@@ -64,7 +73,10 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     seconds, ticks = time.perf_counter() - started, program["vectors.csv"].count("\n") - 1
     if verbosity().as_json:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
-        facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
+        facts |= {
+            "notices": list(over_preset(loaded)),
+            "computed": {port: made["sum"] for port, made in outputs.items()},
+        }
         facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
@@ -72,21 +84,34 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
-        say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
+        say(
+            f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit"
+        )
         if gains and "ws_tune" not in program["controller.h"]:
-            say("--gains: besides the wall's, no number enters this controller by arithmetic; all are constants")
+            say(
+                "--gains: besides the wall's, no number enters this controller by arithmetic; all are constants"
+            )
         for port, made in outputs.items():
-            say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")
+            say(
+                f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}"
+            )
         if ticks < wanted:
-            say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
+            say(
+                f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why",
+                warning=True,
+            )
         if assumed:
             say(f"assumes: {assumed}")
         for line in over_preset(loaded):
             say(line)
-        say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
+        say(
+            f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s"
+        )
 
 
 def _coefficients(terms: list[dict[str, Any]]) -> str:
     """The coefficients of an output's terms, if not all are in its sum as numbers."""
     gains = [f"{term['coefficient']:g}" for term in terms]
-    return f" (coefficients {', '.join(gains)})" if gains != [term["gain"] for term in terms] else ""
+    return (
+        f" (coefficients {', '.join(gains)})" if gains != [term["gain"] for term in terms] else ""
+    )

@@ -45,7 +45,9 @@ def named(values: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
 
 def _follows(spec, made, paths):
     """Whether C would compute all coefficients right for other values of some numbers, and what is read of these."""
-    moved = {path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths}
+    moved = {
+        path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths
+    }
     as_given = made(named(spec.values, paths))
     try:
         fresh = made(named({**spec.values, **moved}, paths))
@@ -53,7 +55,8 @@ def _follows(spec, made, paths):
         return False, {}
     first_seen: dict[int | str, float] = {}
     sums = [
-        [(line[0], [source for _, source in line[1]]) for line in _lines(made_so.programs)] for made_so in (as_given, fresh)
+        [(line[0], [source for _, source in line[1]]) for line in _lines(made_so.programs)]
+        for made_so in (as_given, fresh)
     ]
     alike = sums[0] == sums[1] and as_given.ticks.kinds == fresh.ticks.kinds
     expected = [again(value, moved, first_seen) for value in _coefficients(as_given.programs)]
@@ -61,7 +64,9 @@ def _follows(spec, made, paths):
 
 
 def _lines(programs):
-    return [line for program in programs for line in (*program.first, *program.second, *program.keeps)]
+    return [
+        line for program in programs for line in (*program.first, *program.second, *program.keeps)
+    ]
 
 
 def _coefficients(programs) -> Iterator[float]:
@@ -86,10 +91,15 @@ class CoefficientTable:
         """The program with the coefficients' places in C as their names."""
         wall, sums = program.wall, (program.first, program.second, program.keeps)
         first, second, keeps = (
-            [(target, tuple((self._placed(value), source) for value, source in terms)) for target, terms in lines]
+            [
+                (target, tuple((self._placed(value), source) for value, source in terms))
+                for target, terms in lines
+            ]
             for lines in sums
         )
-        met = wall and wall._replace(yields=self._placed(wall.yields), slows=self._placed(wall.slows))
+        met = wall and wall._replace(
+            yields=self._placed(wall.yields), slows=self._placed(wall.slows)
+        )
         limits = {place: tuple(map(self._placed, pair)) for place, pair in program.limits.items()}
         return program._replace(first=first, wall=met, second=second, keeps=keeps, limits=limits)
 
@@ -118,8 +128,16 @@ class CoefficientTable:
     def _written(self, made):
         if isinstance(made, str):
             return f"s->gains.{self.members[made]}"
-        sign, first, *operands = (operand if isinstance(operand, str) else self._text(operand) for operand in made)
-        return f"({first} {sign} {operands[0]})" if operands else f"sqrt({_bare(first)})" if sign == "sqrt" else f"(-{first})"
+        sign, first, *operands = (
+            operand if isinstance(operand, str) else self._text(operand) for operand in made
+        )
+        return (
+            f"({first} {sign} {operands[0]})"
+            if operands
+            else f"sqrt({_bare(first)})"
+            if sign == "sqrt"
+            else f"(-{first})"
+        )
 
 
 def _bare(text):

@@ -10,7 +10,13 @@ from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Spec
-from wavesweep.simulation.from_spec import effects_of, frames_in_turn, frames_of, hand_force, lengths_at
+from wavesweep.simulation.from_spec import (
+    effects_of,
+    frames_in_turn,
+    frames_of,
+    hand_force,
+    lengths_at,
+)
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
 from wavesweep.simulation.running_blocks import SEEN, FrameClock, MarchedLoop, loop_of
@@ -64,13 +70,19 @@ def steps_of(spec: Spec) -> Steps | None:
     _refuse_unproved(simulated, proved)
     lengths = tuple(sorted(proved or simulated or {int(spec.values[RATIO])}))
     usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
-    delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (usual,) * len(lengths)
+    delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (
+        usual,
+    ) * len(lengths)
     return Steps(lengths, frames_of(spec, frames) or _clock(spec, lengths, usual), delays, usual)
 
 
 def _proved_lengths(spec: Spec) -> set[int]:
     """The lengths of frames in [for_all]; empty if they do not change there."""
-    return {length for axis in (spec.for_all.changing if spec.for_all else ()) for length in lengths_at(spec, axis)}
+    return {
+        length
+        for axis in (spec.for_all.changing if spec.for_all else ())
+        for length in lengths_at(spec, axis)
+    }
 
 
 def _refuse_unproved(simulated: set[int], proved: set[int]) -> None:
@@ -89,29 +101,46 @@ def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:
     return FrameClock(lengths, every, nominal)
 
 
-def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:
+def drawing_of(
+    spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False
+) -> Drawing:
     """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`; gains: see `exported`."""
     changed = ({} if amplifier else dict.fromkeys(AMPLIFIER, 0)) | (SLOW_ALONE if steps else {})
     return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
 
 
-def loop_with(spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None) -> MarchedLoop:
+def loop_with(
+    spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None
+) -> MarchedLoop:
     """Return the loop of a drawing with these numbers, and with the wall of the experiment; frames: see `loop_of`."""
     effects = effects_of(spec)
-    loop = loop_of(drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames)
+    loop = loop_of(
+        drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames
+    )
     refuse(loop, effects)
     return loop if effects.wall is None else loop.behind(effects.wall, effects.pulls)
 
 
-def march_of(spec: Spec, loop: MarchedLoop, steps: Steps | None, inputs: list[str], outputs: Mapping[str, str]) -> March:
+def march_of(
+    spec: Spec,
+    loop: MarchedLoop,
+    steps: Steps | None,
+    inputs: list[str],
+    outputs: Mapping[str, str],
+) -> March:
     """Return the march of the whole loop that shows what its controller reads and gives.
 
     loop: the controller's. inputs: signals. outputs: name -> port of a device, without forces from outside.
     """
-    loop_with_hardware = loop_with(spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames)
+    loop_with_hardware = loop_with(
+        spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames
+    )
 
     def seen(sums):
-        return {SEEN + name: tuple(term for term in sums[port] if term[1] not in loop.inputs) for name, port in outputs.items()}
+        return {
+            SEEN + name: tuple(term for term in sums[port] if term[1] not in loop.inputs)
+            for name, port in outputs.items()
+        }
 
     loop_with_hardware = replace(
         loop_with_hardware,
@@ -119,10 +148,18 @@ def march_of(spec: Spec, loop: MarchedLoop, steps: Steps | None, inputs: list[st
         away={**loop_with_hardware.away, **seen(loop.away)},
     )
     entry, messages = entry_of(spec) or loop.hand, spec.simulate["messages"] or {}
-    return March(loop_with_hardware, effects_of(spec), (*inputs, *(SEEN + name for name in outputs)), entry, messages=messages)
+    return March(
+        loop_with_hardware,
+        effects_of(spec),
+        (*inputs, *(SEEN + name for name in outputs)),
+        entry,
+        messages=messages,
+    )
 
 
-def timing_of(march: March, steps: Steps | None, count: int, *, late: bool) -> dict[str, np.ndarray]:
+def timing_of(
+    march: March, steps: Steps | None, count: int, *, late: bool
+) -> dict[str, np.ndarray]:
     """Return the columns of the vectors that say when slow steps begin, and which results are late.
 
     late_0: the ticks by which the result of a group that is shown in the tick is late beyond the delay of its step, -1 if it is
@@ -138,7 +175,10 @@ def timing_of(march: March, steps: Steps | None, count: int, *, late: bool) -> d
         ticks_late = np.zeros(count, dtype=int)
         for k in range(count):
             if result.shown(k) and (number := result.number(k)) >= 0:
-                lateness, usual = result.late[number], 0 if result.channel else delays[number % len(delays)]
+                lateness, usual = (
+                    result.late[number],
+                    0 if result.channel else delays[number % len(delays)],
+                )
                 ticks_late[k] = -1 if lateness is None else lateness * (lateness != usual)
         columns[f"late_{g}"] = ticks_late
     return columns

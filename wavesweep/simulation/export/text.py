@@ -34,7 +34,10 @@ def constants(numbers: Mapping[str, float]) -> dict[str, str]:
 
 def table_of(columns: Mapping[str, np.ndarray]) -> str:
     """The text of a CSV file with hexadecimal numbers; columns of whole numbers have decimal ones."""
-    texts = [map(str if column.dtype.kind == "i" else float.hex, column.tolist()) for column in columns.values()]
+    texts = [
+        map(str if column.dtype.kind == "i" else float.hex, column.tolist())
+        for column in columns.values()
+    ]
     return "\n".join([",".join(columns), *map(",".join, zip(*texts, strict=True)), ""])
 
 
