@@ -130,7 +130,8 @@ def check(
         files = [str(path) for path in _drawn(loaded, places, poles)]
     if verbosity().as_json:
         _show_json(loaded, judged, files)
-    _show(judged.lines(whole))
+    if not _is_silent():  # some lines are computed as they are shown
+        _show(judged.lines(whole))
     if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
     stable = judged.verdict["stable"]
@@ -218,8 +219,10 @@ def _show(lines: Iterable[str]) -> int:
     """Print lines, unless nothing is to be printed; gives their number."""
     from wavesweep.program.cli.messages import printable
 
+    if _is_silent():
+        return 0
     text = "\n".join(lines)
-    if text and not _is_silent():
+    if text:
         click.echo(printable(text))
     return len(text.splitlines())
 
