@@ -20,6 +20,9 @@ FAR = 1e8  # times the span's largest value; beyond, a value may as well be at t
 # Of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed. A seed, which is
 # a root of the polynomial, has eight digits or more, as a rule twelve; one that moves by so much has gone to another root.
 NEAR_SEED = 1e-4
+ONE_ROOT = (
+    1e-13  # of an angle: two roots that polish to angles so near to each other may have become one
+)
 SMALL = 0.1  # of a resolvent, what errors of entries may change it by
 NEAREST, FARTHEST = (
     1e-3,
@@ -250,6 +253,16 @@ def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
     return roots
 
 
+def _merged(column, seed, theta) -> np.ndarray:
+    """Return the columns in which two roots have polished to one angle: their jumps are not those of two crossings."""
+    order = np.lexsort((seed, column))
+    column = column[order]
+    theta = theta[order]
+    neighbours = column[1:] == column[:-1]
+    apart = np.diff(theta) > ONE_ROOT * np.minimum(theta[1:], np.pi - theta[1:])
+    return column[1:][neighbours & ~apart]
+
+
 def crossings(
     cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots
 ) -> Crossings:
@@ -276,6 +289,7 @@ def crossings(
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(polished.theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed))
     complete[column[astray | ~polished.converged]] = False
+    complete[_merged(column, seed, polished.theta)] = False
     ends, at_ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     complete &= ~(roots.open_at_one | roots.open_at_minus_one)
     at = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
