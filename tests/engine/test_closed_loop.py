@@ -248,6 +248,7 @@ def test_entries_may_be_expressions_in_numbers():
     assert loop.stable_intervals("m", (0.01, 1.0)).certified.all()
 
 
+@pytest.mark.asks("poles")
 @pytest.mark.parametrize("name", [pytest.param("drive", marks=pytest.mark.slow), "two-mass"])
 def test_a_drawing_as_a_dict_gives_the_same_numbers_as_its_spec(name):
     tables = tomllib.loads((ROOT / f"sweeps/templates/{name}.toml").read_text(encoding="utf-8"))
