@@ -455,6 +455,32 @@ def largest(parts, angles, *, itself, finer=True):
     return np.abs(np.linalg.eigvals(A)).max(), gain.max()
 
 
+def hold_against(seen, values, share, wall, frame, along, extra):
+    """Ask where a gain of a controller is below a share of the median gain at some values, and look beside all ends and there.
+
+    seen: radius and gain at a value. wall: numbers; frame: ticks, delay and what is read; along: name and span; extra: keys of
+    the gain.
+    """
+    (ticks, late, shown), (name, span) = frame, along
+    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * share)
+    gain = {"from": "f_h", "to": shown, "at_most": level} | extra
+    tables = {
+        "controller": {"kind": "dc-slow"},
+        "rates": {"fast_hz": 1000, "ratio": ticks},
+        "environment": {"K_VE": wall["K"], "B_VE": wall["B"], "delay": late},
+        "device": {"mass": wall["m"], "damping": wall["d"], "velocity": "exact"},
+        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
+    }
+    table = wavesweep.stability_region(wavesweep.load(tables))
+    rows = list(table.itertuples())
+    assert table.certified.all()
+    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
+    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
+        radius, gain = seen(value)
+        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
+            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
+
+
 @pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(40))
@@ -469,26 +495,8 @@ def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed
     def seen(value):
         return largest(slow_wall(WALL | {along: float(value)}, ticks, late, shown), angles, itself=itself)
 
-    values = r.uniform(*span, 6)
-    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * r.uniform(0.9, 1.1))
-    gain = {"from": "f_h", "to": shown, "at_most": level, "band_hz": band.tolist()} | (
-        {"measure": "base-band"} if itself else {}
-    )
-    tables = {
-        "controller": {"kind": "dc-slow"},
-        "rates": {"fast_hz": 1000, "ratio": ticks},
-        "environment": {"K_VE": WALL["K"], "B_VE": WALL["B"], "delay": late},
-        "device": {"mass": WALL["m"], "damping": WALL["d"], "velocity": "exact"},
-        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
-    }
-    table = wavesweep.stability_region(wavesweep.load(tables))
-    rows = list(table.itertuples())
-    assert table.certified.all()
-    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
-    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
-        radius, gain = seen(value)
-        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
-            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
+    extra = {"band_hz": band.tolist()} | ({"measure": "base-band"} if itself else {})
+    hold_against(seen, r.uniform(*span, 6), r.uniform(0.9, 1.1), WALL, (ticks, late, shown), (name, span), extra)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -533,24 +541,8 @@ def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(see
     def seen(value):
         return largest(slow_wall(LONG | {along: float(value)}, ticks, late, shown), angles, itself=False)
 
-    values = r.uniform(*span, 6)
-    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * r.uniform(0.9, 1.1))
-    gain = {"from": "f_h", "to": shown, "at_most": level} | ({"band_hz": band.tolist()} if banded else {})
-    tables = {
-        "controller": {"kind": "dc-slow"},
-        "rates": {"fast_hz": 1000, "ratio": ticks},
-        "environment": {"K_VE": LONG["K"], "B_VE": LONG["B"], "delay": late},
-        "device": {"mass": LONG["m"], "damping": LONG["d"], "velocity": "exact"},
-        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
-    }
-    table = wavesweep.stability_region(wavesweep.load(tables))
-    rows = list(table.itertuples())
-    assert table.certified.all()
-    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
-    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
-        radius, gain = seen(value)
-        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
-            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
+    extra = {"band_hz": band.tolist()} if banded else {}
+    hold_against(seen, r.uniform(*span, 6), r.uniform(0.9, 1.1), LONG, (ticks, late, shown), (name, span), extra)
 
 
 def test_a_number_that_a_controller_has_at_zero_is_swept_as_any_other():
