@@ -98,6 +98,25 @@ def test_the_verdict_has_the_damping_that_is_needed():
     assert damping(load(felt)) is None
 
 
+LOSSES = {
+    "environment": {"integration": "explicit", "delay": 1, "K_VE": 150},
+    "device": {"velocity": "difference", "damping": 6},
+    "controller": {"kind": "dc-slow"},
+    "for_all": {"loss": 0.5},
+    "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+}
+
+
+@pytest.mark.slow
+def test_nothing_is_proved_beside_losses_at_random_of_which_any_number_may_be_in_a_row():
+    """The force that two lost results hold needs more of the device than one does, and so on without end."""
+    needs = [damping(load(LOSSES | {"for_all": {"lost": lost}}))["refuted"] for lost in (1, 2)]
+    assert needs[0] < 6 < needs[1]
+    spec = load(LOSSES)
+    assert damping(spec) is None
+    assert not any("passive hand" in line for _, line in verdict_lines(spec, verdict(spec)))
+
+
 def test_a_delay_in_ticks_is_not_that_of_a_frame_though_it_is_as_long_as_the_spec_s_own():
     """Frames of 4 and 5 with a result that is 4 ticks late need what frames of 5 alone do, and with a frame's delay others."""
     constant = {"device.velocity": "difference", "environment.integration": "explicit", "rates.ratio": 5}
@@ -182,6 +201,7 @@ def test_what_contradicts_the_device_alone_is_in_doubt_and_asks_to_be_reported(m
     [
         (spec_of("pmw"), "passive", "expected a wall without waves"),
         (spec_of(), "port", "expected passive alone"),
+        (load(LOSSES), "passive", "found loss, with which any number in a row may be lost"),
         (spec_of(velocity="exact"), "passive", "expected device.velocity"),
         (
             spec_of(for_all={"environment.B_VE": {"start": 0, "stop": 1}}, sweep={"K_VE": [1.0, 2.0]}),

@@ -116,6 +116,11 @@ def _refuse_loop(spec, rules, drawing):
         raise UsageError(
             REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves")
         )
+    if rules.for_all.loss:
+        # A force that is held for ever is moved by a hand for ever: no damping is enough.
+        expected = "a limit to the results that are lost in a row (lost = 1, or more)"
+        found = "loss, with which any number in a row may be lost"
+        raise UsageError(REFUSED.format(expected, found))
     if drawing.dead_times:
         expected = (
             "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
