@@ -133,10 +133,27 @@ UP_TO = {"sweep": {"along": "K", "K": {"start": 0, "stop": 2}}}
 def test_a_proof_gives_way_to_the_spec_s_own_loop_with_its_own_dead_time(monkeypatch):
     """The dead time at p = 1 has a tick more than at the ends, in a case that was taken to be built alike."""
     tables = TURNING | {"numbers": {"p": 1.0}}
-    monkeypatch.setattr(Case, "unstable", lambda *_: None)
+    monkeypatch.setattr(Case, "begins_unstable", lambda *_: False)
+    monkeypatch.setattr(Case, "contradicts", lambda *_: False)
     monkeypatch.setattr(Case, "cover", lambda *_: Proved(np.nan, np.nan, (), whole=True))
     found = verdict(load(tables))
     assert (found["verdict"], found["doubt"]) == ("unknown", "contradiction")
+
+
+def test_a_proof_gives_way_to_members_that_are_drawn_at_random(monkeypatch):
+    """A third of the box is unstable; of 48 members none is there once in 10^8 runs."""
+    monkeypatch.setattr(Case, "begins_unstable", lambda *_: False)
+    monkeypatch.setattr(Case, "cover", lambda *_: Proved(np.nan, np.nan, (), whole=True))
+    found = verdict(load(delay("1.5*p + 0.1*q")))
+    assert (found["verdict"], found["doubt"]) == ("unknown", "contradiction")
+
+
+def test_a_box_that_is_proved_is_not_searched(monkeypatch):
+    """The proof comes first; what it leaves open is searched."""
+    monkeypatch.setattr(Case, "unstable", lambda *_: 1 / 0)
+    assert verdict(load(delay("0.8*p + 0.1*q")))["verdict"] == "proved"
+    with pytest.raises(ZeroDivisionError):
+        verdict(load(delay("0.91*p + 0.1*q")))
 
 
 @pytest.mark.slow

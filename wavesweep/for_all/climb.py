@@ -29,6 +29,8 @@ DECADE = 10.0  # ratio of the ends of a range above which steps are factors
 OPERATIONS = 3e8  # of a climb
 OF_A_MEMBER = 2e4  # operations beside those of its matrices
 EIGENVALUES = 25  # operations are so many times n^3
+DRAWN = 48  # members that a proof is held against
+BEYOND = 1e-6  # of 1: a growth above it contradicts a proof, and is no rounding
 WORDS = 16  # patterns, the shortest ones, whose growth is climbed
 
 
@@ -98,6 +100,13 @@ def climb(
         step = step * np.where(better, LONGER, SHORTER)[:, None]
         left -= reached.size
     return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
+
+
+def contradicted(growth: Growth, box: np.ndarray) -> bool:
+    """Return whether a member of a box grows, all of which is proved not to: some are drawn, others each time."""
+    shares = np.random.default_rng().random((DRAWN, box.shape[1]))
+    points = box[0] + shares * (box[1] - box[0])
+    return bool((growth.of(points) > 1 + BEYOND).any())
 
 
 def _ranked(points, growth):

@@ -121,7 +121,7 @@ class BoxGuarantee(Guarantee):
         case = Case(
             Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
         )
-        proved_parts = list(proofs([case], span, MARGIN))
+        proved_parts = list(proofs([case], span, MARGIN, narrow=True))
         low, high = (
             np.array([getattr(interval, end) for interval, _ in proved_parts])
             for end in ("low", "high")

@@ -68,10 +68,19 @@ def claims_hold(
     rows: the intervals that are claimed, along the number of the cases; None for a claim about its own value. changes: see
     `members`.
     """
+    if not rules.vary and any(_contradicted(case, rows) for case in cases if case.ranges):
+        return False
     loops = [(loop, case) for case in cases for loop in members(rules, case, changes)]
     if rows is None:
         return not any(bool((loop.read.radii() > 1 + ROUNDING).any()) for loop, _ in loops)
     return all(_within(rows, loop, case.along, case.span) for loop, case in loops if rows)
+
+
+def _contradicted(case, rows):
+    """Whether some member that is drawn at random is unstable at the case's own value, or within a row."""
+    if rows is None:
+        return case.contradicts()
+    return any(case.contradicts(row.low, row.high) for row in rows)
 
 
 def _within(rows, loop, along, span):

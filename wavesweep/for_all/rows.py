@@ -515,15 +515,18 @@ def _case_verdict(spec, rules, number, case):
     if rules.vary:
         said, pattern = _decided(spec, rules, number, case)
         return said, {**case.fixed, pattern: None}, ""
+    if not case.ranges:
+        numbers = case.unstable()
+        return ("proved", {}, "") if numbers is None else ("refuted", numbers, "")
+    covered = None if case.begins_unstable() else case.cover()
+    if covered is not None and covered.whole:
+        return "proved", {}, ""
     numbers = case.unstable()
-    covered = case.cover() if numbers is None and case.ranges else None
-    if covered is not None and covered.unstable:
+    if numbers is None and covered is not None and covered.unstable:
         numbers = case.unstable(np.array(covered.unstable))
     if numbers is not None:
         return "refuted", numbers, ""
-    if covered is None or covered.whole:
-        return "proved", {}, ""
-    return "unknown", {}, _partly(case, covered)
+    return "unknown", {}, "" if covered is None else _partly(case, covered)
 
 
 def _partly(case, covered):

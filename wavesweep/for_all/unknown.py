@@ -17,7 +17,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import ALONE, OnAverage
-from wavesweep.for_all.climb import climb, constant_growth, corners_of, on_edges_of
+from wavesweep.for_all.climb import climb, constant_growth, contradicted, corners_of, on_edges_of
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.sides import WIDE, LeftOpen, as_numbers, as_sides, left_open, side_of
@@ -32,7 +32,7 @@ WORK = 3e11  # operations that the proofs of a case may take
 START = 0.4  # of an interval, where a proof begins
 ROUNDED = 1e-12  # of an end, by which it stays within what is proved
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
-ROUNDS = 4  # of a search after a proof has met an unstable loop
+ROUNDS = 4  # of a search after a proof that has not ended
 FROM_ZERO = (
     1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
 )
@@ -100,15 +100,17 @@ class Proved:
 
 
 def proofs(
-    cases: Sequence["Case"], span: tuple[float, float], near: float
+    cases: Sequence["Case"], span: tuple[float, float], near: float, *, narrow: bool = False
 ) -> Iterator[tuple[Part, Proved | None]]:
     """Yield the intervals that no loop met so far refutes, in order, and what is proved of each, None without.
 
-    near: share of an end that is refuted, by which what is tried to be proved stays away from it.
+    The proof comes first: worse numbers are searched where it leaves something open, and it goes on from there. near: share of
+    an end that is refuted, by which what is tried to be proved stays away from it. narrow: search in any case, if the parts
+    next to the ends, which are not proved, are to have no worse numbers that a search finds.
     """
-    left = [(interval, ROUNDS) for interval in searched(cases, span)]
+    left = [(interval, ROUNDS, {}) for interval in searched(cases, span, narrow)]
     while left:
-        part, rounds = left.pop(0)
+        part, rounds, known = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
             yield part, Proved(part.low, part.high)
             continue
@@ -116,12 +118,16 @@ def proofs(
         if not low < high:
             yield part, None
             continue
-        covers, intervals = [case.cover(low, high) for case in cases], [part]
+        covers = [case.cover(low, high, known.get(case)) for case in cases]
+        intervals = [part]
         for case, covered in zip(cases, covers, strict=True):
             if covered.unstable:
-                intervals = case.narrowed(case.met(intervals, np.array(covered.unstable)[:, 1:]))
+                intervals = case.met(intervals, np.array(covered.unstable)[:, 1:])
+            if not covered.whole:
+                intervals = case.narrowed(intervals)
         if intervals != [part] and rounds:
-            left = [(narrower, rounds - 1) for narrower in intervals] + left
+            known = dict(zip(cases, covers, strict=True))
+            left = [(narrower, rounds - 1, known) for narrower in intervals] + left
             continue
         lowest = max(covers, key=lambda each: each.low)
         highest = min(covers, key=lambda each: each.high)
@@ -162,7 +168,7 @@ class Case:
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
         """What is left of the parts after climbs, over all numbers and along the parts, to members that are unstable there."""
-        growth = constant_growth(self.loop, [self.along, *(axis.path for axis in self.ranges)])
+        growth = self._growth
         for _ in range(CLIMBS if self.ranges else 0):
             before = parts
             for part in before:
@@ -265,8 +271,11 @@ class Case:
             else:
                 yield from unbuilt.changed(arrays).built_alike(alike)
 
-    def cover(self, low: float = 0.0, high: float = 0.0) -> Proved:
-        """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between."""
+    def cover(self, low: float = 0.0, high: float = 0.0, known: Proved | None = None) -> Proved:
+        """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between.
+
+        known: what is proved already, of a part from which the proof goes on.
+        """
         if self.along:
             paths, box = (
                 [self.along, *(axis.path for axis in self.ranges)],
@@ -281,11 +290,16 @@ class Case:
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
             return self._covered(frames, sides, whole, self.left, up=True)
-        start = float(sides[0].place(low + START * (high - low)))
+        begun = np.full(2, low + START * (high - low))
+        if known is not None and max(low, known.low) < min(high, known.high):
+            begun = np.clip([known.low, known.high], low, high)
         lower, upper = whole.copy(), whole.copy()
-        lower[1, 0] = upper[0, 0] = start
-        above = self._covered(frames, sides, upper, self.left / 2, up=True)
-        below = self._covered(frames, sides, lower, self.left, up=False)
+        lower[1, 0], upper[0, 0] = sides[0].place(begun)
+        above = below = Proved(float(low), float(high))
+        if upper[0, 0] < upper[1, 0]:
+            above = self._covered(frames, sides, upper, self.left / 2, up=True)
+        if lower[0, 0] < lower[1, 0]:
+            below = self._covered(frames, sides, lower, self.left, up=False)
         return Proved(
             below.low if below.open or below.unstable else float(low),
             above.high if above.open or above.unstable else float(high),
@@ -312,12 +326,27 @@ class Case:
         open_ = None if found.word else left_open(found, sides, box, up=up)
         return Proved(low, high, open_, _met(found, sides), not found.open)
 
+    @property
+    def _growth(self):
+        """The growth of members, by their numbers, that along which they are first."""
+        paths = [axis.path for axis in self.ranges]
+        return constant_growth(self.loop, [self.along, *paths] if self.along else paths)
+
+    def begins_unstable(self) -> bool:
+        """Whether one of the members that are tried first is not stable, or not known to be."""
+        return not (self._growth.of(self._first) < 1).all()
+
+    def contradicts(self, low: float = 0.0, high: float = 0.0) -> bool:
+        """Whether some member grows though all are proved, from low to high of the number: see `climb.contradicted`."""
+        box = np.column_stack([[low, high], self.box]) if self.along else self.box
+        return contradicted(self._growth, box)
+
     def unstable(self, starts: Sequence[Sequence[float]] = ()) -> Mapping[str, float] | None:
         """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without.
 
         starts: places of the box at which it begins too.
         """
-        growth = constant_growth(self.loop, [axis.path for axis in self.ranges])
+        growth = self._growth
         for tried in (
             (self._first, self._starts) if self.ranges else (self._first,)
         ):  # extremes take longer to find

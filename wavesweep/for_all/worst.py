@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.climb import Growth, climb
+from wavesweep.for_all.climb import Growth, climb, contradicted
 from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
@@ -35,6 +35,7 @@ LOOKED_AT = 3  # points of a climb at which all words are searched
 MOVED = 1e-4  # relative: a gain of the search below this ends it
 ALIKE = 1e-3  # relative: frames that differ by less have the same words that grow first
 WORK = 7e11  # operations of the proofs: about a minute
+SOON = 4e9  # operations of a proof that is tried before members are searched, half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
 PART = 0.4  # of the way to the refuted number, at which a proof is begun
 ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
@@ -282,11 +283,16 @@ def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...]
                     return point, word
         return (), ()
 
+    sides = as_sides(loops.box, loops.sides)
+    if (loops.growth.of(loops.starts) < 1).all():
+        soon = cover(loops.frames, sides, loops.follows, min(work, SOON))
+        if not soon.open and not contradicted(loops.growth, loops.box):
+            return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
         point, word = worst(loops.box, starts())
         if word:
             return point, word, False
-    found = cover(loops.frames, as_sides(loops.box, loops.sides), loops.follows, work)
+    found = cover(loops.frames, sides, loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
         if refuted(loops.family(point), found.word):
