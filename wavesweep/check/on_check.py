@@ -194,7 +194,7 @@ def _unit(spec: Spec, name: str) -> str:
 
 
 def _delay(delay: Facts) -> str:
-    at_delay = f"delay = {delay['ticks']} of {delay['frame']} ticks"
+    at_delay = f"delay = {delay['ticks']:.6g} of {delay['frame']:.6g} ticks"
     if delay["most"] is None:
         return f"{at_delay}: unstable at this delay"
     if delay["most"] == delay["frame"]:

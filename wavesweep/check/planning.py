@@ -61,7 +61,8 @@ def _loop_lines(spec):
     if spec.uneven:
         steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
         yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {ms}"
-        yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
+        over = "the next step begins" if spec.delay_of_frame else "its delay is over"
+        yield f"    a slow step reads the fast tick at or before it; its result is in place from the first one on once {over}"
     else:
         yield f"  loop: frame of {ticks}, {ms}"
     labels = drawn.labels()

@@ -196,10 +196,15 @@ def delays(spec):
     if path not in keys_of(spec):
         return None
     now = spec.values[path]
-    frame = longest_delay(spec.values["rates.ratio"])
-    tried = min(frame, now + DELAYS)
+    if spec.delay_of_frame:
+        frame = tried = now
+        tries = [now]
+    else:
+        frame = longest_delay(spec.values)
+        tried = min(frame, now + DELAYS)
+        tries = range(now, tried + 1)
     most = None
-    for delay in range(now, tried + 1):
+    for delay in tries:
         loop = loops_of(spec, {**spec.values, path: delay}).read
         if not loop.radii()[0] < 1:
             break

@@ -421,17 +421,23 @@ def _offered(spec, wish, points):
 
 
 def _delay_margin(spec, wish, points):
-    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any.
+
+    A result that is in place with the next frame cannot be later.
+    """
     del wish
-    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(
-        int
-    )
+    if spec.delay_of_frame and DELAY not in points.changes:
+        radius = _radii(spec, points)
+        return np.where(radius < 1, 0.0, -1.0), ~np.isnan(radius)
+    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,))
     value = np.full(points.size, -1.0)
     certain = np.ones(points.size, bool)
     open_ = np.arange(points.size)  # those that are stable with every delay so far
-    longest = longest_delay(spec.values["rates.ratio"])
-    for added in range(longest + 1):
-        open_ = open_[delay[open_] + added <= longest]
+    longest = np.full(points.size, longest_delay(spec.values))
+    if timing := [path for path in points.changes if path == DELAY or path.startswith("rates.")]:
+        longest = _of_each(points, lambda own: longest_delay(spec.with_values(own).values), timing)
+    for added in range(longest.max() + 1):
+        open_ = open_[delay[open_] + added <= longest[open_]]
         if not open_.size:
             break
         changes = {path: column[open_] for path, column in points.changes.items()}

@@ -222,7 +222,7 @@ def number_of(spec: Spec, path: str) -> float:
 def _most(spec, key):
     """The largest value that the spec accepts, with the others as they are."""
     if key.path == "environment.delay":
-        return longest_delay(spec.values["rates.ratio"])
+        return longest_delay(spec.values)
     if key.path.endswith("_hz") and key.path.startswith("filters."):
         return spec.values["rates.fast_hz"] / 2 * (1 - 1e-9)
     if key.choices:

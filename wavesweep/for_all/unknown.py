@@ -350,7 +350,7 @@ class Case:
         for tried in (
             (self._first, self._starts) if self.ranges else (self._first,)
         ):  # extremes take longer to find
-            begun = np.concatenate([tried, np.reshape(starts, (-1, len(self.ranges)))])
+            begun = np.concatenate([tried, np.reshape(starts, (len(starts), len(self.ranges)))])
             unstable = climb(growth, self.box, begun).unstable
             if len(unstable):
                 return self.named(unstable[0])

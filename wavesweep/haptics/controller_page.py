@@ -72,36 +72,46 @@ class Slow:
     """When the slow environment runs and when its results are in place, in fast ticks of the common frame.
 
     With fast/slow = q/p in lowest terms all is in step again after q fast ticks, in which the slow environment runs p times.
-    Its step k is at time `k q/p` ticks. It reads what was sampled in the last fast tick, and its result is there in the next
-    one, or `delay` ticks after that.
+    Its step k is at time `t_k = k q/p` ticks. It reads what the fast tick at or before t_k holds, and its result is in place
+    from the first fast tick at or after `t_k + D` on. D is a whole number of ticks, to the longest frame, or q/p itself:
+    "frame", the instant of the next step, before that one reads.
+
+    stored, shown: the ticks in which a result is put aside, since the next one is computed first, and in which it is put in
+    place; empty where it need not be. by: the type of the block that shows it.
     """
 
     every: object
     reads: tuple[int, ...]
     stored: tuple[int, ...]
     shown: tuple[int, ...]
-    next_tick: bool = False  # it runs in every tick, and its result is in place in the next one
+    by: str = "hold"
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> Slow:
         """Return the times for the ratio of the rates and the delay of a spec."""
-        (q, p), delay = steps_of(values[RATIO]), int(values["environment.delay"])
-        if q == p and delay:
-            return Slow(RATIO, (0,), (), (), next_tick=True)
-        times = [Fraction(k * q, p) for k in range(p)]
-        reads, waits = [floor(time) for time in times], [ceil(time) + delay for time in times]
-        ends = [*reads[1:], reads[0] + q]  # of a result: the tick in which the next one is computed
-        late = any(wait >= end for wait, end in zip(waits, ends, strict=True))
-        stored = (
-            [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
-        )
-        shown = [wait % q for wait in waits] if late or waits != reads else []
-        return Slow(
-            RATIO if p == 1 else q,
-            tuple(sorted(reads)),
-            tuple(sorted(stored)),
-            tuple(sorted(shown)),
-        )
+        q, p = steps_of(values[RATIO])
+        late = Fraction(values["environment.delay"]).limit_denominator(MOST_SLOW_STEPS)
+        every = RATIO if p == 1 else q
+        steps = range(-2, p + 1)  # of one frame, with those before and after it
+        times = {k: Fraction(k * q, p) for k in steps}
+        computed = {k: floor(times[k]) for k in steps}
+        waits = {k: ceil(times[k] + late) for k in steps}
+        reads = tuple(computed[k] for k in range(p))
+        shown = tuple(sorted(waits[k] % q for k in range(p)))
+        if all(waits[k] == computed[k] for k in range(p)):
+            return Slow(every, reads, (), ())
+        # Whatever shows result k has to find it: a hold at waits[k], a delay, which shows what it was given one run before, at
+        # waits[k - 1]. By then it is computed, or put aside before the next one is, but not before its place is free.
+        for by, runs in (("hold", 0), ("delay", 1)):
+            found = {k: waits[k - runs] for k in range(p)}
+            if all(computed[k] <= found[k] < computed[k + 1] for k in range(p)):
+                return Slow(every, reads, (), shown, by)
+            latest = {k: min(found[k], computed[k + 1] - 1) for k in range(p)}
+            free = {k: max(computed[k], waits[k - runs - 1] + 1) for k in range(p)}
+            if all(free[k] <= latest[k] for k in range(p)):
+                stored = tuple(sorted(latest[k] % q for k in range(p)))
+                return Slow(every, reads, stored, shown, by)
+        raise AssertionError(f"no place for results that are {late} ticks late, {q}/{p} to a frame")
 
     def block(self, **keys: object) -> dict[str, object]:
         """Return a block that runs with the slow environment."""
@@ -111,15 +121,11 @@ class Slow:
         self, name: str, signal: str
     ) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
-        if self.next_tick:
-            return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
         blocks, wires = {}, {}
-        stages = [("kept", "hold", self.stored), ("shown", "hold", self.shown)]
-        if (
-            self.stored and self.stored == self.shown
-        ):  # one tick late in each tick: it is shown as the next one is computed
-            stages = [("shown", "delay", self.shown)]
-        for stage, kind, phases in stages:
+        for stage, kind, phases in (
+            ("kept", "hold", self.stored),
+            ("shown", self.by, self.shown),
+        ):
             if phases:
                 blocks[f"{name}_{stage}"] = {"type": kind, "every": self.every, "phases": phases}
                 wires[f"{name}_{stage}.u"] = signal

@@ -15,7 +15,6 @@ from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page
 from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec
-from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import Grid
 
 MOST_BUILT = 32
@@ -98,7 +97,7 @@ def assumes(
         return assumed
     usual = {
         INTEGRATION: '"explicit"',
-        DELAY: str(longest_delay(values["rates.ratio"])),
+        DELAY: '"frame"' if spec.uneven else str(values["rates.ratio"]),
         VELOCITY: '"difference"',
     }
     plural = "s" if len(by_default) > 1 else ""
@@ -114,6 +113,8 @@ def _delay(values: Mapping[str, Any], swept: Collection[str]) -> str:
     delay = values[DELAY]
     if not delay:
         return "no delay"
+    if isinstance(delay, float):  # a frame that is no whole number of ticks
+        return f"results in place with the next frame, {delay:.6g} ticks later"
     if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept):
         ticks = "tick" if delay == 1 else "ticks"
         return f"delay of {delay} {ticks}"

@@ -163,6 +163,7 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
         return limits
     elif (
         spec.kind == "dc-slow"
+        and not spec.uneven  # or a sample waits for the next tick as well
         and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"]
         == 0
     ):

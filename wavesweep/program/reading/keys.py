@@ -275,7 +275,8 @@ _LOOP = [
     Key.whole(
         "environment.delay",
         0,
-        'fast ticks until the slow result is in place, 0 to the ratio; or "frame": with the next frame, whenever that is',
+        "fast ticks until the slow result is in place, 0 to the longest frame; where rates do not divide, from the first "
+        'fast tick at or after that time on; or "frame": with the next frame, whenever that is',
         0,
         None,
         "tick",

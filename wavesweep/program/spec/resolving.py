@@ -84,7 +84,7 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     rate_known = not ("rates.fast_hz" in given.leaves and "rates.fast_hz" not in checked)
     _resolve_rates(given, checked, values, rate_known, mistakes)
     if of_frame:
-        values[DELAY] = longest_delay(values["rates.ratio"])
+        values[DELAY] = values["rates.ratio"]  # ticks, of which the last one may be a part
     for name in FILTERS:
         _resolve_filter(name, given, checked, values, rate_known, mistakes)
     # A limit is not applied where the value that sets it is itself a mistake.
@@ -275,13 +275,12 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
-    if path == "environment.delay" and number > (most := longest_delay(values["rates.ratio"])):
-        few = (
-            " ticks: rates that do not divide leave none below 3 ticks in a frame"
-            if not most
-            else ""
-        )
-        return f"a whole number <= {most} (rates.ratio{few})"
+    if (
+        path == DELAY
+        and number != values["rates.ratio"]
+        and number > (most := longest_delay(values))
+    ):
+        return f"a whole number <= {most} (rates.ratio)"
     rate = values["rates.fast_hz"]
     if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:
         return f"at most {(LONGEST_DELAY - values['device.delay']) / rate:g} s, {LONGEST_DELAY} ticks with device.delay"
@@ -290,9 +289,9 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     return ""
 
 
-def longest_delay(ratio: float) -> int:
-    """Return the longest delay of a slow result in ticks: a frame; 0 if rates do not divide and a frame is below 3 ticks."""
-    return ratio if isinstance(ratio, int) else int(ratio) if ratio >= 3 else 0
+def longest_delay(values: Mapping) -> int:
+    """Return the longest delay of a slow result in ticks: the longest frame, in which rates that do not divide begin a last one."""
+    return math.ceil(values["rates.ratio"])
 
 
 def _is_read(path: str, values: Mapping) -> bool:
