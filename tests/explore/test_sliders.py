@@ -109,13 +109,13 @@ def test_a_whole_number_may_come_as_a_float():
 
 @pytest.mark.parametrize("slow", [400.0, 60.0, 50.0])
 def test_every_delay_of_the_slider_is_one_that_the_spec_takes(slow):
-    """At rates that do not divide there is none below three ticks in a frame."""
+    """It goes to the longest frame."""
     spec = load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 1000.0, "slow_hz": slow}})
     delay = next(each for each in sliders_of(spec) if each.path == "environment.delay")
     assert (
         changed(spec, {"environment.delay": delay.high}).values["environment.delay"]
         == delay.high
-        == (0 if slow == 400 else int(1000 / slow))
+        == {400.0: 3, 60.0: 17, 50.0: 20}[slow]
     )
 
 

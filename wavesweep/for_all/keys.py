@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys import Key, show
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
-from wavesweep.program.reading.axes import axis_place, build_axis
+from wavesweep.program.reading.axes import Axis, axis_place, build_axis
+from wavesweep.program.reading.keys import BAND_EDGES
 from wavesweep.program.reading.tables import Section, SpecTable
+from wavesweep.program.spec.resolving import is_frame
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -148,10 +150,45 @@ def build(request: Request) -> ForAll | None:
                 axis.name,
             )
     request.refuse_beyond_limits("for_all", axes)
+    _refuse_what_others_follow_from(request, axes)
+    _refuse_frames_below_delays(request, [axis for axis in axes if axis.path not in varying])
     found = _with_chances(
         request, ForAll(tuple(axes), frozenset(varying), lost, loss=loss), chances
     )
     return found if axes or lost or loss or (request.drawing and request.drawing.channels) else None
+
+
+def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> None:
+    """Add the mistakes of numbers from which others follow: a case has its own numbers in their places, and no more."""
+    request.refuse_other_edges("for_all", axes)
+    given = request.given.leaves
+    edges = [path for path in given if path.rpartition(".")[2] in BAND_EDGES]
+    for axis in axes:
+        expected, found = "", axis.name
+        if axis.path == "rates.slow_hz":
+            expected = "rates.ratio = { values = [...] }, the fast ticks in a frame"
+        elif axis.path.rpartition(".")[2] in BAND_EDGES and axis.path in edges:
+            expected = "a filter by its order and cutoff_hz, and one of these"
+        elif axis.path == "rates.fast_hz" and (
+            others := [path for path in ("rates.slow_hz", *edges) if path in given]
+        ):
+            expected = "beside several fast rates a ratio in place of slow_hz, and filters by order and cutoff_hz"
+            found = others[0]
+        if expected:
+            request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, found)
+
+
+def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
+    """Add the mistake of a delay that is longer than a frame, where both are constant and [for_all] has the frame."""
+    known = {axis.path: axis for axis in axes}
+    ratio, delay = known.get("rates.ratio"), known.get(DELAY)
+    if ratio is None or request.values is None or (delay is None and is_frame(request.given)):
+        return
+    shortest = min(values_of_range(ratio))
+    longest = max(values_of_range(delay)) if delay else request.values[DELAY]
+    if longest > shortest:
+        expected = f"frames of at least {longest:g} ticks (environment.delay)"
+        request.mistakes.refuse(ratio.place, f"for_all.{ratio.name}", expected, show(shortest))
 
 
 def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple]) -> ForAll:

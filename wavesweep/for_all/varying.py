@@ -2,6 +2,7 @@
 messages may be late or lost, by what their channels say."""
 
 import logging
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -87,7 +88,9 @@ class Rules:
         """The rules of a spec with [for_all]."""
         drawing = spec.drawing
         messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
-        found = Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
+        own_delays = any(axis.path == DELAY for axis in spec.for_all.axes)
+        with_frame = spec.delay_of_frame and not own_delays
+        found = Rules(spec.for_all, drawing, with_frame, spec.step == "elapsed", *messages)
         return replace(found, at_random=True) if spec.for_all.loss else found
 
     def drawing_of(self, values: Mapping[str, object], gains: Sequence[str]) -> Drawing:
@@ -149,6 +152,12 @@ class Rules:
                 "rates.ratio or environment.delay as numbers that vary",
                 wrong[0].name,
             )
+        if values[RATIO] % 1:
+            slow_hz = values["rates.fast_hz"] / values[RATIO]
+            below = math.floor(values[RATIO])
+            expected = "a rate that divides rates.fast_hz beside frames, delays or losses that vary: rates.ratio, the ticks in "
+            expected += f"a frame, such as {below} or {below + 1}"
+            refuse("rates.slow_hz", expected, f"{slow_hz:g} Hz, {values[RATIO]:.6g} ticks")
         lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
         slow = SlowFrames.of(drawing, values, RATIO, lengths)
         if self.vary and not slow.names:

@@ -76,6 +76,8 @@ def assumes(
             said.append(f"linear while {limits}; simulate goes beyond")
         return "; ".join(filter(None, said))
     read = keys_of_page(spec.values)
+    if spec.for_all and not in_run:  # what [for_all] has is told among its numbers
+        read -= {axis.path for axis in spec.for_all.unknown}
     values = spec.values
     frames = run.frames if run else ""
     phrases = [assumption_of_page(values)]

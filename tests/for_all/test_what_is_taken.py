@@ -1,0 +1,74 @@
+"""What [for_all] says of the rates and of delays is taken exactly, or refused."""
+
+import pytest
+
+import wavesweep
+from wavesweep.engine.errors import SpecError
+from wavesweep.program.spec import load
+
+WALL = {
+    "environment": {"integration": "explicit", "delay": 1},
+    "device": {"velocity": "difference"},
+    "controller": {"kind": "dc-slow"},
+    "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [1]},
+}
+EDGES = {"passband_hz": 8, "stopband_hz": 60, "passband_db": 3, "stopband_db": 20}
+
+
+@pytest.mark.parametrize(
+    ("tables", "ranges", "said"),
+    [
+        ({}, {"rates.slow_hz": {"values": [50, 25]}}, r"for_all.rates.slow_hz: expected rates.ratio = \{ values"),
+        (
+            {"rates": {"slow_hz": 50}},
+            {"rates.fast_hz": {"values": [1000, 2000]}},
+            "beside several fast rates a ratio .*, found rates.slow_hz",
+        ),
+        (
+            {"controller": {"kind": "pmw"}, "filters": {"lp1": EDGES}},
+            {"rates.fast_hz": {"values": [1000, 2000]}},
+            "filters by order and cutoff_hz, found filters.lp1.passband_hz",
+        ),
+        (
+            {"controller": {"kind": "pmw"}, "filters": {"lp1": EDGES}},
+            {"filters.lp1.passband_hz": {"values": [4, 8]}},
+            "expected a filter by its order and cutoff_hz",
+        ),
+        (
+            {"controller": {"kind": "pmw"}, "filters": {"lp1": EDGES}},
+            {"filters.lp1.cutoff_hz": {"start": 4, "stop": 8}},
+            "expected an axis that fits filters.lp1, given by its band edges",
+        ),
+        (
+            {"environment": {"delay": 15}},
+            {"rates.ratio": {"values": [10, 20]}},
+            r"for_all.rates.ratio: expected frames of at least 15 ticks \(environment.delay\), found 10",
+        ),
+        (
+            {},
+            {"rates.ratio": {"values": [10, 20]}, "environment.delay": {"values": [1, 11]}},
+            "expected frames of at least 11 ticks",
+        ),
+    ],
+)
+def test_numbers_from_which_others_follow_are_refused(tables, ranges, said):
+    with pytest.raises(SpecError, match=said):
+        load(WALL | tables | {"for_all": ranges})
+
+
+@pytest.mark.parametrize("frames", [{"lost": 1}, {"rates.ratio": {"values": [16, 17], "varying": True}}])
+def test_a_rate_that_does_not_divide_is_refused_in_the_words_of_the_spec(frames):
+    spec = load(WALL | {"rates": {"slow_hz": 60}, "for_all": frames})
+    with pytest.raises(SpecError, match=r"rates.slow_hz: expected .*rates.ratio.* 16 or 17, found 60 Hz, 16.6667 ticks"):
+        wavesweep.compile(spec).stable_intervals()
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_delays_of_the_table_take_the_place_of_the_next_frame(lost):
+    rows = []
+    for delay in (1, "frame"):
+        own = WALL | {"rates": {"ratio": 4}, "environment": WALL["environment"] | {"delay": delay}}
+        spec = load(own | {"for_all": {"environment.delay": {"values": [2]}, "lost": lost}})
+        table = wavesweep.compile(spec).stable_intervals()
+        rows.append(table[table.guarantee == "for_all"][["low", "high", "certified"]].to_numpy())
+    assert (rows[0] == rows[1]).all()
