@@ -98,6 +98,10 @@ def test_a_limit_that_acts_on_itself_within_the_tick_is_refused():
         ({"high": 1.0, "low": 2.0}, r"block\.speed\.high: expected a number > low = 2, found 1"),
         ({"anti_windup": "clamping"}, r"block\.speed\.high: expected a number, the upper limit, found anti_windup without it"),
         ({"high": 1.0, "anti_windup": "back-calculation"}, r"tracking_s: expected a time constant .*, found no time constant"),
+        (
+            {"high": 1.0, "anti_windup": "back-calculation", "tracking_s": 0.0039},
+            r"tracking_s: expected at least 0\.004, the block's period \(s\), below which it overshoots the limit, found 0\.0039",
+        ),
         ({"high": 1.0, "tracking_s": 1.0}, r"tracking_s: expected .* none without, found one with anti_windup = 'none'"),
     ],
 )
@@ -106,6 +110,15 @@ def test_limits_that_do_not_fit_together_are_refused(keys, message):
     del tables["numbers"]
     with pytest.raises(SpecError, match=message):
         load(tables)
+
+
+def test_the_shortest_tracking_time_takes_the_integral_to_its_limit_in_one_run():
+    keys = {"type": "integrator", "high": 1.0, "anti_windup": "back-calculation", "tracking_s": 0.004}
+    tables = drive(keys, wire={"speed.u": "ref", "late.u": "speed.y", "amp.u": "late.y", "motor.f": "amp.y"})
+    del tables["numbers"]
+    seen = wavesweep.compile(tables).simulate(np.where(np.arange(60) < 24, 100.0, 0.0)).out
+    # 0, 0.4, 0.8, 1.2: beyond the limit, on which it stays, above and below, as soon as the input is over.
+    np.testing.assert_allclose(seen[::4], np.minimum(0.4 * np.arange(15), 1.0), rtol=1e-15)
 
 
 @pytest.mark.slow

@@ -106,10 +106,11 @@ _LIMITS = (
     Key.word(
         "anti_windup",
         "none",
-        "what the integral does at a limit: back-calculation moves it towards the limit, clamping keeps it while u drives y on",
+        "what the integral does at a limit: back-calculation moves it towards the limit, clamping keeps it while u drives y on "
+        "(y of that run is of the integral with its step, so it is at the limit)",
         ("none", "back-calculation", "clamping"),
     ),
-    Key.positive("tracking_s", None, "s", "time constant of back-calculation"),
+    Key.positive("tracking_s", None, "s", "time constant of back-calculation, at least the block's period"),
 )
 _BEYOND = tuple(key.path for key in _LIMITS)
 

@@ -17,6 +17,7 @@ from wavesweep.engine._keys.key import LONGEST_FRAME, Key
 
 NOTHING = 1e-12  # relative to b: a local model does not divide by less
 MOST_STATES = 1200  # of the blocks: a delay of the most steps, and everything else; time grows with their third power
+WRITTEN = 1e-6  # relative: to what a period is rounded that a spec writes in seconds
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
@@ -90,6 +91,15 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
         )
     elif "high" in by_name:
         yield Condition(lambda high: high > 0, "a number > 0, as low is -high", by_name["high"])
+    if "tracking_s" in by_name:
+        # In a run the integral moves by T/tracking_s of what the output is beyond its limit: by more than that it overshoots.
+        yield Condition(
+            lambda seconds, rate, every: seconds * rate / every >= 1 - WRITTEN,
+            lambda _, rate, every: f"at least {every / rate:g}, the block's period (s), below which it overshoots the limit",
+            by_name["tracking_s"],
+            tick,
+            by_name["every"],
+        )
     for name in ("late", "lost") if block.loses_at_random else ():
         expected = (
             "0 beside loss or burst, since messages are lost either at random or by any pattern"
