@@ -126,13 +126,21 @@ def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
 def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
     """d x' = -K x, held over T: an eigenvalue 1 - K T/d, which turns over by half circles where K T > d."""
     tables = tomllib.loads(NETWORK) | {"sweep": {"along": "K"}}
-    tables |= {"design": {"vary": {"K": {"start": 1, "stop": 100}}, "wish": {"settling": {}, "damping_ratio": {}}}}
+    tables |= {
+        "design": {
+            "vary": {"K": {"start": 1, "stop": 100}},
+            "wish": {"settling": {}, "time_constant": {"at_most": 9}, "damping_ratio": {}},
+        }
+    }
     tables["numbers"] |= {"k": 0}
     spec, K = load(tables), np.array([10.0, 60.0, 100.0, 149.0, 160.0])
     found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": K}, 1.0)
     pole = 1 - K * 0.02 / 1.5
     expected = np.where(np.abs(pole) < 1, -0.02 / np.log(np.abs(pole)), np.nan)
-    np.testing.assert_allclose(found["settling"].value, expected, rtol=1e-12)
+    np.testing.assert_allclose(found["time_constant"].value, expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.abs(pole) ** (found["settling"].value / 0.02), np.where(np.abs(pole) < 1, 0.02, np.nan), rtol=1e-12
+    )
     log = np.log(pole.astype(complex))
     np.testing.assert_allclose(found["damping_ratio"].value, -log.real / np.abs(log), rtol=1e-10)
 

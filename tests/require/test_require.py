@@ -1,4 +1,4 @@
-"""[sweep] require: intervals in which every mode is within a radius per frame, or settles in a time."""
+"""[sweep] require: intervals in which every mode is within a radius per T_s or per tick, or settles in a time."""
 
 from fractions import Fraction
 
@@ -13,6 +13,7 @@ from support.specs import KINDS, nested, random_values
 import wavesweep
 from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.assumptions import near_rates
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
@@ -68,6 +69,62 @@ def test_a_time_is_the_radius_of_its_frame(kind):
     assert np.allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-9, equal_nan=True)
     both = loop.stable_intervals(require={"radius": 0.99, "settling": time}, B_VE=[1.0, 5.0])
     assert both.equals(other)
+    constant = loop.stable_intervals(require={"time_constant": -FRAME / np.log(0.97)}, B_VE=[1.0, 5.0])
+    assert np.allclose(one[["low", "high"]], constant[["low", "high"]], rtol=1e-9, equal_nan=True)
+
+
+def slowest_of_wall(K, hz):
+    """Of a sampled wall at 60 Hz under 1 kHz, run tick by tick: what is left of the slowest mode after 1/hz seconds."""
+    m, d, B, T, states = 0.1, 1.5, 1.0, 1e-3, np.eye(4)  # position, velocity, the sample, the force in place
+    decay = np.exp(-d / m * T)
+    moved = (1 - decay) * m / d
+    tick, sample, place = np.eye(4), np.eye(4), np.eye(4)
+    tick[:2] = [[1, moved, 0, -(T - moved) / d], [0, decay, 0, -(1 - decay) / d]]
+    sample[2] = [K, B, 0, 0]
+    place[3] = [0, 0, 1, 0]
+    instants = np.arange(3) * 1000 / 60
+    for k in range(50):
+        if k in np.floor(instants):
+            states = sample @ states
+        if k in np.ceil(instants):
+            states = place @ states
+        states = tick @ states
+    return np.abs(np.linalg.eigvals(states)).max() ** (1000 / 50 / hz)
+
+
+def test_a_radius_is_per_step_of_the_slow_loop_also_if_rates_do_not_divide():
+    loop = wavesweep.compile({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60}})
+    (row,) = loop.stable_intervals("K_VE", (0, 2000), require={"radius": 0.9}).itertuples()
+    assert row.certified
+    for end, side in ((row.low, 1), (row.high, -1)):
+        assert slowest_of_wall(end * (1 + side * 1e-6), 60) < 0.9 < slowest_of_wall(end * (1 - side * 1e-6), 60)
+
+
+def test_of_direct_coupling_one_clock_counts_whether_rates_divide_or_not():
+    """T_s is all that differs: 45 Hz does not divide 1 kHz, 50 Hz does, and nothing in the loop runs at either."""
+    loops = [wavesweep.compile({"controller": {"kind": "dc"}, "rates": {"slow_hz": hz}}) for hz in (45, 50)]
+    sizes = [np.log(loop.spectral_radius()) * hz for loop, hz in zip(loops, (45, 50), strict=True)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-12)
+    one = loops[0].stable_intervals(require={"radius": 0.9})
+    other = loops[1].stable_intervals(require={"radius": 0.9 ** (45 / 50)})
+    np.testing.assert_allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-9)
+    assert not list(near_rates(loops[0].spec))
+
+
+@pytest.mark.parametrize("every", [2, 7, 50])
+def test_what_is_required_does_not_change_with_a_block_that_only_looks(every):
+    logger = {"log": {"type": "hold", "every": every}}
+    tables = JOINTS | {"block": {name: JOINTS["block"][name] for name in ("arm", "x", "v")}}
+    tables["wire"] = {name: JOINTS["wire"][name] for name in ("x.u", "v.u", "arm.f")}
+    tables["numbers"] = {name: value for name, value in JOINTS["numbers"].items() if name != "slow"}
+    seen = tables | {"block": tables["block"] | logger, "wire": tables["wire"] | {"log.u": "arm.x"}}
+    seen["wire"] |= {"arm.f": tables["wire"]["arm.f"] + " - 1e-9*log.y"}
+    one, other = (
+        wavesweep.compile(each).stable_intervals("kp", (0.0, 400.0), require={"radius": 0.99}) for each in (tables, seen)
+    )
+    assert one.certified.all()
+    assert other.certified.all()
+    np.testing.assert_allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-6)
 
 
 JOINTS = {
@@ -84,13 +141,16 @@ JOINTS = {
 }
 
 
+FRAME_OF_JOINTS = 10  # ticks: the least common multiple of 5 and 2
+
+
 @pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("along", "span"), [("kp", (0.0, 400.0)), ("slow", (0.5, 40.0)), ("m", (0.02, 1.0))])
 @pytest.mark.parametrize("radius", [0.93, 0.95])
 def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span, radius):
     loop = wavesweep.compile(load(JOINTS))
-    table = loop.stable_intervals(along, span, require={"radius": radius})
+    table = loop.stable_intervals(along, span, require={"radius": radius ** (1 / FRAME_OF_JOINTS)})
     assert table.certified.all()
     values = np.linspace(*span, 201)[1:-1]
     inside = np.array([any(row.low < value < row.high for row in table.itertuples()) for value in values])
@@ -211,7 +271,7 @@ def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
     loop = wavesweep.compile(load(JOINTS))
     both, ratio, radius = (
         loop.stable_intervals("kp", (0.0, 400.0), require=require)
-        for require in ({"damping_ratio": 0.5, "radius": 0.95}, {"damping_ratio": 0.5}, {"radius": 0.95})
+        for require in ({"damping_ratio": 0.5, "radius": 0.995}, {"damping_ratio": 0.5}, {"radius": 0.995})
     )
     assert both.certified.all()
     assert (both.low[0], both.high[0]) == (max(ratio.low[0], radius.low[0]), min(ratio.high[0], radius.high[0]))
@@ -228,19 +288,18 @@ def test_the_table_says_what_is_required():
     table = intervals(load(SPEC), "K_VE")
     assert table.facts["require"] == {"radius": 0.97}
     assert load(table.facts["spec"]).require == load(SPEC).require
-    assert "every mode within 0.97 per frame" in table.facts["notices"][0]
+    assert "every mode within 0.97 per T_s" in table.facts["notices"][0]
     tally = TABLES[0].tally(table)
     tally.add(table.columns)
     lines = [text for text, _ in TABLES[0].lines(tally.numbers(table.facts))]
-    assert lines[0] == "3 slices: 3 intervals with every mode within 0.97 per frame"
-    assert any(line.startswith("largest K_VE with every mode within 0.97 per frame: 1147.38 N/m") for line in lines)
+    assert lines[0] == "3 slices: 3 intervals with every mode within 0.97 per T_s"
+    assert any(line.startswith("largest K_VE with every mode within 0.97 per T_s: 1147.38 N/m") for line in lines)
     (again,) = rows_again(load(SPEC), "K_VE", None, [1])
     assert again["high"][0] == table.columns["high"][1]
 
 
-NAMES = (
-    "radius, settling, damping_ratio, modes, slower_than, bounded, gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
-)
+NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
+NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
 CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
     "gives energy; leave bounded out, and stable intervals are found"

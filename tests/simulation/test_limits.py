@@ -100,7 +100,7 @@ def test_a_limit_that_acts_on_itself_within_the_tick_is_refused():
         ({"high": 1.0, "anti_windup": "back-calculation"}, r"tracking_s: expected a time constant .*, found no time constant"),
         (
             {"high": 1.0, "anti_windup": "back-calculation", "tracking_s": 0.0039},
-            r"tracking_s: expected at least 0\.004, the block's period \(s\), below which it overshoots the limit, found 0\.0039",
+            r"tracking_s: expected at least 0\.004, the block's period \(s\), below which it overshoots the limit, found",
         ),
         ({"high": 1.0, "tracking_s": 1.0}, r"tracking_s: expected .* none without, found one with anti_windup = 'none'"),
     ],

@@ -106,6 +106,14 @@ WISHES = MappingProxyType(
         "settling": WishKind(
             "s",
             False,
+            "settling time, to 2 %",
+            "time in which every mode by itself falls to 2 %: ln(50) = 3.912 time constants of the slowest mode",
+            _WALLS,
+            (),
+        ),
+        "time_constant": WishKind(
+            "s",
+            False,
             "time constant of the slowest mode",
             "time constant of the slowest mode, in which it falls to 1/e",
             _WALLS,

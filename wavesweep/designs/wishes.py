@@ -19,7 +19,7 @@ from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
-from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING
+from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, SETTLED
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import drawn_groups
@@ -462,6 +462,12 @@ def _damping_ratio(spec, wish, loops, size):
 
 
 def _settling(spec, wish, loops, size):
+    """Time in which the mode that decays most slowly falls to 2 %, s: ln(50) time constants; missing if the loop is unstable."""
+    value, certified = _time_constant(spec, wish, loops, size)
+    return -np.log(SETTLED) * value, certified
+
+
+def _time_constant(spec, wish, loops, size):
     """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
     del spec, wish
     E, certain = _frames(loops, size)
@@ -536,6 +542,6 @@ _MEASURES = {
     "delay_margin": _delay_margin,
     **{
         measure.__name__.lstrip("_"): _batched(measure)
-        for measure in (_damping_ratio, _settling, _chatter, _depth)
+        for measure in (_damping_ratio, _settling, _time_constant, _chatter, _depth)
     },
 }

@@ -188,8 +188,8 @@ class Loop:
             (low, high) in the unit of the axis; by default (0, 20000) along K_VE, and the spec's own along an axis of its
             [sweep] if the loop is drawn.
         require : dict, optional
-            Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}`, `{"settling": 0.1}` (s),
-            `{"damping_ratio": 0.3}`. By default stability alone.
+            Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}` (per T_s, or tick of a drawn
+            loop), `{"settling": 0.1}` (s, to 2 %), `{"damping_ratio": 0.3}`. By default stability alone.
         **axes : float or array of shape (n,)
             The other axes, see `Loop`.
 
@@ -231,7 +231,10 @@ class Loop:
         return self._frame("zwidth", intervals.of_calls(job))
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
-        """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
+        """Largest eigenvalue modulus per frame, without drift, over the product of the axes given.
+
+        A frame ends when all rates are in step again: T_s, or 50 ms for 60 Hz under 1 kHz. It is T_s also of `dc`, in which
+        nothing runs at the slow rate. What is required of modes is per T_s, or per tick of a drawn loop: see `stable_intervals`.
 
         Parameters
         ----------

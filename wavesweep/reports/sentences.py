@@ -46,9 +46,10 @@ def question(spec: Spec) -> str:
         along, other_axes = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
         return "Is the loop stable, and how far may each of its numbers go?"
-    asked_for = (
-        f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
-    )
+    asked_for = "is the loop stable"
+    if spec.require:
+        words = required_in_words(spec.require.written(), drawn=bool(spec.drawing))
+        asked_for = f"is {words}"
     text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {asked_for}"
     single = []
     several = []

@@ -8,10 +8,10 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
-from wavesweep.program.reading.keys import ALL_MODES
+from wavesweep.program.reading.keys import ALL_MODES, SETTLED
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
-from wavesweep.require.gain_bound import SETTLED, GainBound
+from wavesweep.require.gain_bound import GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 BY_DISCS, BY_GAIN = (
@@ -25,8 +25,9 @@ BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true }
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
-    SETTLED, and how it is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gain: what a
+    """Bounds on the eigenvalues of a drawing's frame: their size `radius`, per frame or, before `over`, per clock of the spec,
+    the time `settling` (s) in which a mode is down to SETTLED or the `time_constant` (s) in which it is down to 1/e, and how it
+    is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gain: what a
     gain stays below; None if none is required.
 
     The protocol is that of `engine._search.question`.
@@ -34,6 +35,7 @@ class Bound:
 
     radius: float = 1.0
     settling: float = np.inf
+    time_constant: float = np.inf
     damped: Damped | None = None
     bounded: bool = False
     gain: GainBound | None = None
@@ -52,27 +54,46 @@ class Bound:
     @property
     def of_size(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
-        return replace(self, damped=None) if self.radius < 1 or self.settling < np.inf else None
+        of_size = self.radius < 1 or self.settling < np.inf or self.time_constant < np.inf
+        return replace(self, damped=None) if of_size else None
 
     @property
     def on_circle(self) -> bool:
         """Whether a mode that meets its bound is on a circle."""
         return not self.damped
 
-    def over(self, frames: int) -> "Bound":
-        """The same for so many frames in place of one."""
+    def over(self, frames: float) -> "Bound":
+        """The same per frame, of which so many are what the radius is per."""
         return replace(self, radius=self.radius ** (1 / frames))
 
     def radius_of(self, period) -> np.ndarray:
-        """The radius of loops with these periods of a frame, in s."""
-        radius = np.minimum(self.radius, SETTLED ** (np.asarray(period, float) / self.settling))
-        if (radius < LEAST).any():
-            frame = np.max(period)
-            expected = f"at least {np.log(SETTLED) / np.log(LEAST) * frame:.3g} s where a frame takes {frame:.3g} s"
-            raise UsageError(
-                f"sweep.require.settling: expected {expected}, found {self.settling:g}"
-            )
-        return radius
+        """The radius of loops with these periods of a frame, in s.
+
+        A mode z of a frame of T seconds is z^n after n frames. Its size is at most q at the end of every frame from t on if
+        `|z| <= q^(T/t)`, q being SETTLED for `settling` and 1/e for `time_constant`. It is of each mode by itself: several
+        together, as those that nearly meet, may grow before they decay.
+        """
+        frame = np.asarray(period, float)
+        longest = frame.max(initial=0.0)
+        by_key = {
+            "radius": np.broadcast_to(self.radius, frame.shape),
+            "settling": SETTLED ** (frame / self.settling),
+            "time_constant": np.exp(-frame / self.time_constant),
+        }
+        seconds = longest / np.log(LEAST)
+        least = {
+            "settling": f"at least {np.log(SETTLED) * seconds:.3g} s",
+            "time_constant": f"at least {-seconds:.3g} s",
+        }
+        for key, radius in by_key.items():
+            if (radius < LEAST).any():
+                expected = least.get(key, "one nearer to 1")
+                left = f"where a frame takes {longest:.3g} s"
+                found = getattr(self, key)
+                raise UsageError(
+                    f"sweep.require.{key}: expected {expected} {left}, found {found:g}"
+                )
+        return np.minimum(by_key["radius"], np.minimum(by_key["settling"], by_key["time_constant"]))
 
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
@@ -137,6 +158,8 @@ class Bound:
         refused, expected = "", ""
         if self.settling < np.inf:
             refused, expected = "settling", "expected radius in its place"
+        elif self.time_constant < np.inf:
+            refused, expected = "time_constant", "expected radius in its place"
         elif self.damped and self.damped.slower_than:
             refused, expected = "slower_than", "expected all modes"
         elif self.gain and self.gain.band_hz:
@@ -150,11 +173,12 @@ class Bound:
             )
 
 
-def words_of(written: Mapping[str, object]) -> str:
-    """What is required, in words; written: see `Require.written`."""
+def words_of(written: Mapping[str, object], clock: str) -> str:
+    """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
     words = {
-        "radius": "within {:g} per frame",
+        "radius": f"within {{:g}} per {clock}",
         "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
+        "time_constant": "down to 1/e in {:g} s",
         "bounded": "on the unit circle",
     }
     modes = " and ".join(

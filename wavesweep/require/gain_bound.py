@@ -1,10 +1,9 @@
-"""The bound on a gain as a value, and the words and shares of requirements. Specs have it, so that it does not load numpy."""
+"""The bound on a gain as a value, and the words of requirements. Specs have it, so that it does not load numpy."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled
 LIFTED, BASE_BAND = "lifted", "base-band"
 
 

@@ -25,7 +25,8 @@ KEYS = Key.by_path(
             "sweep.require.radius",
             None,
             "1",
-            "find the intervals in which no eigenvalue of a frame is larger than this, in place of the stable ones",
+            "find the intervals in which every mode falls to this share of its size, or less, in T_s of a controller (also of dc, and "
+            "if rates do not divide), in a tick of a drawn loop",
             low=1e-6,
             high=0.999999,
         ),
@@ -33,7 +34,14 @@ KEYS = Key.by_path(
             "sweep.require.settling",
             None,
             "s",
-            "find the intervals in which every mode falls to 2 % of its size in this time, which is 3.912 time constants",
+            "find the intervals in which every mode by itself falls to 2 % of its size in this time, ln(50) = 3.912 time constants",
+            high=1e6,
+        ),
+        Key.positive(
+            "sweep.require.time_constant",
+            None,
+            "s",
+            "find the intervals in which every mode falls to 1/e of its size in this time",
             high=1e6,
         ),
         Key.number(
@@ -101,7 +109,8 @@ HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 
 @dataclass(frozen=True, slots=True)
 class Require(TableValue):
-    """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
+    """The bounds on every mode: its size after T_s or a tick, the times (s) in which it is down to SETTLED and to 1/e, its
+    damping ratio.
 
     modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time (s) do not. bounded:
     whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
@@ -109,6 +118,7 @@ class Require(TableValue):
 
     radius: float | None = None
     settling: float | None = None
+    time_constant: float | None = None
     damping_ratio: float | None = None
     modes: str = ALL_MODES
     slower_than: float | None = None
@@ -140,7 +150,9 @@ class Require(TableValue):
             if self.damping_ratio
             else None
         )
-        return Bound(self.radius or 1.0, self.settling or inf, damped, self.bounded, self.gain)
+        settling = self.settling or inf
+        constant = self.time_constant or inf
+        return Bound(self.radius or 1.0, settling, constant, damped, self.bounded, self.gain)
 
 
 def build(request: Request) -> Require | None:

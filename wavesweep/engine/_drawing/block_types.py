@@ -110,7 +110,9 @@ _LIMITS = (
         "(y of that run is of the integral with its step, so it is at the limit)",
         ("none", "back-calculation", "clamping"),
     ),
-    Key.positive("tracking_s", None, "s", "time constant of back-calculation, at least the block's period"),
+    Key.positive(
+        "tracking_s", None, "s", "time constant of back-calculation, at least the block's period"
+    ),
 )
 _BEYOND = tuple(key.path for key in _LIMITS)
 

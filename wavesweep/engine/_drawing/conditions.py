@@ -95,7 +95,9 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
         # In a run the integral moves by T/tracking_s of what the output is beyond its limit: by more than that it overshoots.
         yield Condition(
             lambda seconds, rate, every: seconds * rate / every >= 1 - WRITTEN,
-            lambda _, rate, every: f"at least {every / rate:g}, the block's period (s), below which it overshoots the limit",
+            lambda _, rate, every: (
+                f"at least {every / rate:g}, the block's period (s), below which it overshoots the limit"
+            ),
             by_name["tracking_s"],
             tick,
             by_name["every"],

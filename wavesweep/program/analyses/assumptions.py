@@ -346,7 +346,7 @@ def unusual(spec: Spec) -> Iterator[str]:
 
 def near_rates(spec: Spec) -> Iterator[str]:
     """Yield which slow rates near the spec's own divide the fast one, if that does not: their frames are short."""
-    if spec.uneven:
+    if spec.uneven and "rates.ratio" in keys_of_page(spec.values):
         fast = float(spec.values["rates.fast_hz"])
         ratio = float(spec.values["rates.ratio"])
         higher = fast / floor(ratio)

@@ -26,7 +26,7 @@ from wavesweep.program.sweep.grid import (
     FAST,
     Grid,
     drawn_groups,
-    frames_per_spec,
+    frames_per_clock,
     make_grid,
     own_loop,
 )
@@ -266,7 +266,7 @@ def _searches(
     for members, loops in drawn_groups(
         spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)
     ):
-        bound = require and require.bound.over(frames_per_spec(loops))
+        bound = require and require.bound.over(frames_per_clock(spec, loops))
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
     for (drawing, bound), alike in by_bound.items():

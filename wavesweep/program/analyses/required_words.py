@@ -5,10 +5,14 @@ from collections.abc import Mapping
 from wavesweep.capabilities import offered
 
 
-def required_in_words(written: Mapping[str, object]) -> str:
-    """What [sweep] require asks for, in words; written: its table."""
+def required_in_words(written: Mapping[str, object], *, drawn: bool) -> str:
+    """What [sweep] require asks for, in words; written: its table. drawn: whether the spec draws its loop."""
     module = offered("bound")
-    return module.words_of(written) if module else f"[sweep] require = {dict(written)}"
+    return (
+        module.words_of(written, "tick" if drawn else "T_s")
+        if module
+        else f"[sweep] require = {dict(written)}"
+    )
 
 
 def where_nothing_decides() -> str:

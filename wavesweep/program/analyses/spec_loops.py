@@ -11,7 +11,7 @@ from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys import show
 from wavesweep.engine.loop import Loops
-from wavesweep.program.sweep.grid import drawn_groups, frames_per_spec, make_grid, own_loop
+from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
 
 if TYPE_CHECKING:
     from wavesweep.engine.response import Lifted, Port
@@ -29,9 +29,10 @@ def refuse_singular(spec, drawing: Drawing) -> None:
 
 
 def radius_over(spec, axes) -> np.ndarray:
-    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
+    """Spectral radius per frame for every combination of the axes, flat, the first axis slowest.
 
-    The radius of a controller whose frame is a single tick, as that of direct coupling, is counted per frame of its spec.
+    That of a controller of which nothing runs at the slow rate, as of direct coupling, is counted per T_s of its spec, whether
+    the rates divide or not.
     """
     grid = make_grid(spec, axes)
     radii = np.empty(grid.loops)
@@ -40,8 +41,10 @@ def radius_over(spec, axes) -> np.ndarray:
     ):
         if spec.drawing:
             loops.refuse_unsuitable()
+        one_rate = not spec.drawing and "rates.ratio" not in loops.drawing.reads
+        frames = loops.values["rates.ratio"] if one_rate else 1
         with np.errstate(over="ignore"):
-            radii[members] = loops.read.radii(members.size) ** frames_per_spec(loops)
+            radii[members] = loops.read.radii(members.size) ** frames
     return radii[grid.slice_of(np.arange(grid.size))]
 
 

@@ -62,7 +62,7 @@ from wavesweep.program.plots.style import (
     note_below,
     wide,
 )
-from wavesweep.program.tables.columns import unlike_units
+from wavesweep.program.tables.columns import numbers_of, unlike_units
 
 LOGGER = logging.getLogger("wavesweep.figure.panels")  # hears which panel of how many is drawn
 _PANEL_HEIGHT = 2.3  # inches
@@ -356,7 +356,11 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     else:
         beneath = along
         upright = label(layout.family, facts) if layout.family and not layout.beside else ""
-    required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
+    required = ""
+    if "require" in facts:
+        drawn_loop = bool(numbers_of(facts))
+        words = required_in_words(facts["require"], drawn=drawn_loop)
+        required = f"stable here: {words}"
     marks = offered("marks")
     unmarked = marks.undrawn(facts, layout.x, shown.along) if marks else ""
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)

@@ -333,6 +333,8 @@ _HARDWARE = [
 
 KEYS, HARDWARE_KEYS = Key.by_path(_LOOP), Key.by_path(_HARDWARE)
 
+SETTLED = 0.02  # share of its size that is left of a mode that has settled: in [sweep] require and as a wish of [design]
+
 # Which modes a damping ratio is of: in [sweep] require and as a wish of [design].
 ALL_MODES, OSCILLATING = "all", "oscillating"
 MODES = {

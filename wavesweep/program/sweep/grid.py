@@ -200,13 +200,16 @@ def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops
     return Loops(spec.drawing or loop_drawing(values, (along,)), values)
 
 
-def frames_per_spec(loops: Loops) -> int:
-    """How many frames of the drawing are one of its spec: several if nothing in it runs at the slow rate.
+def frames_per_clock(spec: Spec, loops: Loops) -> float:
+    """How many frames of the loops take the time of the spec's clock: T_s of a controller, a tick of a drawn loop.
 
+    A frame is several clocks where rates do not divide, or blocks of a drawn loop run every few ticks, and a part of one of a
+    controller of which nothing runs at the slow rate. What is required per clock means the same whatever else runs.
     loops: with all numbers of the spec.
     """
-    ratio = loops.values.get("rates.ratio", 1)
-    return 1 if "rates.ratio" in loops.drawing.reads or isinstance(ratio, float) else ratio
+    if spec.drawing:
+        return 1 / Loops(spec.drawing, loops.values).drawn().ticks
+    return loops.values["rates.ratio"] / loops.drawn().ticks
 
 
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:

@@ -153,13 +153,14 @@ class LoopSummary:
         if self._largest.row:
             names += self._largest.place()
         few = len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
+        drawn = bool(numbers_of(self._facts))
         numbers = {
             "along": self._along,
             "unit": self._unit(self._along),
             "units": {name: self._unit(name) for name in dict.fromkeys(names)},
             "range": [end if np.isfinite(end) else None for end in self._range],
-            "required": required_in_words(require) if require else "",
-            "drawn": bool(numbers_of(self._facts)),
+            "required": required_in_words(require, drawn=drawn) if require else "",
+            "drawn": drawn,
             "of_messages": not members_of(self._facts.get("spec", {})),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,

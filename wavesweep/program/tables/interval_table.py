@@ -184,7 +184,8 @@ def _notices(spec, stages) -> Iterator[str]:
     axis = job.asked.axis
     required = job.asked.require
     if required:
-        yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
+        words = required_in_words(required.written(), drawn=bool(spec.drawing))
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {words}"
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:
@@ -219,7 +220,7 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     has one; or that the loop conserves energy, so that nothing decides.
     """
     from wavesweep.program.analyses.mode_in_the_way import conserves, mode_in_the_way, outside
-    from wavesweep.program.sweep.grid import frames_per_spec, own_loop
+    from wavesweep.program.sweep.grid import frames_per_clock, loops_of, own_loop
 
     job = stage.job
     spec = job.grid.spec
@@ -240,8 +241,11 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         nothing_decides = spec.drawing and conserves(own_loop(spec))
         return {"conserves": True} if nothing_decides else {}
     changes = {other.path: first[other.name] for other in job.grid.axes}
-    loops = own_loop(spec.with_values(changes) if changes else spec)
-    beyond = require.bound.over(frames_per_spec(loops)).beyond if require else outside
+    spec = spec.with_values(changes) if changes else spec
+    loops = own_loop(spec)
+    beyond = outside
+    if require:
+        beyond = require.bound.over(frames_per_clock(spec, loops_of(spec, spec.values))).beyond
     mode = mode_in_the_way(loops, axis.path, (axis.start, axis.stop), beyond)
     return {"in_the_way": {"at": first, **mode}} if mode else {}
 
