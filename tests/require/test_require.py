@@ -456,3 +456,48 @@ def test_an_answer_nowhere_names_the_mode_that_is_in_the_way():
     assert "where the mode z = -0.12" in line
     assert "(500 Hz, damping ratio 0.5" in line
     assert "falls to 1/e in 0.00047" in line
+
+
+DRIFTS = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"B": 1.4},
+    "block": {"dev": {"type": "mass", "mass": 0.3}, "h": {"type": "hold"}},
+    "wire": {"dev.f": "-h.y"},
+}
+
+
+def drifting(spring, gains, **numbers):
+    """A mass on a spring, and integrators of its speed with these gains: all but one combination of its positions drifts."""
+    names = [f"i{at}" for at in range(len(gains))]
+    tables = DRIFTS | {"numbers": DRIFTS["numbers"] | numbers}
+    tables["block"] = DRIFTS["block"] | {name: {"type": "integrator"} for name in names}
+    integrals = "".join(f" + {gain}*{name}.y" for gain, name in zip(gains, names, strict=True))
+    wires = {f"{name}.u": "dev.v" for name in names}
+    return tables | {"wire": DRIFTS["wire"] | wires | {"h.u": f"{spring}*dev.x + B*dev.v{integrals}"}}
+
+
+def slowest_of_drifting(spring, integral, m=0.3, B=1.4, T=1e-3):
+    """The larger one of the two eigenvalues that do not drift, of position, speed and the sum of the integrals, by hand."""
+    force = np.array([spring, B, integral])
+    tick = np.array([[1, T, 0], [0, 1, 0], [0, T, 1]]) - np.outer([T**2 / 2 / m, T / m, 0], force)
+    z = np.linalg.eigvals(tick)
+    return np.abs(np.delete(z, np.abs(z - 1).argmin())).max()
+
+
+@pytest.mark.parametrize(
+    ("spring", "gains", "along", "span", "of"),
+    [
+        ("K", (0.5, -0.5), "K", (0.0, 2000.0), lambda K: (K, 0.0)),
+        ("K", (0.5, -0.3), "K", (0.0, 2000.0), lambda K: (K, 0.2)),
+        ("K", (0.5, -0.5, 0.2), "K", (0.0, 2000.0), lambda K: (K, 0.2)),
+        ("4/K", (0.5, -0.5, 0.2), "K", (0.001, 30.0), lambda K: (4 / K, 0.2)),
+    ],
+)
+@pytest.mark.parametrize("require", [{"radius": 0.9989}, {"settling": 3.9}])
+def test_what_drifts_beside_another_drift_is_no_mode_that_misses_what_is_required(spring, gains, along, span, of, require):
+    found = wavesweep.compile(drifting(spring, gains, K=4.0)).stable_intervals(along, span, require=require)
+    (row,) = found.itertuples()
+    assert row.certified
+    radius = require.get("radius", 0.02 ** (1e-3 / 3.9))
+    for end, inwards in ((row.low, 1 + 1e-6), (row.high, 1 - 1e-6)):
+        assert slowest_of_drifting(*of(end * inwards)) < radius < slowest_of_drifting(*of(end / inwards))

@@ -14,6 +14,8 @@ from wavesweep.engine._monodromy.rounding import ALIKE, ENTRIES
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._state_space import StateSpace
 
+INVERTED = 1e-6  # by which a matrix times its inverse may be off from 1, where there is an inverse
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenFrame:
@@ -172,7 +174,7 @@ def cut_of(
     cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
     if conserved and moving:
         cut = _without_integrator(cut)
-    return _acted_on(cut)
+    return cut and _acted_on(cut)
 
 
 def _with_rows(system, states, lead=None, factor=None):
@@ -202,8 +204,15 @@ def _with_rows(system, states, lead=None, factor=None):
 
 
 def _without_integrator(cut):
-    """The loop whose integrator s follows the other states, since `s - l x` is conserved, with `l = ADVANCE E^-1`."""
+    """The loop whose integrator s follows the other states, since `s - l x` is conserved, with `l = ADVANCE E^-1`.
+
+    None if E has no inverse: then another state or sum of states is conserved too, and which of them is left to the closed loop
+    depends on the number.
+    """
     back = inverse(cut.E)
+    left = np.abs(back @ cut.E - np.eye(cut.E.shape[-1]))
+    if not (left <= INVERTED).all():
+        return None
     l = cut.C[..., ADVANCE : ADVANCE + 1, :] @ back
     unsure = (cut.dC[..., ADVANCE : ADVANCE + 1, :] + np.abs(l) @ cut.dE) @ np.abs(back)
     of_all_loops = (*cut.batch, *cut.C.shape[-2:])
