@@ -7,6 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
+from wavesweep.for_all import patterns
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
 from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
@@ -228,3 +229,24 @@ def test_short_words_are_each_cycle_once_of_those_that_may_follow():
     ]
     assert short_words(np.array([[False, True], [True, False]])) == [(0, 1)]
     assert len(short_words(np.ones((30, 30), bool))) == 30  # those of two would be too many
+
+
+class Ring:
+    """Six scalars, each of which follows the one before: their product is `(x/2)^6`."""
+
+    follows = np.roll(np.eye(6, dtype=bool), 1, axis=1)
+
+    def at(self, x):
+        return np.full((6, 1, 1), x / 2)
+
+
+def test_words_that_refuted_one_design_are_tried_first_with_the_next(monkeypatch):
+    searched, known = [], []
+    whole = patterns.growing
+    monkeypatch.setattr(patterns, "growing", lambda *a, **more: searched.append(1) or whole(*a, **more))
+    assert patterns.seems_refuted_from(Ring(), 10.0, known) == pytest.approx(2, rel=0.02)
+    assert [sorted(word) for word in known] == [[0, 1, 2, 3, 4, 5]]
+    first = len(searched)
+    assert patterns.seems_refuted_from(Ring(), 10.0, known) == pytest.approx(2, rel=0.02)
+    assert len(searched) - first < first
+    assert patterns.seems_refuted_from(Ring(), 1.9, known) == 1.9

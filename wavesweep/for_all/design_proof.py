@@ -1,8 +1,10 @@
 """What a search for designs asks of [for_all]: whether loops are proved for all of it, and how they rank before that."""
 
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from dataclasses import dataclass, field, replace
+from functools import partial
 
-from wavesweep.for_all.patterns import seems_refuted, seems_refuted_from
+from wavesweep.for_all.patterns import Word, seems_refuted, seems_refuted_from
 from wavesweep.for_all.rows import cases_of, proved_from_zero, refuse_unsuitable_ranges, verdict
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.spec import Spec
@@ -39,23 +41,38 @@ class DesignProof:
         return proved_from_zero(spec, path, stop, self.rules)
 
 
+@dataclass(frozen=True, slots=True)
 class DesignRanking(DesignProof):
-    """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own values of ranges."""
+    """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own values of ranges.
+
+    words: that refuted earlier designs, for each rule of which frames may follow which.
+    """
+
+    words: defaultdict[bytes, list[Word]] = field(default_factory=partial(defaultdict, list))
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
         return (
             "refuted"
-            if any(seems_refuted(family, 0.0) for family in self._families(spec, ""))
+            if any(
+                seems_refuted(family, 0.0, self._known(family))
+                for family in self._families(spec, "")
+            )
             else "proved"
         )
 
     def stiffest(self, spec: Spec, path: str, stop: float) -> float:
         """The softest wall, at most `stop`, with which some short pattern of frames is unstable."""
         return min(
-            (seems_refuted_from(family, stop) for family in self._families(spec, path)),
+            (
+                seems_refuted_from(family, stop, self._known(family))
+                for family in self._families(spec, path)
+            ),
             default=stop,
         )
+
+    def _known(self, family):
+        return self.words[family.follows.tobytes()]
 
     def _families(self, spec, along):
         cases = cases_of(self.rules, along, (0.0, 0.0), loops_of(spec, dict(spec.values), along))

@@ -35,8 +35,11 @@ SHORTEST = 4  # matrices of the words that are all tried
 MOST = 400  # how many these are at most
 SHORT = 2  # matrices of the words that are looked for to rank numbers, before the best are improved
 RANKED = 1e-2  # of the limit, from where on numbers are tried
-STEPS = 24  # numbers that are tried
-HALVED = 6  # bisections after them
+STEPS = 24  # numbers at which known words are tried
+FOLLOWED = 60  # short words that are known from the beginning
+HALVED = 10  # bisections
+SEARCHES = 6  # for words that grow below all that are known
+BELOW = 0.015  # share of the number where those begin to grow, by which a search is below it
 
 Word = tuple[int, ...]
 
@@ -307,29 +310,53 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
     return high
 
 
-def seems_refuted(family: Family, x: float) -> bool:
-    """Return whether some short word grows at x, in plain doubles: a search, which proves nothing."""
+def seems_refuted(family: Family, x: float, known: list[Word]) -> bool:
+    """Return whether some short word grows at x, in plain doubles: a search, which proves nothing.
+
+    known: words that grew in other families, which are tried first; one that is found by searching is added.
+    """
     A = family.at(x)
-    if not np.isfinite(A).all():
+    if not np.isfinite(A).all() or growing_of(A, known):
         return True
-    return bool(growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT))
+    found = growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT)
+    known += found[:1]
+    return bool(found)
 
 
-def seems_refuted_from(family: Family, limit: float) -> float:
+def seems_refuted_from(family: Family, limit: float, known: list[Word]) -> float:
     """Return about the least number up to the limit at which some short word grows, or else the limit.
 
-    To rank what it is too long to prove: a proof from 0 on hardly reaches further.
+    To rank what it is too long to prove: a proof from 0 on hardly reaches further. known: see `seems_refuted`; these words and
+    the shortest ones are followed down, and others are searched just below where they begin to grow.
     """
+    words = [*dict.fromkeys([*short_words(family.follows)[:FOLLOWED], *known])]
     low = 0.0
     high = limit
     for x in np.geomspace(RANKED * limit, limit, STEPS):
-        if seems_refuted(family, x):
-            high = float(x)
+        if _one_grows(family, x, words):
+            high = _begins(family, words, low, float(x))
             break
         low = float(x)
+    for _ in range(SEARCHES):
+        x = limit if high == limit else (1 - BELOW) * high
+        count = len(known)
+        if not seems_refuted(family, x, known):
+            break
+        grown = known[count:] or growing_of(family.at(x), known)
+        high = _begins(family, grown, 0.0, x)
+    return high
+
+
+def _one_grows(family, x, words):
+    A = family.at(x)
+    return not np.isfinite(A).all() or bool(growing_of(A, words))
+
+
+def _begins(family, words, low, high):
+    """About the number between both from which on one of some words grows."""
     for _ in range(HALVED):
         middle = (low + high) / 2
-        if seems_refuted(family, middle):
+        if _one_grows(family, middle, words):
             high = middle
         else:
             low = middle
