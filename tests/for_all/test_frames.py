@@ -1,5 +1,7 @@
 """Frames of varying length against the loop at one length, and against a march in plain numpy."""
 
+from itertools import chain, product
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -13,10 +15,10 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
+from wavesweep.for_all.frame_families import ANY_NUMBER, FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
-from wavesweep.for_all.patterns import growth
+from wavesweep.for_all.patterns import growth, is_refuted, shortest_through
 from wavesweep.haptics.controller_page import loop_drawing, wall_cut
 from wavesweep.program.spec import load
 
@@ -137,6 +139,73 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     np.testing.assert_array_equal(family.follows, [[True, True, False], [True, False, True], [True, False, False]])
     one_lost = [(20, 1), (20, LOST)]
     assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(fig4(), 300.0, one_lost, 400), rel=0.03)
+
+
+@pytest.mark.slow
+def test_of_results_that_are_lost_at_random_any_number_may_be_lost_in_a_row():
+    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (1,), lost=ANY_NUMBER))
+    assert [(each.delay, each.lost) for each in family.symbols] == [(1, 0), (LOST, 0)]
+    assert family.follows.all()
+    five_lost = [(20, 1), *[(20, LOST)] * 5]
+    assert growth(family.at(300.0), (0, 1, 1, 1, 1, 1)) == pytest.approx(marched(fig4(), 300.0, five_lost, 400), rel=0.03)
+
+
+def test_words_that_may_not_be_repeated_refute_nothing():
+    """Only one result may be lost in a row, so none of these patterns occurs, though their products grow."""
+    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (0,), lost=1))
+    (lost,) = (i for i, each in enumerate(family.symbols) if each.delay == LOST)
+    one_lost = next(word for word in shortest_through(family.follows) if lost in word)
+    assert is_refuted(family, one_lost, 3000.0)
+    for word in ((lost,), (*one_lost, lost), (lost, *one_lost)):
+        assert growth(family.at(3000.0), word) > 1
+        assert not is_refuted(family, word, 3000.0)
+    five = frames_of_controller(fig4(), FramesInAnyOrder((16, 20), (1,), lost=5))
+    longest = shortest_through(five.follows)[-1]
+    assert [(five.symbols[i].ticks, five.symbols[i].lost) for i in longest] == [(20, count) for count in range(6)]
+
+
+def slow_wall(stiffness, in_time):
+    """The frame of 20 ms of a free device (0.1 kg, 1.5 N*s/m) and a wall with 1 N*s/m: of position, velocity and held force."""
+    rate = 1.5 / 0.1
+    fades = np.exp(-rate * 0.02)
+    glides = (1 - fades) / rate
+    moves = np.array([[1, glides, (glides - 0.02) / 1.5], [0, fades, (fades - 1) / 1.5], [0, 0, 1]])
+    samples = np.array([[1, 0, 0], [0, 1, 0], [stiffness, 1, 0]])
+    return moves @ samples if in_time else moves
+
+
+def radius(word, stiffness):
+    """What a pattern of results that come in time or not multiplies the motion by, per frame."""
+    product = np.eye(3)
+    for in_time in word:
+        product = slow_wall(stiffness, in_time) @ product
+    return np.abs(np.linalg.eigvals(product)).max() ** (1 / len(word))
+
+
+def wall_beside_losses(lost):
+    """The largest stiffness that is proved with so many losses in a row, and the refuted one with its pattern."""
+    wall = {
+        "environment": {"delay": 0, "B_VE": 1.0, "K_VE": 60.0},
+        "controller": {"kind": "dc-slow"},
+        "for_all": {"lost": lost},
+    }
+    rows = wavesweep.compile(wall).stable_intervals(along="K_VE", span=(0, 2000))
+    row = rows[rows["guarantee"] == "for_all"].iloc[0]
+    pattern = ["lost" not in each for each in row["counterexample"].removeprefix("frames ").split(", ")]
+    assert pattern.count(True)
+    return row, pattern
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", [1, 3])
+def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(lost):
+    row, pattern = wall_beside_losses(lost)
+    assert row["settled"]
+    assert radius(pattern, row["fails_from"] * (1 - 1e-4)) < 1 < radius(pattern, row["fails_from"])
+    patterns = [[True, *[False] * count] for count in range(lost + 1)]
+    words = [[*chain(*each)] for each in product(patterns, repeat=4)]
+    assert max(radius(word, row["high"]) for word in words) < 1
+    assert row["fails_from"] <= min(k for k in np.arange(1.0, 300.0) if any(radius(each, k) > 1 for each in patterns))
 
 
 def test_a_result_that_is_there_at_once_and_one_that_is_not():

@@ -30,6 +30,7 @@ from wavesweep.for_all.dissipation import automaton, least_damping
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.norm_check import Norms
+from wavesweep.for_all.patterns import shortest_through
 from wavesweep.for_all.plan import Plan
 from wavesweep.haptics.held_loop import device_of
 
@@ -172,13 +173,17 @@ class EveryHand:
     def _refuted(self, M, rows, proved):
         """The most damping that a pattern needs which is repeated for ever, that pattern, and the frequency.
 
-        Patterns that need most are made longer until one needs about what is proved.
+        Patterns that need most are made longer until one needs about what is proved. The first ones
+        have as many losses in a row as there may be.
         """
-        n, best, beam = M.shape[1], (-np.inf, (), np.nan), [()]
+        n = M.shape[1]
         maps = [
             (A[:, :n] - np.eye(n), A[:, n:], row[:, :n], row[:, n:])
             for A, row in zip(M, rows, strict=True)
         ]
+        shortest = [self._needed_by(word, maps) for word in shortest_through(self.follows)]
+        best = max(shortest, key=lambda each: each[0])
+        beam = [()]
         for _ in range(LONGEST):
             longer = [(*first, last) for first in beam for last in range(len(self.words))]
             longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]

@@ -26,6 +26,7 @@ from wavesweep.haptics.controller_page import loop_drawing
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
+ANY_NUMBER = -1  # of results in a row that are lost
 IN_PHASE = (
     None,
 )  # as delays: results are in place when the blocks that show them run, by their phases
@@ -41,8 +42,8 @@ class FramesInAnyOrder:
     """What may happen in a frame.
 
     lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's length, or FRAME; each may occur
-    in any frame; IN_PHASE of a drawn loop. lost: how many results in a row may be lost. elapsed: whether the step of slow
-    blocks is the time since they last ran; otherwise it is the nominal one.
+    in any frame; IN_PHASE of a drawn loop. lost: how many results in a row may be lost, or ANY_NUMBER. elapsed: whether the
+    step of slow blocks is the time since they last ran; otherwise it is the nominal one.
     """
 
     lengths: tuple[int, ...]
@@ -173,7 +174,8 @@ def plan_of(
         for phase in sorted({0, *phases.values()})
     }
     steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
-    results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
+    in_a_row = (0,) if frames.lost == ANY_NUMBER else range(1, frames.lost + 1)
+    results = [(delay, 0) for delay in frames.delays] + [(LOST, count) for count in in_a_row]
     through = sorted({delay == 0 for delay, _ in results})
     some = [
         frozenset(each)

@@ -17,6 +17,7 @@ from wavesweep.for_all.patterns import (
     nearest,
     refuted_beyond,
     short_words,
+    shortest_through,
 )
 from wavesweep.for_all.remembered import Remembered
 
@@ -291,7 +292,8 @@ def nearest_refuted(
     family: Family, start: float, limit: float, tolerance: float
 ) -> tuple[float, Word]:
     """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
-    fails, word, before, short = np.nan, (), start, short_words(family.follows)
+    fails, word, before = np.nan, (), start
+    short = [*dict.fromkeys((*short_words(family.follows), *shortest_through(family.follows)))]
     for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
         A = family.at(x)
         grows = growing_of(A, short)

@@ -31,9 +31,10 @@ class Symbol:
     """A kind of frame.
 
     ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost: the number of results lost in
-    a row, including this one. step: the period of slow blocks that run after the sample, which is the length of the frame
-    before; None if nothing depends on it. through: whether the next result is in place at once, with the sample that ends this
-    frame. gone: channels whose message of the frame is lost; that of a sample is in the frame that it ends.
+    a row, including this one; 0 as well where any number may be. step: the period of slow blocks that run after the sample,
+    which is the length of the frame before; None if nothing depends on it. through: whether the next result is in place at
+    once, with the sample that ends this frame. gone: channels whose message of the frame is lost; that of a sample is in the
+    frame that it ends.
     """
 
     ticks: int

@@ -45,11 +45,13 @@ Word = tuple[int, ...]
 
 
 def is_refuted(family: Family, word: Word, x: float) -> bool:
-    """Return whether the word, repeated for ever, is proved to grow at x.
+    """Return whether the word may be repeated for ever, and is proved to grow at x.
 
     The product has an eigenvalue outside the unit circle for all matrices within the bounds on the errors of its entries (see
     `count_outside`).
     """
+    if not _allowed(family.follows, word):
+        return False
     E, dE = family.enclosed(x)
     product = E[word[0]], dE[word[0]]
     for symbol in word[1:]:
@@ -265,6 +267,31 @@ def short_words(follows: np.ndarray) -> list[Word]:
         one_way = longer
         if len(one_way) > MOST * SHORTEST:
             break
+    return list(found)
+
+
+def shortest_through(follows: np.ndarray) -> list[Word]:
+    """Return for each matrix a shortest word in which it occurs, with matrices next to it where there is a choice.
+
+    So there is a word with as many losses in a row as there may be: that of the last one.
+    """
+    before = [np.flatnonzero(column) for column in follows.T]
+    found = {}
+    for end in range(len(follows)):
+        steps = np.full(len(follows), -1)  # from each matrix to this one
+        layer = np.array([end])
+        count = 0
+        while layer.size and steps[end] < 0:
+            count += 1
+            layer = np.unique(np.concatenate([before[i] for i in layer]))
+            layer = layer[steps[layer] < 0]
+            steps[layer] = count
+        word = [end]
+        for left in range(count - 1, 0, -1):
+            choices = np.flatnonzero(follows[word[-1]] & (steps == left))
+            word.append(int(choices[np.abs(choices - end).argmin()]))
+        if steps[end] > 0:
+            found[_least(tuple(word))] = None
     return list(found)
 
 

@@ -225,6 +225,7 @@ class Plan:
         others = {*self.schedule.kinds} - {self.sample(symbol) for symbol in symbols}
         if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
+        symbols, follows = _endless(symbols)
         rows = [
             tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol))
             for symbol in symbols
@@ -233,12 +234,23 @@ class Plan:
             index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]]
             for symbol in symbols
         ]
-        return tuple(rows), tuple(samples), tuple(symbols), _follows(symbols)
+        return tuple(rows), tuple(samples), tuple(symbols), follows
 
 
-def _follows(symbols):
-    """Which symbols (columns) may follow which (rows)."""
-    return np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
+def _endless(symbols):
+    """The symbols after which frames go on for ever, and which of them (columns) may follow which (rows).
+
+    After the last result that may be lost, none is in place at once; where all others are, nothing
+    can come then.
+    """
+    while True:
+        follows = np.array(
+            [[_may_follow(before, after) for after in symbols] for before in symbols]
+        )
+        goes_on = follows.any(1)
+        if goes_on.all():
+            return symbols, follows
+        symbols = [symbol for symbol, on in zip(symbols, goes_on, strict=True) if on]
 
 
 def _may_follow(before, after):

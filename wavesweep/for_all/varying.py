@@ -27,6 +27,7 @@ from wavesweep.for_all.channel_families import (
 )
 from wavesweep.for_all.climb import corners_of, growth_in_words, growth_on_average
 from wavesweep.for_all.frame_families import (
+    ANY_NUMBER,
     DELAY,
     FRAME,
     IN_PHASE,
@@ -165,7 +166,7 @@ class Rules:
                 KIND, "a controller with a slow environment, whose frames may vary", values[KIND]
             )
         delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
-        lost = self.for_all.lost or int(self.for_all.loss > 0)
+        lost = ANY_NUMBER if self.for_all.loss else self.for_all.lost
         return plan_of(
             drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow
         )
