@@ -133,7 +133,7 @@ CAPABILITIES = (
             "explore": "Show the boundary of stability in a browser, and vary every number by a slider."
         },
     ),
-    Capability("require", tables=("sweep.require",), offers=("bound", "keys")),
+    Capability("require", tables=("sweep.require",), offers=("bound", "keys", "on_check")),
     Capability("axes", offers=("classes",)),
     Capability("prove", offers=("prover", "ticks")),
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),

@@ -9,8 +9,9 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.check import on_check
 from wavesweep.check import room_of_numbers as judging
-from wavesweep.check.verdict import distance, verdict_lines
+from wavesweep.check.verdict import distance, further, of_spec, verdict_lines
 from wavesweep.program.analyses.assumptions import of_axes
+from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
@@ -318,8 +319,11 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
     found = wavesweep.verdict(spec)
     said = [line.strip() for _, line in verdict_lines(spec, found)]
     assert said[0] == "for the spec's own B_VE = 1 N*s/m, of [sweep] 0.5, 1"
-    assert said[1].startswith("for all of [for_all]: proved stable")
-    assert said[2] == "all below is for the spec's own device.mass = 0.1 kg, of [for_all] 0.08 to 0.12:"
+    assert found["answer"] == "yes"
+    own = own_design(spec)
+    first, second, *_ = own_lines(spec, own, of_spec(spec, own | further(spec, own)))
+    assert first.endswith("proved stable for device.mass from 0.08 to 0.12, operator.damping = 0")
+    assert second.startswith("  its own device.mass = 0.1, operator.damping = 0, as all below: stable")
     assert "0.08" not in found["assumes"]  # which is about the spec's own numbers
     (outside, *_) = verdict_lines(changed := load(tables | {"sweep": {"B_VE": [2.0, 3.0]}}), wavesweep.verdict(changed))
     assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"

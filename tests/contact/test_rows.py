@@ -9,7 +9,6 @@ import pytest
 import wavesweep
 from tests.contact.test_proof import FIG4, SLOW
 from wavesweep import SpecError, UsageError
-from wavesweep.contact.on_check import lines
 from wavesweep.contact.rows import FREE, LINEAR
 from wavesweep.contact.verdict import of_wall
 from wavesweep.program.spec import load
@@ -157,12 +156,12 @@ def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
 @pytest.mark.slow
 @pytest.mark.asks("check")
 def test_check_says_it():
-    """In its facts and in a line of its own."""
+    """In its facts, and as an answer to what is asked."""
     found = wavesweep.verdict(spec_of(FIG4).tables())
     assert found["contact"] == {"verdict": "proved", "counterexample": ""}
-    ((rank, line),) = lines(spec_of(FIG4), found)
-    assert rank == 1
-    assert line.endswith("own stiffness and damping: proved to come to rest")
+    (_, through_contact) = found["questions"]
+    assert (through_contact["what"], through_contact["status"]) == ("comes to rest", "proved")
+    assert through_contact["scope"]["walls"] == "any wall that pushes and never pulls"
 
 
 @pytest.mark.slow

@@ -204,7 +204,7 @@ def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_re
     assert (row["certified"], row["settled"], row["doubt"]) == (False, False, "contradiction")
     said = facts(load(loop | {"for_all": varying}))["for_all"]
     assert (said["verdict"], said["doubt"]) == ("unknown", "contradiction")
-    assert "please report it" in for_all_module.in_words(said)
+    assert "please report it" in for_all_module.reason_of(said)
 
 
 def test_what_cannot_be_planned_is_said_with_its_line(tmp_path):
@@ -293,10 +293,12 @@ def test_check_says_whether_the_design_holds_for_all():
 
 
 def test_check_says_that_its_own_numbers_are_not_among_those_of_the_table():
-    for values, without in (([2, 3], ", without the spec's own n = 5"), ([2, 5], "")):
+    for values, without in (([2, 3], ["[for_all] leaves the spec's own n = 5 out"]), ([2, 5], [])):
         spec = load(PD | {"for_all": {"n": {"values": values}, "kd": {"start": 3, "stop": 5}}})
-        said = [line for _, line in lines(spec, facts(spec))]
-        assert said[0] == f"for all of [for_all]: proved stable{without}"
+        found = facts(spec)
+        (claim,) = found["claims"]
+        assert claim.words() == f"proved stable for n of {values[0]}, {values[1]}, kd from 3 to 5"
+        assert [line for _, line in lines(spec, found) if "leaves" in line] == without
 
 
 def test_an_end_that_is_not_known_is_no_counterexample(monkeypatch):
@@ -585,8 +587,8 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     assert row["high"] < row["fails_from"]
     assert any(re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far", each) for each in caplog.messages)
     monkeypatch.setattr(unknown_module, "WORK", 3e7)
-    said = for_all_module.in_words(for_all_module.verdict(spec))
-    part = re.search(r"not known: proved for m 0.5 to ([0-9.]+), open from there \(100 %, within m \1 to 2, k 0 to 400\)", said)
+    said = for_all_module.reason_of(for_all_module.verdict(spec))
+    part = re.search(r"proved for m 0.5 to ([0-9.]+), open from there \(100 %, within m \1 to 2, k 0 to 400\)", said)
     assert part
     monkeypatch.undo()
     smaller = load(tmp_path / "spec.toml", [f"for_all.m.stop={part[1]}"])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 from wavesweep.program.spec.writing import as_toml
@@ -139,7 +140,7 @@ def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     [
         (PD, {}, "may each of its numbers go?"),  # without an axis
         (PD, {"K": 4000.0}, "UNSTABLE"),
-        (DOUBT, {}, "Not all of this is certified."),
+        (DOUBT, {}, "Not all of the intervals are certified."),
     ],
 )
 def test_loops_without_an_axis_unstable_and_in_doubt_have_a_report_that_says_so(spec, changes, said):
@@ -152,14 +153,19 @@ def test_loops_without_an_axis_unstable_and_in_doubt_have_a_report_that_says_so(
 
 
 @pytest.mark.parametrize(
-    ("certified", "title"), [(True, "Certified, but not known everywhere."), (False, "Not all of this is certified.")]
+    ("certified", "said"),
+    [
+        (True, "The intervals are certified, but not known everywhere"),
+        (False, "Not all of the intervals are certified."),
+    ],
 )
-def test_what_is_not_known_is_not_called_uncertified(certified, title):
+def test_what_is_not_known_is_not_called_uncertified(certified, said):
     spec = load(PD | {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}})
     table = intervals(spec)
     table.columns["certified"][:] = certified
     found = content.ReportSection("", "", table, (("1 row of for_all not settled", True),), "<svg>", "", "")
-    assert title in "".join(content._answer(spec, found, ("stable", False), True))
+    judged = Verdict((Claim(STABLE, own_scope(spec), Status.COMPUTED),))
+    assert said in "".join(content._answer(spec, found, ("stable", False), judged))
 
 
 def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, capsys):

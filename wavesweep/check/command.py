@@ -72,9 +72,11 @@ STEPS = 3  # commands that are named, at most
     or_file=True,
 )
 @click.option(
+    "--strict",
     "--exit-code",
+    "strict",
     is_flag=True,
-    help="End with 1 if the design is not known to be stable, or --frames are others.",
+    help="End with 1 if the answer to what the spec asks is no, or not known, or if --frames are others.",
 )
 @override
 def check(
@@ -86,13 +88,14 @@ def check(
     columns: tuple[str, ...],
     scales: tuple[str, ...],
     out: str | None,
-    exit_code: bool,
+    strict: bool,
     overrides: tuple[str, ...],
 ) -> int:
     """Judge a spec's own design, and say what to do next.
 
-    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
-    whether the loop is stable. Then comes what decides it, in up to 18 lines, the most important ones: the range in which the
+    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict comes first, on all that it asks:
+    whether the loop is stable, or has what [sweep] requires, for all of [for_all], and through contact. Then comes its own
+    design, and what decides it, in up to 18 lines, the most important ones: the range in which the
     loop stays stable if one number changes and all others are kept; the delay up to which it is stable; the stiffness that the
     hand feels; the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the assumptions. A number
     that the spec does not give has its default, and is marked so. The last lines name the commands that go on from there.
@@ -107,10 +110,10 @@ def check(
     Examples:
       wavesweep check mine.toml --set environment.delay=20
       wavesweep check mine.toml --all
-      wavesweep check mine.toml --exit-code --quiet
+      wavesweep check mine.toml --strict --quiet
       wavesweep check mine.toml --plot --out loop.svg
       wavesweep check sweeps/templates/drive.toml --root-locus kp
-      wavesweep check engine.toml --frames times.csv --exit-code
+      wavesweep check engine.toml --frames times.csv --strict
     """
     from wavesweep.program import spec as specs
     from wavesweep.program.cli.messages import progress, say
@@ -134,19 +137,20 @@ def check(
         _show(judged.lines(whole))
     if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
-    stable = judged.verdict["stable"]
     beyond = run is not None and bool(run["left"])
-    return int(exit_code and (not stable or beyond))
+    return int(strict and (judged.answer != "yes" or beyond))
 
 
 @dataclass(frozen=True)
 class _Judged:
     """What is known of a spec, without the lines that are shown first.
 
-    verdict: the numbers. shown: lines that are on the screen already. ranked: lines with their ranks. plan: those about all
-    commands. notices: what is unusual about the spec, and its algebraic loops. steps: the commands that go on from there.
+    answer: to what the spec asks. verdict: the numbers. shown: lines that are on the screen already. ranked: lines with their
+    ranks. plan: those about all commands. notices: what is unusual about the spec, and its algebraic loops. steps: the commands
+    that go on from there.
     """
 
+    answer: str
     verdict: Facts
     shown: int
     ranked: list[Ranked]
@@ -170,18 +174,21 @@ def _judged(
 ) -> _Judged:
     """Judge a spec, and show the lines that come first at once. run: what the frames of a run are, None without."""
     from wavesweep.check.planning import plan, within_ticks
-    from wavesweep.check.verdict import further, numbers, verdict_lines
+    from wavesweep.check.verdict import further, numbers, of_spec, verdict_lines, written
     from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
+    from wavesweep.program.analyses.claims import asks_more
     from wavesweep.program.analyses.own_design import own_design, own_lines
 
     verdict = own_design(spec)
-    first_lines = list(own_lines(spec, verdict))
-    if not whole:
-        first_lines = [*chain.from_iterable(map(_folded, first_lines))]
-    shown = _show(first_lines)
+    more = asks_more(spec)
+    shown = 0 if more else _show_first(own_lines(spec, verdict), whole)
     if verbosity().as_json:
         verdict |= numbers(spec)
     verdict |= further(spec, verdict, report)
+    judged = of_spec(spec, verdict)
+    if more:
+        shown = _show_first(own_lines(spec, verdict, judged), whole)
+    verdict = written(spec, verdict)
     if run:
         verdict |= {"frames": run}
     plan_lines = plan(spec, estimated=whole or verbosity().as_json)
@@ -194,7 +201,14 @@ def _judged(
     ranked += verdict_lines(spec, verdict, late=not whole)
     ranked += [(4, f"  {line}") for line in within]
     steps = list(_aligned(_steps(spec, verdict, plan_lines, whole), overrides))
-    return _Judged(verdict, shown, ranked, plan_lines, [*unusual_lines, *within], steps)
+    notices = [*unusual_lines, *within]
+    return _Judged(verdict["answer"], verdict, shown, ranked, plan_lines, notices, steps)
+
+
+def _show_first(lines: Iterable[str], whole: bool) -> int:
+    """Print the lines that come first, of which the verdict is never folded; gives their number."""
+    first, *others = lines
+    return _show([first, *(others if whole else chain.from_iterable(map(_folded, others)))])
 
 
 def _frames_of_run(

@@ -9,7 +9,8 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.program.analyses.assumptions import of_axes
-from wavesweep.program.analyses.own_design import is_first, own_design
+from wavesweep.program.analyses.claims import Claim, Verdict
+from wavesweep.program.analyses.own_design import is_first, own_claim, own_design
 from wavesweep.program.spec import Spec
 
 Facts = Mapping[str, Any]
@@ -19,10 +20,26 @@ Ranked = tuple[float, str | Callable[[], str]]
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    The numbers of `own_design`, those that capabilities add to them, and those of `further`.
+    The numbers of `own_design`, those that capabilities add to them, those of `further`, and `answer`: "yes", "no" or "not
+    known" to what the spec asks, see `claims.questions`, with the answer to each of its `questions`.
     """
     facts = own_design(spec) | numbers(spec)
-    return facts | further(spec, facts)
+    return written(spec, facts | further(spec, facts))
+
+
+def of_spec(spec: Spec, found: Facts) -> Verdict:
+    """The verdict on what a spec asks; found: what is known of its own design, with `further`."""
+    return Verdict.of(spec, [own_claim(spec, found), *found["claims"]])
+
+
+def written(spec: Spec, found: Facts) -> dict[str, Any]:
+    """What is known of a spec's own design as JSON has it, with the verdict."""
+    judged = of_spec(spec, found)
+    claims = {
+        "answer": judged.status.answer,
+        "questions": [claim.written() for claim in judged.answers],
+    }
+    return {name: value for name, value in found.items() if name != "claims"} | claims
 
 
 def numbers(spec: Spec) -> dict:
@@ -35,14 +52,16 @@ def numbers(spec: Spec) -> dict:
 
 @np.errstate(all="ignore")  # of numbers that overflow
 def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
-    """What capabilities say in addition to the numbers of `own_design`.
+    """What capabilities say in addition to the numbers of `own_design`; claims: those of all of them.
 
     report: is called with the number of ranges that are done, and of all.
     """
     of_all = {}
+    claims: list[Claim] = []
     for facts in asked("on_check", "facts", spec, own, report):
+        claims += facts.get("claims", ())
         of_all |= facts
-    return of_all
+    return of_all | {"claims": claims}
 
 
 def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Ranked]:

@@ -1,41 +1,58 @@
-"""The lines of `check` on contact: whether the spec's own wall may be any that pushes, and its saturations any curve."""
+"""What `check` finds of contact: whether the spec's own wall may be any that pushes, and its saturations any curve."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
+
+from wavesweep.program.analyses.claims import (
+    AT_REST,
+    PUSHES,
+    Claim,
+    Scope,
+    Status,
+    curve_of,
+    own_scope,
+)
+from wavesweep.program.tables.refuters import LONGEST
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
-_SAID = {
-    "proved": "proved to come to rest",
-    "unknown": "not known whether every motion comes to rest",
-    "refuted": "not every motion comes to rest: {}",
+_STATUS = {
+    "proved": Status.PROVED,
+    "unknown": Status.UNKNOWN,
+    "refuted": Status.REFUTED,
 }
-_WALL = "with any wall that pushes and never pulls, up to the spec's own stiffness and damping"
-_BLOCK = "with {} at its limits, or any curve of slopes from 0 to 1"
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """contact: of a spec with [for_all] contact that has a wall, what is known of it, see `verdict.of_wall`; saturations: the
-    same of each block of type saturation, by its name.
+    same of each block of type saturation, by its name; claims: the same, of the spec's own numbers and frames.
     """
     if not spec.contact:
         return {}
     from wavesweep.contact.verdict import of_saturation, of_wall, saturations
 
-    found: dict[str, Any] = {"contact": of_wall(spec)} if spec.wall else {}
+    found: dict[str, Any] = {}
+    claims = []
+    own = own_scope(spec)
+    if spec.wall:
+        found["contact"] = of_wall(spec)
+        claims.append(_claim(replace(own, walls=PUSHES), found["contact"]))
     blocks = {name: of_saturation(spec, name) for name in saturations(spec.drawing)}
-    return found | ({"saturations": blocks} if blocks else {})
+    if blocks:
+        found["saturations"] = blocks
+        claims += [_claim(replace(own, walls=curve_of(name)), blocks[name]) for name in blocks]
+    return found | {"claims": claims}
 
 
-def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:  # noqa: ARG001
-    """Yield what is proved."""
-    verdicts = {_WALL: found["contact"]} if found.get("contact") else {}
-    verdicts |= {_BLOCK.format(name): each for name, each in found.get("saturations", {}).items()}
-    for what, verdict in verdicts.items():
-        yield 1, f"{what}: {_SAID[verdict['verdict']].format(verdict['counterexample'])}"
+def _claim(scope: Scope, verdict: Mapping[str, str]) -> Claim:
+    status = _STATUS[verdict["verdict"]]
+    reason = shorten(verdict["counterexample"], LONGEST, placeholder=" ...")
+    return Claim(AT_REST, scope, status, reason)
 
 
 def refuse(spec: Spec) -> None:

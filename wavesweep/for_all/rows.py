@@ -15,6 +15,7 @@ from wavesweep.engine.expressions import names_in
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.asked_ranges import values_of_range
+from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
@@ -32,6 +33,7 @@ from wavesweep.for_all.varying import (
     text_of,
 )
 from wavesweep.haptics.felt import FELT
+from wavesweep.program.analyses.claims import MEAN_SQUARE, STABLE, Claim, Status
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
@@ -52,27 +54,7 @@ QUICK = (
 )
 NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
 SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
-CONTRADICTED = "not known, the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
-OF_KINDS = {  # what a verdict is about, and its words
-    "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
-    "messages": ("for every pattern of messages", "stable", "not stable with {}"),
-    "mean_square": (
-        "with messages lost at random",
-        "stable in mean square",
-        "not stable in mean square ({})",
-    ),
-    "frames": ("with frames at random", "stable in mean square", "not stable in mean square ({})"),
-    "both": (
-        "with frames and messages at random",
-        "stable in mean square",
-        "not stable in mean square ({})",
-    ),
-    "results": (
-        "with results late or lost at random",
-        "stable in mean square",
-        "not stable in mean square ({})",
-    ),
-}
+CONTRADICTED = "the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
 
@@ -450,24 +432,34 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     return float(from_zero["high"].max(initial=0.0))
 
 
-def in_words(found: Mapping[str, str]) -> str:
-    """What a verdict says."""
-    words_of_kind, stable, unstable = OF_KINDS[found["kind"]]
-    unknown = (
-        CONTRADICTED
-        if found.get("doubt")
-        else "not known, neither proved nor refuted: see what `wavesweep stability-region` proves"
+def reason_of(found: Mapping[str, str]) -> str:
+    """Why a verdict is not known."""
+    if found.get("doubt"):
+        return CONTRADICTED
+    return found.get(
+        "partly", "neither proved nor refuted: see what `wavesweep stability-region` proves"
     )
-    if found.get("partly"):
-        unknown = f"not known: {found['partly']}"
-    words = {"proved": f"proved {stable}", "unknown": unknown}
-    refuted = unstable.format(in_a_sentence(found["counterexample"]))
-    return f"{words_of_kind}: {words.get(found['verdict'], refuted)}"
+
+
+def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
+    """What is known of all loops of some rules, as a claim about the plans that the proof used, and as `verdict` has it."""
+    found = verdict(spec, rules)
+    status = {"proved": Status.PROVED, "refuted": Status.REFUTED}.get(
+        found["verdict"], Status.UNKNOWN
+    )
+    reason = ""
+    if status is Status.REFUTED:
+        reason = in_a_sentence(found["counterexample"])
+    elif status is Status.UNKNOWN:
+        reason = reason_of(found)
+    loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
+    what = MEAN_SQUARE if rules.at_random else STABLE
+    return Claim(what, scope_of(spec, rules, loop.cases), status, reason), found
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
-    counterexample, the numbers with which it is unstable, and kind, what it is about, a key of OF_KINDS. partly: of constant
+    counterexample, the numbers with which it is unstable, and kind, what it is about. partly: of constant
     numbers whose proof did not end, what is proved and what is open, as a text.
     rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")

@@ -65,7 +65,7 @@ class OnCheckModule(AsYouLike, Protocol):
     def facts(
         self, spec: Spec, own: Facts, report: Callable[[int, int], None] | None
     ) -> dict[str, Any]:
-        """Facts of a verdict; own: the numbers of the design."""
+        """Facts of a verdict; own: the numbers of the design. claims: among them, those that answer what the spec asks."""
 
     def lines(self, spec: Spec, found: Facts) -> Iterator[Ranked]:
         """The lines of a verdict."""

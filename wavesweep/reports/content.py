@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.analyses.claims import Status
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
 
 if TYPE_CHECKING:
+    from wavesweep.program.analyses.claims import Verdict
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
 
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
 BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
-CERTIFIED = "Every value between the ends of an interval is stable, and every other value of the range is not."
+CERTIFIED = "Certified: every value between the ends of an interval is stable, and every other one of the range is not."
 OWN = (
     "Each number is changed alone, all others are kept. Ranges are certified unless a line says otherwise; eigenvalues, modes "
     "and felt stiffnesses are computed in double precision."
@@ -95,12 +97,12 @@ def report(spec: Spec, asked: ReportRequest) -> str:
                 )  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        design_lines, certified = _own_lines(spec)
+        design_lines, judged = _own_lines(spec)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
     body += [
-        *_answer(spec, sections.get(INTERVALS), design_lines[0], certified),
+        *_answer(spec, sections.get(INTERVALS), design_lines[0], judged),
         *_counterexamples(spec, sections.get(INTERVALS)),
     ]
     body += [
@@ -173,17 +175,20 @@ def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
     return ReportSection(title, known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
-def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
-    """The verdict on the spec's own numbers, and whether they lie in a certified range."""
+def _own_lines(spec: Spec) -> tuple[list[Line], Verdict]:
+    """What is known of the spec's own numbers, and the verdict on what it asks."""
     from wavesweep.program.analyses.assumptions import over_preset, unusual
-    from wavesweep.program.analyses.own_design import own_design, own_lines
+    from wavesweep.program.analyses.claims import Verdict
+    from wavesweep.program.analyses.own_design import own_claim, own_design, own_lines
 
-    judged = own_design(spec)
-    lines = [*own_lines(spec, judged)]
+    found = own_design(spec)
+    lines = [*own_lines(spec, found)]
     judging = offered("verdict")
+    claims = []
     if judging:
-        judged |= judging.further(spec, judged)
-        lines += [line for _, line in judging.verdict_lines(spec, judged)]
+        found |= judging.further(spec, found)
+        claims += found["claims"]
+        lines += [line for _, line in judging.verdict_lines(spec, found)]
     lines += [*unusual(spec), *over_preset(spec)]
     marked = [
         (
@@ -192,62 +197,69 @@ def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
         )
         for line in lines
     ]
-    return marked, any(limit["stable"] and limit["certified"] for limit in judged.get("limits", ()))
+    return marked, Verdict.of(spec, [own_claim(spec, found), *claims])
 
 
 def _answer(
-    spec: Spec, intervals: ReportSection | None, own: Line, certified: bool
+    spec: Spec, intervals: ReportSection | None, own: Line, judged: Verdict
 ) -> Iterator[str]:
-    """The certified numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
+    """The verdict on what the spec asks, and the intervals of the sweep, with what the proof assumes.
 
-    own: the first line of the verdict; certified: whether it is that the loop is stable with its own numbers.
+    own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
     assumed = [MODEL, *([VARYING] if spec.for_all else [])]
-    if intervals:
-        yield from _sweep_answer(spec, intervals, own, certified)
+    title, *others = judged.lines(_own_place(spec))
+    lines = [(line, True) for line in others]
+    good = judged.status > Status.UNKNOWN
+    if not intervals:
+        yield html.verdict(good, title, "The ranges of its numbers follow below.", [*lines, own])
+    else:
+        rows, doubtful = (
+            interval_rows(intervals.table),
+            any(warned for _, warned in intervals.lines),
+        )
+        lines += [
+            (text, warning)
+            for text, warning in intervals.lines
+            if warning or not (rows and text.startswith("  "))
+        ]
+        known = _known(spec, intervals.table, doubtful=doubtful)
+        yield html.verdict(good and not doubtful, title, known, [*lines, own])
+        if rows:
+            yield html.table(*rows)
+        else:
+            yield html.element("p", f"All rows: {intervals.command}", "small")
+        yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
         facts = intervals.table.facts
         assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
         assumed += filter(None, (row_kind(word).about for word in facts["methods"]))
-    else:
-        title = "Certified stable." if certified else "Computed in double precision, not certified."
-        yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
 
 
-def _sweep_answer(
-    spec: Spec, intervals: ReportSection, own: Line, certified: bool
-) -> Iterator[str]:
-    """The certified intervals of the sweep; own and certified: see `_answer`."""
-    rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
-    lines = [
-        (text, warning)
-        for text, warning in intervals.lines
-        if warning or not (rows and text.startswith("  "))
-    ]
-    of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
-    how = (
-        "with its own numbers, certified"
-        if certified
-        else "with its own numbers, computed in double precision"
-    )
-    said = ("Certified.", CERTIFIED * of_one)
+def _own_place(spec: Spec) -> str:
+    """The value of the spec's own design on the axis of the sweep."""
+    along = spec.along and spec.names.find(spec.along)
+    if not along:
+        return "With its own numbers"
+    unit = "" if along.unit in ("", "1") else f" {along.unit}"
+    return f"With its own {spec.along} = {spec.values[along.path]:g}{unit}"
+
+
+def _known(spec: Spec, table: Table, *, doubtful: bool) -> str:
+    """How the intervals of the sweep are known; doubtful: whether some line about them is a warning."""
+    if doubtful and table.columns["certified"].all():
+        return "The intervals are certified, but not known everywhere: a line below says where."
+    if doubtful:
+        return "Not all of the intervals are certified."
     if any(
-        row_kind(word).vouched_for(intervals.table.columns) == "checked"
-        for word in intervals.table.facts["methods"]
+        row_kind(word).vouched_for(table.columns) == "checked" for word in table.facts["methods"]
     ):
-        said = "Certified or checked, as each row says.", ""
-    if doubtful and intervals.table.columns["certified"].all():
-        said = "Certified, but not known everywhere.", "A line below says where."
-    elif doubtful:
-        said = "Not all of this is certified.", ""
-    yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
-    yield (
-        html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
-    )
-    yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
+        return "The intervals are certified or checked, as each row says."
+    of_one = not {"guarantee", "hand"} & table.columns.keys() and not spec.require
+    return CERTIFIED if of_one else "The intervals are certified."
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

@@ -66,7 +66,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
         )
     if spec.for_all:
-        notices.append(f"the spec's own design, {spec.for_all.verdict(spec)}")
+        notices.append(f"the spec's own design: {spec.for_all.verdict(spec)}")
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}

@@ -7,7 +7,8 @@ import numpy as np
 
 from wavesweep.engine.keys import LARGEST
 from wavesweep.engine.poles import GONE, damping_ratio, lines_in_loops, named_modes, radius_of
-from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
+from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, assumes, losses
+from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.analyses.feel import felt_at_rest
 from wavesweep.program.analyses.mode_in_the_way import STAYS, only_oscillates, stays_in_words
 from wavesweep.program.analyses.poles import leading
@@ -104,29 +105,55 @@ def _least_damped(modes: Sequence[tuple[complex, list[str]]]) -> tuple[complex, 
     return damped if another else None
 
 
-def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
-    """Yield whether the design is stable, in a line or two, and what it assumes if that decides what it is: see `is_first`.
+def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
+    """What is known of the loop with the spec's own numbers; found: see `own_design`, and `limits` if there are some."""
+    radius = found["spectral_radius"]
+    scope = own_scope(spec)
+    if found["stable"]:
+        within = [limit for limit in found.get("limits", ()) if limit["stable"]]
+        certified = any(limit["certified"] for limit in within)
+        return Claim(STABLE, scope, Status.CERTIFIED if certified else Status.COMPUTED)
+    if radius is None or radius == 1:  # which also stands for one that is below it by rounding
+        return Claim(STABLE, scope, Status.UNKNOWN, "numbers overflow, or rounding hides them")
+    return Claim(STABLE, scope, Status.REFUTED, "its own numbers")
+
+
+def own_lines(
+    spec: Spec, found: Mapping[str, Any], verdict: Verdict | None = None
+) -> Iterator[str]:
+    """Yield the verdict on what the spec asks, if that is more than that its design is stable, and whether this is, in a line
+    or two, with what it assumes if that decides what it is: see `is_first`.
 
     found: see `own_design`.
     """
     radius = found["spectral_radius"]
-    decided = (
-        radius is not None and radius != 1
-    )  # 1 also stands for a radius that is below it by rounding alone
-    said = (
-        "stable" if found["stable"] else "UNSTABLE" if decided else "not known whether it is stable"
-    )
+    words = {Status.REFUTED: "UNSTABLE", Status.UNKNOWN: "not known whether it is stable"}
+    said = words.get(own_claim(spec, found).status, "stable")
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
         why = f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms"
-        why += "" if decided else ", but for rounding"
-    yield f"{spec.name}, {spec.kind}: {said} ({why})"
+        why += ", but for rounding" if radius == 1 else ""
+    subject = f"{spec.name}, {spec.kind}"
+    if verdict:
+        yield from verdict.lines(subject)
+        subject = f"  {_own_in_words(spec)}, as all below"
+    yield f"{subject}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
     if found.get("stays"):
         yield f"  {stays_in_words(found['stays'])}"
     if is_first(spec, found):
         yield f"  assumes: {found['assumes']}"
+
+
+def _own_in_words(spec: Spec) -> str:
+    """The spec's own numbers, those by name for which [for_all] has others, and messages in time."""
+    axes = spec.for_all.axes if spec.for_all else ()
+    values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
+    named = ", ".join(values) if 0 < len(values) <= MOST_AXES else "numbers"
+    late = spec.for_all and losses(spec)
+    what = "message" if spec.drawing else "result"
+    return f"its own {named}{f', every {what} in time' if late else ''}"
 
 
 def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:

@@ -1,8 +1,11 @@
 """The column `counterexample`: what refutes the values beyond the ends of an interval, as it is written and read again."""
 
+import re
+from itertools import groupby
 from textwrap import shorten
 from typing import NamedTuple
 
+LONGEST = 60  # letters of a pattern in a sentence; the table has all of it
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
 
@@ -30,15 +33,52 @@ class Refuters(NamedTuple):
 
 
 def in_a_sentence(refuter: str) -> str:
-    """A refuter for a sentence: messages of a pattern by what happens to them."""
+    """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST."""
+    before, of_frames, frames = refuter.partition("frames ")
+    if of_frames:
+        pattern, rest = _split(frames)
+        return f"{before}frames {_shown(pattern)}{rest}"
     numbers, of_messages, messages = refuter.partition("messages ")
     if not of_messages:
         return refuter
     channels = [channel.partition(": ") for channel in messages.split("; ")]
     patterns = [
-        f"{name}: {', '.join(map(_message, pattern.split(', ')))}" for name, _, pattern in channels
+        f"{name}: {_shown([_message(each) for each in pattern.split(', ')])}"
+        for name, _, pattern in channels
     ]
     return f"{numbers}this pattern of messages, repeated: {'; '.join(patterns)}"
+
+
+def _split(text: str) -> tuple[list[str], str]:
+    """The frames that a text begins with, and what follows them."""
+    frames = re.match(r"\d+(?: \([^)]*\))?(?:, \d+(?: \([^)]*\))?)*", text)
+    if not frames:
+        return [text], ""
+    pattern = re.findall(r"\d+(?: \([^)]*\))?", frames[0])
+    return pattern, text[frames.end() :]
+
+
+def _shown(pattern: list[str]) -> str:
+    """A pattern with the repetitions in it counted; the first of many, and their number."""
+    said = repeated(pattern)
+    if len(said) <= LONGEST:
+        return said
+    shown = pattern
+    while len(said) > LONGEST:
+        shown = shown[:-1]
+        said = f"{repeated(shown)}, ... ({len(pattern)} in all)"
+    return said
+
+
+def repeated(pattern: list[str]) -> str:
+    """A pattern in as few letters as counting its repetitions takes: `16, 16, 16, 33` is `16 x 3, 33`."""
+    for length in range(1, len(pattern) // 2 + 1):
+        times, rest = divmod(len(pattern), length)
+        if not rest and pattern[:length] * times == pattern:
+            said = repeated(pattern[:length])
+            return f"({said}) x {times}" if length > 1 else f"{said} x {times}"
+    runs = [(each, len(list(run))) for each, run in groupby(pattern)]
+    return ", ".join(f"{each} x {count}" if count > 1 else each for each, count in runs)
 
 
 def _message(late: str) -> str:

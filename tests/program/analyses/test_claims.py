@@ -1,0 +1,156 @@
+"""Claims: what covers what, and the words and the exit code that follow."""
+
+from dataclasses import replace
+
+import pytest
+
+from wavesweep.program.analyses.claims import (
+    AT_REST,
+    MEAN_SQUARE,
+    PUSHES,
+    STABLE,
+    WIDEST,
+    Claim,
+    Frames,
+    Messages,
+    Order,
+    Question,
+    Range,
+    Scope,
+    Status,
+    Verdict,
+    answer,
+    own_scope,
+    questions,
+)
+from wavesweep.program.spec import load
+from wavesweep.program.tables.refuters import LONGEST, in_a_sentence, repeated
+
+OWN = {"device.mass": 0.1, "rates.ratio": 20.0}
+CONSTANT = Frames(Order.CONSTANT, frozenset({20.0}), frozenset({1.0}))
+VARYING = Frames(Order.ANY, frozenset({16.0, 20.0, 33.0}), frozenset({1.0}))
+MASSES = Range("device.mass", 0.08, 0.125)
+
+
+@pytest.mark.parametrize(
+    ("claimed", "asked", "covered"),
+    [
+        (Scope(frames=VARYING), Scope(frames=CONSTANT), True),
+        (Scope(frames=CONSTANT), Scope(frames=VARYING), False),
+        (Scope(frames=replace(VARYING, lengths=frozenset({16.0, 20.0}))), Scope(frames=VARYING), False),
+        (Scope(frames=replace(VARYING, lost=1)), Scope(frames=replace(VARYING, lost=2)), False),
+        (Scope(frames=replace(VARYING, lost=2)), Scope(frames=replace(VARYING, lost=1)), True),
+        (Scope(frames=VARYING), Scope(frames=replace(VARYING, order=Order.AT_RANDOM)), False),
+        (Scope((MASSES,)), Scope(), True),
+        (Scope(), Scope((MASSES,)), False),
+        (Scope((MASSES,)), Scope((Range("device.mass", 0.08, 0.12, (0.08, 0.12)),)), True),
+        (Scope((Range("device.mass", 0.08, 0.12, (0.08, 0.12)),)), Scope((MASSES,)), False),
+        (Scope((Range("device.mass", 0.2, 0.3),)), Scope(), False),  # without the spec's own value
+        (Scope(walls=PUSHES), Scope(), True),
+        (Scope(), Scope(walls=PUSHES), False),
+        (Scope(messages=(Messages("net", 2, 1),)), Scope(messages=(Messages("net", 1, 1),)), True),
+        (Scope(messages=(Messages("net", 2, 1),)), Scope(messages=(Messages("net", 3, 1),)), False),
+        (Scope(messages=(Messages("net", 0, 0, "loss 0.1"),)), Scope(), False),
+        (Scope(hands="passive"), Scope(), False),
+    ],
+)
+def test_a_scope_covers_what_is_a_part_of_it(claimed, asked, covered):
+    assert claimed.covers(asked, OWN) == covered
+
+
+def test_one_refuted_loop_refutes_all_and_one_proved_loop_proves_nothing():
+    asked = Question(STABLE, Scope((MASSES,), VARYING))
+    own = Scope(frames=CONSTANT)
+    proved = Claim(STABLE, own, Status.CERTIFIED)
+    refuted = Claim(STABLE, own, Status.REFUTED, "its own numbers")
+    outside = Claim(STABLE, Scope((Range("device.mass", 0.2, 0.3),), CONSTANT), Status.REFUTED)
+    everything = Claim(STABLE, asked.scope, Status.PROVED)
+    assert answer(asked, [proved], OWN).status is Status.UNKNOWN
+    assert answer(asked, [outside], OWN).status is Status.UNKNOWN
+    assert answer(asked, [proved, everything], OWN).status is Status.PROVED
+    assert answer(asked, [everything, refuted], OWN).status is Status.REFUTED
+    assert answer(Question(AT_REST, replace(asked.scope, walls=PUSHES)), [refuted], OWN).status is Status.REFUTED
+    assert answer(Question(MEAN_SQUARE, asked.scope), [everything], OWN).status is Status.UNKNOWN
+
+
+def test_the_worst_answer_comes_first_and_is_worded_as_what_it_is():
+    scope = Scope((MASSES,))
+    good = Claim(STABLE, scope, Status.PROVED)
+    unknown = Claim(AT_REST, replace(scope, walls=PUSHES), Status.UNKNOWN, "neither proved nor refuted")
+    bad = Claim(STABLE, scope, Status.REFUTED, "device.mass = 0.08")
+    assert [*Verdict((good,)).lines("x")] == ["x: proved stable for device.mass from 0.08 to 0.125"]
+    first, *others = Verdict((good, unknown)).lines("x")
+    assert first.startswith("x: not known whether every motion comes to rest for device.mass")
+    assert len(first) <= WIDEST
+    assert others == [f"  {good.words()}", f"  {unknown.words()}"]  # since the first is cut
+    first, *_ = Verdict((unknown, bad)).lines("x")
+    assert first == "x: not stable for device.mass from 0.08 to 0.125: device.mass = 0.08"
+    assert [Verdict(each).status.answer for each in ((good,), (good, unknown), (unknown, bad))] == ["yes", "not known", "no"]
+
+
+def test_a_spec_asks_for_all_of_its_tables():
+    varying = {"rates.ratio": {"values": [16, 20], "varying": True}}
+    base = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}}
+    assert questions(load(base)) == [Question(STABLE, own_scope(load(base)))]
+    (asked,) = questions(load(base | {"for_all": varying}))
+    assert asked.scope.frames == Frames(Order.ANY, frozenset({16, 20}), frozenset({1}))
+    shares = {"rates.ratio": varying["rates.ratio"] | {"shares": [1, 1]}}
+    orders = [each.scope.frames.order for each in questions(load(base | {"for_all": shares}))]
+    assert orders == [Order.ANY, Order.AT_RANDOM]
+    (alone,) = questions(load(base | {"for_all": {"loss": 0.1}}))
+    assert alone.what == MEAN_SQUARE
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        ("16", "16"),
+        ("16, 16, 16, 33", "16 x 3, 33"),
+        ("16, 16, 16, 33, 16, 16, 16, 33", "(16 x 3, 33) x 2"),
+        ("16, 33, 16, 33, 20", "16, 33, 16, 33, 20"),
+        ("16 (lost), 16 (lost)", "16 (lost) x 2"),
+    ],
+)
+def test_a_pattern_is_written_by_its_repetitions(pattern, said):
+    assert repeated(pattern.split(", ")) == said
+    assert in_a_sentence(f"K = 2, frames {pattern}, a hand") == f"K = 2, frames {said}, a hand"
+
+
+def test_a_long_pattern_has_its_first_frames_and_their_number():
+    said = in_a_sentence("frames " + ", ".join(str(16 + (7 * i) % 17) for i in range(60)))
+    assert said.endswith(", ... (60 in all)")
+    assert len(said) <= LONGEST + len("frames ")
+
+
+REFUSED = """
+[controller]
+kind = "dc-slow"
+[environment]
+delay = 1
+K_VE = 100
+[device]
+damping = 5
+[sweep]
+K_VE = { start = 0, stop = 5000 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "code", "first"),
+    [
+        ([], 0, "mine, dc-slow: stable (spectral radius"),
+        (["sweep.require={ radius = 0.5 }"], 1, "mine, dc-slow: not as required, every mode within 0.5 per T_s"),
+        (["sweep.require={ radius = 0.9 }"], 0, "mine, dc-slow: as required, every mode within 0.9 per T_s, certified"),
+        (["K_VE=4000"], 1, "mine, dc-slow: UNSTABLE"),
+    ],
+)
+def test_check_begins_with_the_verdict_and_strict_ends_with_it(settings, code, first, wavesweep, tmp_path, monkeypatch):
+    if any("require" in each for each in settings):
+        pytest.importorskip("wavesweep.require")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(REFUSED)
+    told = [word for each in settings for word in ("--set", each)]
+    found, out, _ = wavesweep("check", "mine.toml", *told, "--strict")
+    assert found == code
+    assert out.startswith(first)
+    assert wavesweep("check", "mine.toml", *told, "--quiet")[0] == 0

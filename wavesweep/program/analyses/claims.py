@@ -1,0 +1,461 @@
+"""A claim: what is known of which loops. All words about it follow from it, and whether it answers what a spec asks.
+
+A prover makes a claim of the plan that it used, and never of the spec: a claim that is made of a narrower plan does not cover
+what the spec asks, and is then no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from enum import IntEnum
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
+from wavesweep.engine.expressions import names_in, value_of
+from wavesweep.program.analyses.required_words import required_in_words
+
+if TYPE_CHECKING:
+    from wavesweep.engine.drawing import Drawing
+    from wavesweep.program.reading.axes import Axis
+    from wavesweep.program.spec import Spec
+
+RATIO, DELAY = "rates.ratio", "environment.delay"
+OPERATOR, LINEAR, PUSHES = "operator", "linear", "any wall that pushes and never pulls"
+WITH_FRAME = "frame"  # as a delay: in place with the next frame
+LONGEST = (
+    60  # letters of a scope that is named in full; of a longer one the table that has it is named
+)
+LISTED = 6  # values
+WIDEST = 120  # letters of the line of a verdict
+CURVED = "saturation"  # the type of blocks that contact is about beside a wall
+
+
+class Status(IntEnum):
+    """How a claim is known, from the worst answer to the best."""
+
+    REFUTED = 0
+    UNKNOWN = 1
+    COMPUTED = 2
+    CERTIFIED = 3
+    PROVED = 4
+
+    @property
+    def answer(self) -> str:
+        """What it answers."""
+        return {Status.REFUTED: "no", Status.UNKNOWN: "not known"}.get(self, "yes")
+
+
+class Property(NamedTuple):
+    """What a claim says of a loop, in words: if it holds, is proved, does not hold, and is in question."""
+
+    holds: str
+    proved: str
+    fails: str
+    question: str
+
+    @staticmethod
+    def of(adjective: str) -> Property:
+        """A property that an adjective names."""
+        return Property(
+            adjective, f"proved {adjective}", f"not {adjective}", f"whether {adjective}"
+        )
+
+
+STABLE = Property.of("stable")
+MEAN_SQUARE = Property.of("stable in mean square")
+AT_REST = Property(
+    "comes to rest",
+    "proved to come to rest",
+    "not every motion comes to rest",
+    "whether every motion comes to rest",
+)
+
+
+def required(spec: Spec) -> Property:
+    """The property that [sweep] require asks for; stability without it."""
+    if not spec.require:
+        return STABLE
+    words = required_in_words(spec.require.written(), drawn=bool(spec.drawing))
+    return Property(
+        f"as required, {words}",
+        f"proved as required, {words}",
+        f"not as required, {words}",
+        f"whether {words}",
+    )
+
+
+def listed_values(values: Iterable[float | str]) -> str:
+    """Some values in words: in order, those of long lists by their number and ends."""
+    texts = [each for each in values if isinstance(each, str)]
+    numbers = sorted(each for each in values if not isinstance(each, str))
+    if len(numbers) > LISTED:
+        whole = numbers == list(range(int(numbers[0]), int(numbers[-1]) + 1))
+        count = "" if whole else f"{len(numbers)} values from "
+        return ", ".join([f"{count}{numbers[0]:g} to {numbers[-1]:g}", *texts])
+    return ", ".join([*(f"{each:g}" for each in numbers), *texts])
+
+
+class Order(IntEnum):
+    """How frames, or messages, follow each other."""
+
+    CONSTANT = 0
+    ANY = 1
+    AT_RANDOM = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Which frames follow each other, and when their results are in place.
+
+    lengths: in ticks. delays: of results, in ticks, or WITH_FRAME. lost: results in a row that may be lost; loss: the
+    probability that one is. chances: of all of that at random, by which two claims are of the same.
+    """
+
+    order: Order = Order.CONSTANT
+    lengths: frozenset[float] = frozenset()
+    delays: frozenset[float | str] = frozenset()
+    lost: int = 0
+    loss: float = 0.0
+    chances: str = ""
+
+    def covers(self, asked: Frames) -> bool:
+        """Whether what holds for these frames holds for others."""
+        within = (
+            asked.lengths <= self.lengths
+            and asked.delays <= self.delays
+            and asked.lost <= self.lost
+        )
+        if Order.AT_RANDOM in (self.order, asked.order):
+            return self.order == asked.order and self.chances == asked.chances and within
+        return self.order >= asked.order and within
+
+    def in_words(self) -> Iterator[str]:
+        """Yield what there is beside frames of one length."""
+        order = {Order.ANY: " in any order", Order.AT_RANDOM: " at random"}.get(self.order, "")
+        if len(self.lengths) > 1:
+            yield f"frames of {listed_values(self.lengths)} ticks{order}"
+        if len(self.delays) > 1:
+            yield f"results {listed_values(self.delays)} ticks late{order}"
+        if self.lost:
+            yield f"results lost up to {self.lost} in a row"
+        if self.loss:
+            yield f"results lost with probability {self.loss:g}"
+
+
+class Range(NamedTuple):
+    """A number that is constant and not known: its path, and its values, or the ends of its range."""
+
+    path: str
+    low: float
+    high: float
+    values: tuple[float, ...] = ()
+
+    @staticmethod
+    def of(axis: Axis) -> Range:
+        """The range of an axis."""
+        return Range(axis.path, axis.start, axis.stop, axis.values)
+
+    def covers(self, asked: Range) -> bool:
+        """Whether all values of another range are in this one."""
+        if self.values:
+            return bool(asked.values) and {*asked.values} <= {*self.values}
+        ends = asked.values or (asked.low, asked.high)
+        return self.low <= min(ends) and max(ends) <= self.high
+
+    def in_words(self) -> str:
+        """The number and its values."""
+        if len(self.values) == 1:
+            return f"{name_of(self.path)} = {self.values[0]:g}"
+        if self.values:
+            return f"{name_of(self.path)} of {listed_values(self.values)}"
+        return f"{name_of(self.path)} from {self.low:g} to {self.high:g}"
+
+
+class Messages(NamedTuple):
+    """What the messages of a channel may do: come late by so many ticks at most, be lost so many in a row; or at random."""
+
+    channel: str
+    late: int = 0
+    lost: int = 0
+    chances: str = ""
+
+    def covers(self, asked: Messages) -> bool:
+        """Whether these messages may do all that others may."""
+        return self.late >= asked.late and self.lost >= asked.lost and self.chances == asked.chances
+
+    def in_words(self) -> str:
+        """What the messages may do."""
+        said = []
+        if self.late:
+            said.append(f"late by up to {self.late} tick{'s' * (self.late > 1)}")
+        if self.chances:
+            said.append("lost at random")
+        elif self.lost:
+            said.append(f"lost up to {self.lost} in a row")
+        return f"messages of {self.channel} {' or '.join(said) or 'all in time'}"
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """Which loops a claim is about.
+
+    numbers: those that have ranges; all others have the spec's own values. messages: of channels that are not always in time.
+    hands: the spec's own operator, or others in words. walls: LINEAR, PUSHES, or those of `curve_of`: each function with
+    slopes from 0 to 1 in place of the linear one.
+    """
+
+    numbers: tuple[Range, ...] = ()
+    frames: Frames = Frames()
+    messages: tuple[Messages, ...] = ()
+    hands: str = OPERATOR
+    walls: str = LINEAR
+
+    def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
+        """Whether all loops of another scope are in this one; own: the spec's own values, by their paths."""
+        ranges = {each.path: each for each in self.numbers}
+        numbers = {each.path: each for each in asked.numbers}
+        for path in {*ranges, *numbers}:
+            value = float(own[path])
+            at_own = Range(path, value, value, (value,))
+            if not ranges.get(path, at_own).covers(numbers.get(path, at_own)):
+                return False
+        channels = {each.channel: each for each in self.messages}
+        for messages in asked.messages:
+            known = channels.pop(messages.channel, Messages(messages.channel))
+            if not known.covers(messages):
+                return False
+        if any(each.chances for each in channels.values()):
+            return False
+        walls = asked.walls in (self.walls, LINEAR)
+        return self.frames.covers(asked.frames) and self.hands == asked.hands and walls
+
+    def in_words(self) -> str:
+        """The loops of the scope, beside the spec's own numbers; empty if there are none."""
+        said = [each.in_words() for each in self.numbers]
+        said += self.frames.in_words()
+        said += [each.in_words() for each in self.messages]
+        loops = ", ".join(said)
+        if len(loops) > LONGEST:
+            at_random = self.frames.order is Order.AT_RANDOM
+            at_random |= any(each.chances for each in self.messages)
+            loops = f"all of [for_all]{', at random' if at_random else ''}"
+        words = [f"for {loops}"] if loops else []
+        if self.walls != LINEAR:
+            words.append(f"with {self.walls}")
+        return " ".join(words)
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What is known of the loops of a scope.
+
+    reason: what refutes it, or why it is not known, in words.
+    """
+
+    what: Property
+    scope: Scope
+    status: Status
+    reason: str = ""
+
+    def words(self) -> str:
+        """The claim as a sentence without a subject."""
+        loops = self.scope.in_words()
+        about = f" {loops}" if loops else ""
+        because = f": {self.reason}" if self.reason else ""
+        match self.status:
+            case Status.REFUTED:
+                return f"{self.what.fails}{about}{because}"
+            case Status.UNKNOWN:
+                return f"not known {self.what.question}{about}{because}"
+            case Status.PROVED:
+                return f"{self.what.proved}{about}"
+            case Status.CERTIFIED:
+                return f"{self.what.holds}{about}, certified"
+        return f"{self.what.holds}{about}"
+
+    def written(self) -> dict[str, Any]:
+        """The claim as JSON has it."""
+        scope = asdict(self.scope)
+        frames = scope["frames"]
+        frames["order"] = self.scope.frames.order.name.lower()
+        for name in ("lengths", "delays"):
+            frames[name] = sorted(frames[name], key=str)
+        scope["numbers"] = [each._asdict() for each in self.scope.numbers]
+        scope["messages"] = [each._asdict() for each in self.scope.messages]
+        said = {"what": self.what.holds, "answer": self.status.answer}
+        return said | {"status": self.status.name.lower(), "reason": self.reason, "scope": scope}
+
+
+class Question(NamedTuple):
+    """What a spec asks: a property of the loops of a scope."""
+
+    what: Property
+    scope: Scope
+
+
+def curve_of(block: str) -> str:
+    """What stands for a block that saturates: each function with slopes from 0 to 1."""
+    return f"{block} at its limits, or any curve of slopes from 0 to 1"
+
+
+def own_scope(spec: Spec) -> Scope:
+    """The scope of the spec's own numbers, with frames of one length and all messages in time."""
+    return Scope(frames=_frames(spec, Order.CONSTANT, {}))
+
+
+def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
+    """All that [for_all] and the channels of a spec name; at_random: what is at random there, in place of any order."""
+    table = spec.for_all
+    varied = {axis.path: _values(axis) for axis in table.changing}
+    changes = varied or table.lost or table.loss
+    order = Order.CONSTANT
+    chances = ""
+    if at_random and table.at_random:
+        order = Order.AT_RANDOM
+        chances = repr((table.lengths, table.results))
+    elif changes:
+        order = Order.ANY
+    frames = _frames(spec, order, varied)
+    frames = replace(frames, lost=table.lost, loss=table.loss, chances=chances)
+    numbers = tuple(Range.of(axis) for axis in table.unknown)
+    messages = messages_of(spec.drawing, spec.values) if spec.drawing else ()
+    return Scope(numbers, frames, messages)
+
+
+def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, ...]:
+    """What the messages of the channels of a drawing may do with these numbers."""
+    numbers = scalars(values)
+    found = []
+    for block in drawing.channels:
+        keys = dict(block.keys)
+        late = int(value_of(keys["late"], numbers))
+        if block.loses_at_random:
+            chances = {key: float(value_of(keys[key], numbers)) for key in SHARES if key in keys}
+            found.append(Messages(block.name, late, 0, repr(chances)))
+        else:
+            found.append(Messages(block.name, late, int(value_of(keys["lost"], numbers))))
+    return tuple(found)
+
+
+def _values(axis: Axis) -> tuple[float, ...]:
+    """The values of a number that varies, those of a whole one one by one."""
+    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
+
+
+def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> Frames:
+    """The frames of a spec; varied: path -> values of the numbers that change from frame to frame."""
+    values = spec.values
+    if not spec.drawing:
+        lengths = varied.get(RATIO, (values[RATIO],))
+        own = WITH_FRAME if spec.delay_of_frame else values[DELAY]
+        delays = varied.get(DELAY, (own,))
+        return Frames(order, frozenset(lengths), frozenset(delays))
+    lengths = set()
+    for block in spec.drawing.blocks:
+        for path in {path_of(name) for name, _ in names_in(block.every)} & _timing(spec):
+            for value in varied.get(path, (values[path],)):
+                numbers = scalars({**values, path: value})
+                lengths.add(float(value_of(block.every, numbers)))
+    return Frames(order, frozenset(lengths))
+
+
+def _timing(spec: Spec) -> set[str]:
+    """The numbers of a drawing that change from frame to frame."""
+    return {axis.path for axis in spec.changing}
+
+
+def questions(spec: Spec) -> list[Question]:
+    """What a spec asks of its loops: of those of [for_all], what [sweep] requires or stability, and the rest through contact."""
+    what = required(spec)
+    asked = []
+    table = spec.for_all
+    if not table:
+        asked.append(Question(what, own_scope(spec)))
+    else:
+        alone = table.loss or (spec.drawing and spec.drawing.at_random)
+        at_random = table.at_random or alone
+        if not alone:
+            asked.append(Question(what, asked_scope(spec)))
+        if at_random:
+            scope = asked_scope(spec, at_random=True)
+            asked.append(Question(MEAN_SQUARE, scope))
+            if alone and spec.require:
+                asked.append(Question(what, scope))
+    if spec.contact:
+        scope = asked[0].scope
+        curves = [PUSHES] if spec.wall else []
+        if spec.drawing:
+            curves += [curve_of(each.name) for each in spec.drawing.blocks if each.type == CURVED]
+        asked += [Question(AT_REST, replace(scope, walls=curve)) for curve in curves]
+    return asked
+
+
+def asks_more(spec: Spec) -> bool:
+    """Whether a spec asks for more than that its own loop is stable."""
+    return questions(spec) != [Question(STABLE, own_scope(spec))]
+
+
+def answer(question: Question, claims: Iterable[Claim], own: Mapping[str, Any]) -> Claim:
+    """What is known of all that a question is about; own: the spec's own values.
+
+    One loop of the scope that is refuted refutes it. What only covers a part of it is no answer.
+    """
+    scope = question.scope
+    refuting = []
+    proving = []
+    others = []
+    for claim in claims:
+        about = claim.what == question.what
+        instead = claim.what == STABLE and question.what != MEAN_SQUARE
+        if claim.status is Status.REFUTED and (about or instead):
+            if scope.covers(claim.scope, own):
+                refuting.append(claim)
+        elif about and claim.scope.covers(scope, own):
+            proving.append(claim)
+        elif about:
+            others.append(claim)
+    if refuting:
+        reason = next((claim.reason for claim in refuting if claim.reason), "")
+        return Claim(question.what, scope, Status.REFUTED, reason)
+    if proving:
+        best = max(proving, key=lambda claim: claim.status)
+        return Claim(question.what, scope, best.status, best.reason)
+    shown = max(others, key=lambda claim: claim.status, default=None)
+    reason = "nothing proves that yet"
+    if shown and shown.status > Status.UNKNOWN:
+        reason = "shown for the spec's own numbers alone"
+    return Claim(question.what, scope, Status.UNKNOWN, reason)
+
+
+class Verdict(NamedTuple):
+    """The answers to all that a spec asks."""
+
+    answers: tuple[Claim, ...]
+
+    @staticmethod
+    def of(spec: Spec, claims: Sequence[Claim]) -> Verdict:
+        """The verdict on a spec by what is claimed of its loops."""
+        return Verdict(tuple(answer(each, claims, spec.values) for each in questions(spec)))
+
+    @property
+    def worst(self) -> Claim:
+        """The answer that decides: one that is no, then one that is not known."""
+        return min(self.answers, key=lambda claim: claim.status)
+
+    @property
+    def status(self) -> Status:
+        """How all of it is known."""
+        return self.worst.status
+
+    def lines(self, subject: str) -> Iterator[str]:
+        """Yield the verdict in a line that begins with its subject, and the answers that this does not say in full."""
+        worst = self.worst
+        said = [worst] if self.status <= Status.UNKNOWN else [*self.answers]
+        whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"
+        first = shorten(whole, WIDEST, placeholder=" ...")
+        yield first
+        for claim in self.answers:
+            if first != whole or claim not in said:
+                yield f"  {claim.words()}"

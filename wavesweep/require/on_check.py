@@ -1,0 +1,73 @@
+"""Whether a spec's own design has what its [sweep] requires."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.analyses.claims import Claim, Status, own_scope, required
+from wavesweep.program.analyses.interval_jobs import job_over
+from wavesweep.program.analyses.own_design import searched
+from wavesweep.program.columns import Columns
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.sweep.grid import keys_of, make_grid
+from wavesweep.program.sweep.running import in_memory
+from wavesweep.program.tables.number_words import span_in_words
+
+
+def facts(spec: Spec, *_: object) -> dict[str, Any]:
+    """required: of a spec with [sweep] require, along which number its own design was looked at, `from` and `to` where, the
+    intervals there that have it, and whether these are certified; claims: the same.
+    """
+    if not spec.require:
+        return {}
+    what = required(spec)
+    name = _along(spec)
+    if not name:
+        unknown = Claim(
+            what, own_scope(spec), Status.UNKNOWN, "the spec has no number to look along"
+        )
+        return {"claims": [unknown]}
+    path = spec.names.find(name).path
+    low, high = searched(spec, name, path)
+    found: dict[str, Any] = {"along": name, "from": low, "to": high, "intervals": []}
+    try:
+        axis = Axis(name, path, (), low, high, False, "linear")
+        rows = in_memory(job_over(make_grid(spec, (), path), axis, require=spec.require))
+    except WavesweepError as error:
+        claim = Claim(what, own_scope(spec), Status.UNKNOWN, str(error))
+        return {"required": found | {"certified": False}, "claims": [claim]}
+    ends = [(float(a), float(b)) for a, b in zip(rows["low"], rows["high"], strict=True) if a <= b]
+    found |= {"intervals": ends, "certified": bool(rows["certified"].all())}
+    status = _status(rows, float(spec.values[path]))
+    where = " and ".join(span_in_words(*interval) for interval in ends)
+    met = f"met in {where}" if where else f"met nowhere in {span_in_words(low, high)}"
+    reason = f"{name} = {spec.values[path]:g}, {met}"
+    claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
+    return {"required": found, "claims": [claim]}
+
+
+def _along(spec: Spec) -> str:
+    """The number along which the design is looked at: that of the sweep, of the wall, or the first; empty without one."""
+    read = keys_of(spec)
+    names = {path: name for name, path in spec.names.symbols.items() if path in read}
+    if spec.along and spec.names.find(spec.along).path in read:
+        return spec.along
+    for path in (*spec.wall, *names):
+        if path in names and not spec.names.keys[path].structural:
+            return names[path]
+    return ""
+
+
+def _status(rows: Columns, value: float) -> Status:
+    """What the rows of intervals say of a value; at an end of one, nothing."""
+    inside = (rows["low"] < value) & (value < rows["high"])
+    inside |= (rows["low"] == value) & np.isnan(rows["low_omega"])
+    inside |= (rows["high"] == value) & np.isnan(rows["high_omega"])
+    outside = ~((rows["low"] <= value) & (value <= rows["high"]))
+    known = bool(rows["certified"].all())
+    if inside.any():
+        return Status.CERTIFIED if known else Status.UNKNOWN
+    return Status.REFUTED if known and outside.all() else Status.UNKNOWN
