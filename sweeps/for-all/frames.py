@@ -92,7 +92,7 @@ def said(table: pd.DataFrame) -> Iterator[str]:
         best = proved.loc[proved.high.idxmax()]
         at = f" (b = {best.b:g})" if best.b == best.b else ""
         yield (
-            f"{name}, step {step}, delay {delay}: proved to {best.high:.1f} N/m{at}, felt {best.felt_high:.1f}, refuted from "
+            f"{name}, step {step}, delay {delay}: proved to {best.high:.1f} N/m{at}, refuted from "
             f"{best.fails_from:.1f}; constant rate {own.high.max():.1f}, felt {own.felt_high.max():.1f}"
         )
 

@@ -1,5 +1,6 @@
 """[for_all] contact: the key, the rows of tables, and the line of `check`."""
 
+import re
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -100,15 +101,28 @@ def test_a_spec_is_written_with_the_key_again():
     assert load(spec.tables()).sha256 == spec.sha256
     assert spec.sha256 != load({**FIG4, "sweep": SWEEP}).sha256
     assert load({**FIG4, "sweep": SWEEP, "for_all": {"contact": False}}).contact is None
-    both = {"contact": True, "device.mass": {"start": 0.09, "stop": 0.1}}
-    assert {*spec_of(FIG4, for_all=both).tables()["for_all"]} == {"contact", "device.mass"}
 
 
-@pytest.mark.slow
-def test_contact_beside_a_range_has_rows_of_both():
-    both = {"contact": True, "device.mass": {"start": 0.09, "stop": 0.1}}
-    frame = framed(intervals(spec_of(FIG4, for_all=both)))
-    assert frame["guarantee"].tolist() == ["spec", "for_all", "contact"]
+NET = DRAWN | {
+    "block": DRAWN["block"] | {"net": {"type": "channel", "every": 20, "lost": 1}},
+    "wire": DRAWN["wire"] | {"net.u": "wall.y"},
+}
+
+
+@pytest.mark.parametrize(
+    ("tables", "beside", "found"),
+    [
+        (FIG4, {"device.mass": {"start": 0.09, "stop": 0.1}}, "device.mass"),
+        (FIG4, {"rates.ratio": {"values": [14, 28], "varying": True}}, "rates.ratio"),
+        (FIG4, {"lost": 1}, "for_all.lost"),
+        (FIG4, {"loss": 0.1, "b": [9, 10]}, "b, for_all.loss"),
+        (NET, {}, "channel net"),
+    ],
+)
+def test_contact_is_refused_beside_what_its_proof_is_not_about(tables, beside, found):
+    said = f"its proof is of the spec's own numbers and frames, found {found} beside it"
+    with pytest.raises(SpecError, match=re.escape(said)):
+        load({**tables, "sweep": tables.get("sweep", SWEEP), "for_all": {"contact": True} | beside})
 
 
 @pytest.mark.parametrize(

@@ -201,6 +201,7 @@ def wall_beside_losses(lost):
 def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(lost):
     row, pattern = wall_beside_losses(lost)
     assert row["settled"]
+    assert np.isnan(row["felt_high"])  # which the loop of constant frames alone has
     assert radius(pattern, row["fails_from"] * (1 - 1e-4)) < 1 < radius(pattern, row["fails_from"])
     patterns = [[True, *[False] * count] for count in range(lost + 1)]
     words = [[*chain(*each)] for each in product(patterns, repeat=4)]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.contact"
+LOSSES = "for_all.lost", "for_all.loss"
 COMMANDS = ("zwidth", "stability-region", "check", "report", "simulate")
 KEY = Key(
     PATH,
@@ -39,7 +40,17 @@ def build(request: Request) -> Contact | None:
     """Return the value and add its mistakes; None if contact is not asked for."""
     leaf = request.belongs.keys.get(PATH)
     asked = request.mistakes.check(KEY, leaf) if leaf else False
-    return Contact() if asked else None
+    if not asked:
+        return None
+    beside = [*request.belongs.axes.get("for_all", {})]
+    given = request.belongs.keys
+    beside += [name for name in LOSSES if name in given and given[name].value]
+    if request.drawing:
+        beside += [f"channel {block.name}" for block in request.drawing.channels]
+    if beside:
+        expected = "contact alone in [for_all]: its proof is of the spec's own numbers and frames"
+        request.mistakes.refuse(leaf, PATH, expected, f"{', '.join(beside)} beside it")
+    return Contact()
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:

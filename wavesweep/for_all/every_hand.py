@@ -58,6 +58,7 @@ class EveryHandGuarantee(Guarantee):
 
     rules: Rules
     dtype = FOR_ALL_RECORD
+    own_felt = False
     kind = "passive"
     method = (
         "stored energies at the nodes of an automaton of ticks, by a semidefinite program, checked by elimination in ball "

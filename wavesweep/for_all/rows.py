@@ -72,6 +72,7 @@ class ForAllGuarantee(Guarantee):
 
     rules: Rules
     dtype = FOR_ALL_RECORD
+    own_felt = False
 
     @property
     def kind(self) -> str:

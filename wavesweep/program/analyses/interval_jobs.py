@@ -67,7 +67,8 @@ class Guarantee:
     kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of its own columns. method: how
     they are found, in a line. own_ticks: whether forces are held over the ticks of the spec, which are then not divided out. Of
     those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
-    whether other hands are in the place of the spec's operator.
+    whether other hands are in the place of the spec's operator. own_felt: whether what the hand feels at rest of the spec's own
+    loop is what it feels of all that they hold for.
     """
 
     __slots__ = ()
@@ -78,6 +79,7 @@ class Guarantee:
     order = 0
     replaces = False
     own_ticks = False
+    own_felt = True
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
@@ -176,7 +178,7 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
                     for piece, built in pieces
                 ]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
-                if feels(loop.drawing) and records["intervals"][0]:
+                if guarantee.own_felt and feels(loop.drawing) and records["intervals"][0]:
                     p, omega = (np.stack([records[name] for name in pair]) for pair in _PAIRS)
                     felt = felt_at_ends(
                         p, omega, lambda _, values, loop=loop: felt_along(loop, along, values)
