@@ -3,7 +3,7 @@
 import pytest
 
 import wavesweep
-from wavesweep.engine.errors import SpecError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import load
 
 WALL = {
@@ -72,3 +72,46 @@ def test_delays_of_the_table_take_the_place_of_the_next_frame(lost):
         table = wavesweep.compile(spec).stable_intervals()
         rows.append(table[table.guarantee == "for_all"][["low", "high", "certified"]].to_numpy())
     assert (rows[0] == rows[1]).all()
+
+
+DRAWN = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"n": 4, "k": 1.0},
+    "block": {
+        "x": {"type": "mass", "mass": 1, "damping": 1, "stiffness": 1},
+        "h": {"type": "hold", "every": "n/2"},
+    },
+    "wire": {"x.f": "push - k*h.y", "h.u": "x.x"},
+    "ports": {"inputs": {"push": "push"}, "outputs": {"place": "x.x"}},
+    "sweep": {"along": "k", "k": {"start": 0, "stop": 2000}},
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "ranges", "said"),
+    [
+        ({}, {"values": [4, 5]}, "block.h.every: expected a whole number >= 1, found 2.5 with n = 5 of .for_all."),
+        ({}, {"start": 4, "stop": 6}, "found 2.5 with n = 5"),
+        (
+            {"block": DRAWN["block"] | {"h": {"type": "delay", "steps": "n/2"}}},
+            {"values": [4, 5]},
+            "block.h.steps: expected a whole number >= 0, found 2.5",
+        ),
+        (
+            {"block": DRAWN["block"] | {"h": {"type": "hold", "every": "n*2"}}, "numbers": {"n": 2.5, "k": 1.0}},
+            {"start": 2.5, "stop": 3.5},
+            "a list of values, .* found the range of n",
+        ),
+    ],
+)
+def test_numbers_with_which_no_loop_can_be_built_are_refused_and_not_cut_off(changes, ranges, said):
+    spec = load(DRAWN | changes | {"for_all": {"n": ranges}})
+    with pytest.raises(UsageError, match=said):
+        wavesweep.compile(spec).stable_intervals()
+
+
+def test_a_run_at_random_has_no_part_of_a_tick():
+    ranges = {"n": {"values": [4, 5], "varying": True, "shares": [1, 1]}}
+    spec = load(DRAWN | {"for_all": ranges, "simulate": {"frames": "random", "input": "step"}})
+    with pytest.raises(UsageError, match=r"for_all.n: expected whole ticks in a frame, found 2.5 with n = 5"):
+        wavesweep.simulate(spec)

@@ -6,6 +6,7 @@ from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
 from wavesweep.simulation.from_spec import hand_force, simulated
 from wavesweep.simulation.record import recorded
+from wavesweep.simulation.table import simulate
 
 
 def spec(kind="pmw-lm", **simulate):
@@ -58,6 +59,33 @@ def test_an_input_that_would_be_another_one_or_none_is_a_mistake(given, words):
         simulated(spec(**given))
 
 
+@pytest.mark.parametrize(
+    ("given", "begins", "ends", "said"),
+    [
+        ({"input": "step", "at_s": 0.0014}, 2, 500, ["at_s = 0.0014: the step sets in between the ticks at 0.001 and 0.002 s"]),
+        ({"input": "step", "at_s": 0.0005}, 1, 500, ["at_s = 0.0005: the step sets in between the ticks at 0 and 0.001 s"]),
+        (
+            {"input": "pulse", "at_s": 0.1, "width_s": 0.0025},
+            100,
+            103,
+            ["width_s = 0.0025: the pulse ends between the ticks at 0.102 and 0.103 s"],
+        ),
+        # both ends are after a half of a tick, where rounding to even gave another length
+        ({"input": "pulse", "at_s": 0.0995, "width_s": 0.002}, 100, 102, ["the pulse sets in", "the pulse ends"]),
+        ({"input": "step", "duration_s": 0.1235}, 100, 124, ["duration_s = 0.1235: the run ends between"]),
+        ({"input": "step", "at_s": 0.1000001, "duration_s": 0.2999999}, 100, 300, []),
+    ],
+)
+def test_a_time_between_two_ticks_is_the_later_one_and_said(given, begins, ends, said):
+    asked = spec(**given)
+    force = hand_force(asked).force
+    assert (np.flatnonzero(force)[[0, -1]] == [begins, ends - 1]).all()
+    found = list(asked.simulate.between_ticks(asked.tick_hz))
+    assert len(found) == len(said)
+    for line, words in zip(found, said, strict=True):
+        assert words in line
+
+
 def test_a_record_is_found_beside_the_spec(tmp_path, monkeypatch):
     (tmp_path / "push.csv").write_text("force_N\n1\n2\n3\n")
     (tmp_path / "a.toml").write_text('[controller]\nkind = "dc"\n[simulate]\ninput = "record"\nrecord = "push.csv"\n')
@@ -71,7 +99,7 @@ def test_force_and_options_of_a_call_stand_before_the_specs():
     seen = simulated(spec(max_force=0.5), np.ones(30), max_force=0.01, jitter=0.1).signals
     assert len(seen["x"]) == 30
     assert seen["f_device"].max() == 0.01
-    assert np.ptp(np.diff(seen["time"])) > 1e-5
+    assert np.ptp(np.diff(seen["time_s"])) > 1e-5
 
 
 @pytest.mark.parametrize(
@@ -111,3 +139,16 @@ def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
     assert run.stopped
     assert not any(np.isinf(column).any() for column in columns.values())
     assert np.isfinite(columns["energy_hand"]).all()
+
+
+@pytest.mark.asks("frame_times")
+def test_frames_of_a_file_that_last_no_whole_ticks_are_said(tmp_path):
+    (tmp_path / "frames.csv").write_text("duration\n0.0165\n0.0165\n0.016\n")
+    (tmp_path / "a.toml").write_text(
+        '[controller]\nkind = "dc-slow"\n[simulate]\nframes = "frames.csv"\ninput = "step"\nduration_s = 0.2\n'
+    )
+    (run, *_) = simulate(load(tmp_path / "a.toml").asking("simulate"))
+    said = [each for each in run.facts["notices"] if "no whole ticks" in each]
+    assert said == ["simulate.frames: 2 of 3 frames last no whole ticks; each is one of its neighbours, and their sum is right"]
+    begun = np.flatnonzero(np.diff(run.columns["frame"])) + 1
+    assert begun[:3].tolist() in ([16, 33, 49], [17, 33, 49])

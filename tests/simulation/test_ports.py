@@ -162,3 +162,32 @@ def test_a_mass_has_the_units_of_its_number():
         text = WALL.replace("mass = 0.1", 'mass = "M"').replace("n = 3", f'n = 3\nM = {{ value = 0.1, unit = "{unit}" }}')
         spec = load(tomllib.loads(text), ["bode.to=m.f"])
         assert spec.drawing.outputs[-1][::2] == ("m.f", force)
+
+
+def test_an_output_may_be_called_time():
+    tables = tomllib.loads(DRIVE)
+    tables["ports"] = tables["ports"] | {"outputs": {"time": "motor.v"}}
+    run = wavesweep.simulate(tables | {"simulate": {"input": "step", "from": "ref", "duration_s": 0.5}})
+    run = run[0] if isinstance(run, (list, tuple)) else run
+    rate = load(tables).tick_hz
+    np.testing.assert_allclose(run.time_s, np.arange(len(run)) / rate, rtol=1e-12)
+    assert not np.allclose(run.time, run.time_s)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "said"),
+    [
+        ({"error": "motor.v"}, "ports.outputs.error: expected another name than that of a signal, or the signal itself"),
+        ({"motor.x": "motor.v"}, "another name than that of a signal, or the signal itself"),
+        ({"outputs.x": "motor.v", "x": "motor.x"}, "a name that does not begin as columns do"),
+        ({"motor.x": "motor.x", "error": "error"}, ""),
+    ],
+)
+def test_no_output_hides_a_signal_of_its_name(outputs, said):
+    tables = tomllib.loads(DRIVE)
+    tables["ports"] = tables["ports"] | {"outputs": outputs}
+    if not said:
+        assert [name for name, *_ in load(tables).drawing.outputs] == list(outputs)
+        return
+    with pytest.raises(SpecError, match=said):
+        load(tables)

@@ -108,10 +108,10 @@ def test_the_device_moves_for_the_real_length_of_a_jittering_tick(values):
     """In free motion under a constant force the velocity tells the time that has passed."""
     free = values("dc", K_VE=0.0, B_VE=0.0)
     seen = simulate(free, np.ones(500), Effects(jitter=0.3, seed=2)).signals
-    lengths = np.diff(seen["time"])
+    lengths = np.diff(seen["time_s"])
     assert 0.7e-3 <= lengths.min() < 0.75e-3
     assert 1.25e-3 < lengths.max() <= 1.3e-3
-    np.testing.assert_allclose(seen["v"], -np.expm1(-15.0 * seen["time"]) / 1.5, rtol=1e-12)
+    np.testing.assert_allclose(seen["v"], -np.expm1(-15.0 * seen["time_s"]) / 1.5, rtol=1e-12)
 
 
 def test_a_late_result_is_held_from_the_tick_when_it_comes(values):

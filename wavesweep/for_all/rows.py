@@ -9,14 +9,14 @@ import numpy as np
 
 from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing import SHARES, name_of, path_of
+from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.claimed import scope_of
-from wavesweep.for_all.frame_families import DELAY, RATIO
+from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import claims_hold, members, nowhere
@@ -174,10 +174,7 @@ def _timed(axes, along, timing_names) -> list[str]:
 def _has_parts(spec: Spec, axis: Axis) -> bool:
     """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
     return bool(
-        axis.structural
-        and not axis.values
-        and not spec.drawing
-        and spec.names.find(axis.name).type != "integer"
+        axis.structural and not axis.values and spec.names.find(axis.name).type != "integer"
     )
 
 
@@ -224,12 +221,23 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     for combination in product(*map(values_of_range, listed)):
         fixed = dict(zip((axis.path for axis in listed), combination, strict=True))
         fixed_values = values | fixed
+        _refuse_faults(rules, values, fixed)
         if rules.drawing is None and rules.with_frame and RATIO in fixed:
             fixed_values[DELAY] = fixed_values[RATIO]
         drawing = rules.drawing_of(fixed_values, (along, *gains))
         for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
             cases.append(Case(Loops(drawing, fixed_values | whole_ticks), along, span, axes, fixed))
     return cases
+
+
+def _refuse_faults(rules, values, fixed) -> None:
+    """Refuse numbers with which a drawn loop cannot be built, such as a part of a tick in `every`."""
+    if not rules.drawing or not fixed:
+        return
+    numbers = {path: number for path, number in values.items() if not np.ndim(number)}
+    for path, expected, found in faults(rules.drawing, numbers | fixed):
+        at = ", ".join(f"{name_of(name)} = {number:g}" for name, number in fixed.items())
+        refuse(path, expected, f"{found} with {at} of [for_all]")
 
 
 def _pieces(drawing, values, ranges):

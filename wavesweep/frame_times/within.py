@@ -74,9 +74,13 @@ def _drawn_lengths(spec: Spec, name: str | None, values: Iterable[float] | None)
         members = [numbers]
         if any(each == name for each, _ in names_in(block.every)):
             members = [numbers | {name: value} for value in values]
-        ticks = tuple(int(value_of(block.every, member)) for member in members)
+        ticks = tuple(value_of(block.every, member) for member in members)
+        if parts := [each for each in ticks if each % 1]:
+            raise UsageError(
+                f"{spec.name}: block.{block.name}.every: expected whole ticks for all of [for_all], found {parts[0]:g}"
+            )
         if {*ticks} != {1}:
-            lengths.add(ticks)
+            lengths.add(tuple(map(int, ticks)))
     if len(lengths) != 1:
         runs = [f"{', '.join(map(str, ticks))} ticks" for ticks in sorted(lengths)]
         raise UsageError(

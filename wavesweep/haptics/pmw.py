@@ -1,6 +1,8 @@
 """Passive multirate wave control, Figures 1 and 3 of the paper."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from math import floor
 from types import MappingProxyType
 from typing import Any
 
@@ -15,9 +17,15 @@ def pmw(values: Mapping[str, Any]) -> BlockDiagram:
 def pmw_mean(values: Mapping[str, Any]) -> BlockDiagram:
     """Figure 1 with the mean of a frame's waves in LP1's place: of all passive channels, the one that is felt stiffest at rest.
 
-    Where rates do not divide, the nearest whole number of ticks.
+    Where rates do not divide, the mean of the nearest whole number of ticks, which the result says.
     """
-    return _waves(values, {"type": "mean", "n": round(values[RATIO])})
+    ticks = floor(values[RATIO] + 0.5)
+    page = _waves(values, {"type": "mean", "n": ticks})
+    if values[RATIO] == ticks:
+        return page
+    return replace(
+        page, assumes=f"mean of {ticks} ticks, a frame being {values[RATIO]:.6g}, {page.assumes}"
+    )
 
 
 def pmw_lm(values: Mapping[str, Any]) -> BlockDiagram:

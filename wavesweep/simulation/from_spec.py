@@ -15,7 +15,7 @@ from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, random_frames
 from wavesweep.simulation.inputs import Input
-from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of, written_messages
+from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of, first_tick, written_messages
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.record import Simulation
 from wavesweep.simulation.running_blocks import FrameClock
@@ -61,14 +61,7 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
     if not isinstance(frames, str):
         return frames
     if frames != RANDOM:
-        module = offered("frames")
-        if module is None:
-            raise UsageError(
-                f"{FRAMES}: expected the capability frame_times, which reads {frames}, found that it is not there"
-            )
-        return tuple(
-            map(Frame, module.read_run(beside(spec, frames), spec.tick_hz).lengths.tolist())
-        )
+        return tuple(map(Frame, measured_frames(spec).lengths.tolist()))
     for_all, frames_run, length, ticks = spec.for_all, [], 0, 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
     for axis in for_all.changing:
@@ -84,6 +77,17 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
         frames_run.append(replace(result, ticks=lengths[length]))
         ticks += lengths[length]
     return tuple(frames_run)
+
+
+def measured_frames(spec: Spec) -> Any:
+    """Return the frames of the file that [simulate] names. Errors: see `frames_in_turn`."""
+    file = spec.simulate.frames_file
+    module = offered("frames")
+    if module is None:
+        raise UsageError(
+            f"{FRAMES}: expected the capability frame_times, which reads {file}, found that it is not there"
+        )
+    return module.read_run(beside(spec, file), spec.tick_hz)
 
 
 MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
@@ -138,7 +142,14 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
         for block in spec.drawing.blocks
         if name_of(axis.path) in {n for n, _ in names_in(block.every)}
     )
-    return [int(value_of(every, scalars({**spec.values, axis.path: value}))) for value in values]
+    lengths = [value_of(every, scalars({**spec.values, axis.path: value})) for value in values]
+    for ticks, value in zip(lengths, values, strict=True):
+        if ticks % 1:
+            problem = f"{ticks:g} with {axis.name} = {value:g}"
+            raise UsageError(
+                f"for_all.{axis.name}: expected whole ticks in a frame, found {problem}"
+            )
+    return list(map(int, lengths))
 
 
 def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
@@ -199,7 +210,7 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
         "record": lambda: inputs.read_force(record_path(spec), fast_hz, f"rates.{key}"),
     }
     record = makers[values["input"]]()
-    return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
+    return record if seconds is None else inputs.lasting(record, first_tick(seconds, fast_hz))
 
 
 def record_path(spec: Spec) -> Path:

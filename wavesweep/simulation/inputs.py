@@ -11,13 +11,11 @@ from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.csv_files import read_csv
 from wavesweep.program.spec.studies import apart
-from wavesweep.simulation.keys import MOST_TICKS
+from wavesweep.simulation.keys import AT_A_TICK, MOST_COUNTED, MOST_TICKS, first_tick
 
 MOST_BYTES = (
     40 * MOST_TICKS
 )  # of a record; times and forces with all their digits take 40 bytes a row
-_MOST = 2.0**53  # ticks; more cannot be counted by doubles
-_TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
 
 @dataclass(frozen=True)
@@ -81,12 +79,18 @@ def stepped_sine(
 
     Errors: `UsageError` for a frequency out of range.
     """
-    phases, tones, first, phase, end = [], [], 0, 0.0, _ticks(fast_hz, min(most, _MOST / fast_hz))
+    phases, tones, first, phase, end = (
+        [],
+        [],
+        0,
+        0.0,
+        _ticks(fast_hz, min(most, MOST_COUNTED / fast_hz)),
+    )
     for frequency in map(float, frequencies_hz):
         _check(fast_hz, frequency)
         turns = max(periods, int(np.ceil(least * frequency)))
         settled = first + _ticks(fast_hz, settle)
-        last = settled + _ticks(fast_hz, min(turns / frequency, _MOST))
+        last = settled + round(min(turns / frequency * fast_hz, MOST_COUNTED))
         if last > end:
             phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(end - first))
             break
@@ -124,10 +128,10 @@ def pulse(
     at: float = 0.1,
     width: float = 0.05,
 ) -> Input:
-    """Return a force that lasts from `at` seconds for `width` seconds."""
+    """Return a force that lasts from `at` seconds for `width` seconds, from the first tick at or after its beginning on."""
     force = np.zeros(_ticks(fast_hz, seconds))
     first = _ticks(fast_hz, at)
-    force[first : first + _ticks(fast_hz, width)] = amplitude
+    force[first : _ticks(fast_hz, at + width)] = amplitude
     return Input(force)
 
 
@@ -170,7 +174,7 @@ def _check(fast_hz: float, frequency_hz: float) -> None:
 def _ticks(fast_hz: float, seconds: float) -> int:
     if not 0.0 <= seconds < np.inf:
         raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
-    return round(min(seconds * fast_hz, _MOST))
+    return first_tick(seconds, fast_hz)
 
 
 def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:
@@ -205,7 +209,7 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
     force, *times = file.numbers(names).T
     if times:
         expected = times[0][0] + np.arange(len(force)) / fast_hz
-        off = np.abs(times[0] - expected) > _TOLERANCE / fast_hz
+        off = np.abs(times[0] - expected) > AT_A_TICK / fast_hz
         if off.any():
             row = int(off.argmax())
             wanted, problem = apart(float(expected[row]), float(times[0][row]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from operator import attrgetter
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
+AT_A_TICK = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
+MOST_COUNTED = 2.0**53  # ticks; more cannot be counted by doubles
 RANDOM = "random"  # as frames
 SECONDS = 10.0  # of an input that has no length of its own
 FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM = (
@@ -75,8 +77,18 @@ KEYS = Key.by_path(
             1,
             10_000,
         ),
-        Key.gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
-        Key.gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
+        Key.gain(
+            "simulate.at_s",
+            0.1,
+            "s",
+            "when the step or the pulse sets in: at the first tick at or after it",
+        ),
+        Key.gain(
+            "simulate.width_s",
+            0.05,
+            "s",
+            "how long the pulse lasts: to the first tick at or after its end",
+        ),
         Key.word(
             "simulate.record",
             None,
@@ -86,7 +98,7 @@ KEYS = Key.by_path(
             "simulate.duration_s",
             None,
             "s",
-            "simulated time; by default 10 s, or what the steps or the record take",
+            "simulated time, all ticks before its end; by default 10 s, or what the steps or the record take",
         ),
         Key.whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
         Key.number(
@@ -359,9 +371,8 @@ class Experiment(TableValue):
             self._seconds(),
             self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0,
         )
-        late = (
-            kind in ("step", "pulse")
-            and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
+        late = kind in ("step", "pulse") and not first_tick(sets_in, fast_hz) < first_tick(
+            seconds, fast_hz
         )
         long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
         table = next((leaf.place.parent() for leaf in self.given.values()), Place())
@@ -373,13 +384,36 @@ class Experiment(TableValue):
                 long,
                 f"{seconds:g} s",
             ),
-            ("duration_s", lasts is not None and 0 < seconds * fast_hz <= 0.5, tick, show(seconds)),
+            (
+                "duration_s",
+                lasts is not None and 0 < seconds * fast_hz < 1 - AT_A_TICK,
+                tick,
+                show(seconds),
+            ),
             ("at_s", late, f"a number < {seconds!r} (simulate.duration_s)", show(sets_in)),
-            ("width_s", kind == "pulse" and width * fast_hz <= 0.5, tick, show(width)),
+            ("width_s", kind == "pulse" and width * fast_hz < 1 - AT_A_TICK, tick, show(width)),
         ):
             if wrong:
                 leaf = self.given.get(f"simulate.{name}", table)
                 mistakes.refuse(leaf, f"simulate.{name}", expected, problem, of_key=False)
+
+    def between_ticks(self, fast_hz: float) -> Iterator[str]:
+        """Yield which times are read and lie between two ticks, and what that means."""
+        kind, sets_in, width, lasts = (
+            self.values[name] for name in ("input", "at_s", "width_s", "duration_s")
+        )
+        times = [("duration_s", lasts, lasts, "the run ends")]
+        if kind in READ_BY["at_s"]:
+            times.append(("at_s", sets_in, sets_in, f"the {kind} sets in"))
+        if kind in READ_BY["width_s"]:
+            times.append(("width_s", width, sets_in + width, "the pulse ends"))
+        for name, value, seconds, what in times:
+            if seconds is None:
+                continue
+            ticks = first_tick(seconds, fast_hz)
+            if ticks - seconds * fast_hz > AT_A_TICK:
+                before, after = (f"{count / fast_hz:.9g}" for count in (ticks - 1, ticks))
+                yield f"simulate.{name} = {value:g}: {what} between the ticks at {before} and {after} s; taken at the later one"
 
     def _seconds(self) -> float:
         values, frequencies = self.values, self.values["frequency_hz"] or ()
@@ -388,6 +422,13 @@ class Experiment(TableValue):
         return sum(
             step_seconds(tone, values["settle_s"], values["periods"]) for tone in frequencies
         )
+
+
+def first_tick(seconds: float, fast_hz: float) -> int:
+    """Return the number of the first tick at or after a time (s), which may be rounded to a few digits."""
+    ticks = min(seconds * fast_hz, MOST_COUNTED)
+    nearest = round(ticks)
+    return nearest + (ticks - nearest > AT_A_TICK)
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:

@@ -221,7 +221,7 @@ class March:
         names = loop.shown | {name: name for name in self.watched}
         rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
         count = len(rows)
-        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
+        signals = {"time_s": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
         entries = dict(loop.entries)
         if loop.hand:
             entries["f_h"] = loop.hand

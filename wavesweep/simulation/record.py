@@ -41,7 +41,7 @@ class Energy:
 class Simulation:
     """A simulated experiment.
 
-    `signals`: the columns, read-only, an entry per fast tick, SI units. Always: `time` the tick's start, `f_h` the
+    `signals`: the columns, read-only, an entry per fast tick, SI units. Always: `time_s` the tick's start, `f_h` the
     hand's force, `x` and `v` the motion, `x_hat` and `v_hat` as measured, `f_m` the controller's force, `f_device` that
     of the motors, `touching` whether the held slow result is of a contact. With waves: `u_m`, `v_m`, and the
     last slow update's `u_s`, `v_s`, `x_s`, `x_dot_s`, `F_s`, repeated until the next; with a local model behind
@@ -103,12 +103,12 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     rows end where the simulation stopped, or before the first tick in which a number leaves the range of doubles.
     """
     signals, frame = simulation.signals, simulation.frame
-    ticks = np.arange(len(signals["time"]))
+    ticks = np.arange(len(signals["time_s"]))
     missing = np.full(len(ticks), np.nan)
     starts = np.array(simulation.starts)
     begun = np.searchsorted(starts, ticks % frame, side="right")
     number, phase = ticks // frame * len(starts) + begun - 1, ticks % frame - starts[begun - 1]
-    columns = {"tick": ticks, "frame": number, "phase": phase, "time_s": signals["time"]}
+    columns = {"tick": ticks, "frame": number, "phase": phase, "time_s": signals["time_s"]}
     columns |= {name: signals[name] for name in simulation.shown}
     columns |= {name: signals.get(name, missing) for name in _MOTION}
     columns["touching"] = signals["touching"]

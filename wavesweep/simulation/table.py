@@ -181,6 +181,16 @@ def _notices(spec: Spec) -> Iterator[str]:
     if unread := spec.simulate.unread():
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
+    yield from options.between_ticks(spec.tick_hz)
+    if options.frames_file:
+        from wavesweep.simulation.from_spec import measured_frames
+
+        unfit = measured_frames(spec).unfit
+        if unfit.any():
+            yield (
+                f"simulate.frames: {unfit.sum()} of {unfit.size} frames last no whole ticks; each is one of its neighbours, and "
+                "their sum is right"
+            )
     if options["frames"]:
         yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()

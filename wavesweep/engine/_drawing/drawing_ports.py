@@ -6,7 +6,7 @@ from types import MappingProxyType
 from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
-from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms
+from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms, text_of
 from wavesweep.engine._keys.checking import nearest, show
 from wavesweep.engine._keys.key import TURNED, Key, Leaf
 
@@ -31,6 +31,7 @@ TURNS = Key(
 NAMED = MappingProxyType(
     {"inputs": "a signal from outside", "outputs": "an expression linear in signals"}
 )
+COLUMNS = ("inputs.", "outputs.", "signals.")  # of names that a table of a run has itself
 WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
 
 Path = tuple[str, ...]
@@ -178,6 +179,34 @@ class PortReader(KeyReader):
         self.leaves |= self.lists
         return tuple(outputs)
 
+    def refuse_names_of_others(
+        self,
+        ports: Ports,
+        outputs: Iterable[tuple[str, Terms, str]],
+        blocks: Iterable[DrawnBlock],
+        wires: Mapping[str, Leaf],
+    ) -> None:
+        """Add the mistakes of inputs and outputs that have the name of another signal, of which a table would show one."""
+        owners = {
+            f"{block.name}.{port}": block
+            for block in blocks
+            for side in block.ports
+            for port in side
+        }
+        found = [("inputs", name, None) for name in ports["inputs"]]
+        found += [
+            ("outputs", name, terms) for name, terms, _ in outputs if name in ports["outputs"]
+        ]
+        for side, name, terms in found:
+            leaf, path = ports[side][name]["signal"], path_of_port(side, name)
+            meant = self.terms_of_signal(name, leaf, owners.get(name), wires)
+            if meant is not None and (terms is None or _texts(terms) != _texts(meant)):
+                itself = ", or the signal itself" * (terms is not None)
+                self.refuse(leaf, path, f"another name than that of a signal{itself}", show(name))
+            elif name.startswith(COLUMNS):
+                expected = f"a name that does not begin as columns do: {', '.join(COLUMNS)}"
+                self.refuse(leaf, path, expected, show(name))
+
     def fault_from_outside(
         self, signal: object, what: str = "a signal from outside"
     ) -> tuple[str, str] | None:
@@ -289,3 +318,8 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
 def expected_table(side: str) -> str:
     """Return what a table of [ports] has to be."""
     return f"a table, NAME = {NAMED[side]}" if side in NAMED else f"{{ {', '.join(PORTS[side])} }}"
+
+
+def _texts(terms: Terms) -> list[tuple[str, str]]:
+    """The terms without the places of their names."""
+    return sorted((signal, text_of(gain)) for signal, gain in terms)

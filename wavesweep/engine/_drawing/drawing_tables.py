@@ -183,6 +183,7 @@ class _TableReader(PortReader):
         inputs, outputs = self.read_inputs(ports), self.read_outputs(ports)
         outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
         named = self.read_named(tables["signals"])
+        self.refuse_names_of_others(ports, outputs, blocks, tables["wire"])
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
         blocks += registers

@@ -117,7 +117,7 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
         {name: name.removesuffix(" besides") for name in numbered.outputs},
     )
     entry, signals = march.entry, march.under(hand_force(spec).force).signals
-    count = len(signals["time"])
+    count = len(signals["time_s"])
     if not count:
         raise UsageError(
             "export: expected an experiment with at least one tick for the vectors, found none"
