@@ -17,6 +17,7 @@ from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.reports import content
 from wavesweep.reports.sentences import interval_rows, question
 
@@ -92,9 +93,9 @@ def test_a_report_needs_no_other_file_and_its_names_are_its_own(axis):
 def test_a_report_has_the_intervals_margins_and_spec(axis):
     source, text = axis[0], unescape(" ".join(read(axis[1]).words))
     for row in wavesweep.stability_region(source).itertuples():
-        assert re.search(rf"\b{row.J:g}\s+{row.low:.6g}\s+{row.high:.6g}\b", text)
+        assert re.search(rf"\b{row.J:g}\s+{rounded_up(row.low)}\s+{rounded_down(row.high)}\b", text)
     margins = wavesweep.compile(source).margins().set_index("margin")["value"]
-    assert f"disk margin {margins['disk']:.6g}" in text
+    assert f"disk margin {rounded_down(margins['disk'])}" in text
     assert source.read_text(encoding="utf-8") in text
     assert "In the words of the spec: How stiff may the axis be?" in text
 

@@ -78,7 +78,7 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     assert Sentences(tally.numbers()).stiffest_felt().startswith(f"{felt}, at an end of an interval: 9 N/m")
 
 
-def test_what_is_proved_is_rounded_down_and_what_is_certified_is_rounded():
+def test_what_is_proved_or_certified_up_to_a_value_is_rounded_down():
     columns = {
         "b": np.array([1.0]),
         "along": np.array(["K_VE"], object),
@@ -94,7 +94,7 @@ def test_what_is_proved_is_rounded_down_and_what_is_certified_is_rounded():
     } | known(1)
     tally = LoopSummary()
     tally.add(columns)
-    assert "largest stable K_VE: 1001 N/m" in Sentences(tally.numbers()).extremes()[0]
+    assert "largest stable K_VE: 1000.99 N/m" in Sentences(tally.numbers()).extremes()[0]
     assert ": 1000.99 N/m" in Sentences(tally.numbers(), "for_all").extremes()[0]
 
 

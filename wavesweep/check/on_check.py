@@ -14,7 +14,7 @@ from wavesweep.check import room_of_numbers as ranges
 from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
 from wavesweep.program.reading.keys import readable
-from wavesweep.program.tables.number_words import span_in_words
+from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -131,7 +131,8 @@ def _stable_where(limit: Facts, unit: str) -> str:
         return f"known to be stable {known_where} ({limit['doubt']})"
     unbounded = limit["low"] is None and limit["high"] is None
     if limit["stopped"] and limit["certified"] and unbounded:
-        return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further"
+        span = span_in_words(limit["from"], limit["to"])
+        return f"known to be stable from {span}{unit}, searched no further"
     factors = _factors(limit) if limit["value"] else ""
     return f"stable {start} {end}{factors}{proved}"
 
@@ -140,17 +141,17 @@ def _ends(limit: Facts, unit: str) -> tuple[str, str]:
     """The ends of the stable interval in words, or those of the search where it goes on beyond."""
     from_key, to_key = limit["of_key"]
     if limit["low"] is not None:
-        start = f"from {limit['low']:.6g}"
+        start = f"from {rounded_up(limit['low'])}"
     else:
-        start = f"from {limit['from']:.6g}"
+        start = f"from {rounded_up(limit['from'])}"
         if limit["from"]:
             start += OF_KEY if from_key else SEARCHED
     if limit["high"] is not None:
-        end = f"to {limit['high']:.6g}{unit}"
+        end = f"to {rounded_down(limit['high'])}{unit}"
     elif to_key:
-        end = f"to {limit['to']:.6g}{unit}{OF_KEY}"
+        end = f"to {rounded_down(limit['to'])}{unit}{OF_KEY}"
     else:
-        end = f"to at least {limit['to']:.6g}{unit}"
+        end = f"to at least {rounded_down(limit['to'])}{unit}"
     return start, end
 
 
@@ -163,10 +164,12 @@ def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) ->
     places = open_in_words(open_, unit)
     if open_["from"] >= limit["value"]:
         beyond = f", and stable again {end}" if high > open_["to"] else ""
-        return f"{start} up to at least {min(high, open_['from']):.6g}{unit}; {places}{beyond}"
+        known = rounded_down(min(high, open_["from"]))
+        return f"{start} up to at least {known}{unit}; {places}{beyond}"
     if open_["to"] <= limit["value"]:
         beyond = f", and stable again {start}" if low < open_["from"] else ""
-        return f"at least from {max(low, open_['to']):.6g} {end}; {places}{beyond}"
+        known = rounded_up(max(low, open_["to"]))
+        return f"at least from {known} {end}; {places}{beyond}"
     return f"in places {start} {end}; {places}"
 
 
@@ -180,11 +183,14 @@ def _span(limit: Facts, low: float, high: float) -> str:
 
 def _factors(limit: Facts) -> str:
     """The factors by which the value may shrink and grow."""
+    inwards = {"low": rounded_up, "high": rounded_down}
+    if limit["value"] < 0:  # the larger share of it is the lower end
+        inwards = {"low": rounded_down, "high": rounded_up}
     ways = []
     for words, end in (("fall to", "low"), ("rise to", "high")):
         if limit[end]:
-            percent = float(f"{100 * limit[end] / limit['value']:.3g}")
-            ways.append(f"{words} {percent:g} %")
+            share = inwards[end](100 * limit[end] / limit["value"], 3)
+            ways.append(f"{words} {float(share):g} %")
     return f" (may {' and '.join(ways)})" if ways else ""
 
 
@@ -263,7 +269,9 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
             f"encoder: between two of its steps a cycle of about {cycle} is expected (a prediction, no bound)",
         )
     if "holds_to" in found:
-        held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
+        held = (
+            f"holds against the encoder's steps up to {rounded_down(found['holds_to'])} {unit} felt"
+        )
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
         yield DETAIL, f"  after {source}"
         if not stable:
@@ -274,14 +282,14 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     if "passive_to" in found:
         yield (
             5,
-            f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})",
+            f"damping: walls up to {rounded_down(found['passive_to'])} {unit} without B_VE generate no energy ({source})",
         )
     if "passive" in found:
         wall = min(found["holds_to"], found["passive_to"])
         said = "generates no energy" if found["passive"] else "may generate energy"
         yield (
             5,
-            f"encoder, friction and sampling together: the wall {said}, as up to {wall:.6g} {unit} ({source})",
+            f"encoder, friction and sampling together: the wall {said}, as up to {rounded_down(wall)} {unit} ({source})",
         )
     if found.get("depth") is not None:
         depth = f"{found['depth']:.4g} {length}"

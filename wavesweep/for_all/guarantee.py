@@ -22,7 +22,7 @@ ROWS = {
         nowhere="nowhere stable with every hand of the box",
         searched=True,
         unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
-        settled="every row of the box is proved (settled 1)",
+        settled="every row of the box is proved (settled 1), but for a thousandth next to an end that a hand sets",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",

@@ -44,12 +44,13 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
 def _every_hand(found: Mapping[str, Any]) -> str:
     """What every passive hand needs of the device's damping while frames vary."""
     from wavesweep.for_all.rows import CONTRADICTED
+    from wavesweep.program.tables.number_words import rounded_up
 
     needed, device = found["needed"], found["device"]
     enough = (
         "no damping is proved to suffice"
         if needed is None
-        else f"{needed:.4g} N*s/m of damping suffice"
+        else f"{rounded_up(needed, 4)} N*s/m of damping suffice"
     )
     safe = needed is not None and needed <= device
     refuted = found["refuted"] is not None and found["refuted"] > device

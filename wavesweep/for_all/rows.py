@@ -38,7 +38,7 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.number_words import span_in_words
+from wavesweep.program.tables.number_words import rounded_down, span_around, span_in_words
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
@@ -379,7 +379,7 @@ def open_in_words(open_: LeftOpen | None) -> str:
         return ""
     places = []
     for path, low, high in zip(open_.paths, *open_.ends, strict=True):
-        places.append(f"{name_of(path)} {span_in_words(low, high, 4)}")
+        places.append(f"{name_of(path)} {span_around(low, high, 4)}")
     share = f"{100 * open_.share:.3g} %, " if len(open_.paths) > 1 else ""
     return shorten(f"{share}within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
 
@@ -539,7 +539,7 @@ def _partly(case, covered):
     if covered.low < covered.high:
         proved = f"proved for {first.name} {span_in_words(covered.low, covered.high, 4)}{fixed}, open from there"
     else:
-        proved = f"open from {first.name} = {covered.low:.4g} on{fixed}"
+        proved = f"open from {first.name} = {rounded_down(covered.low, 4)} on{fixed}"
     return f"{proved} ({open_in_words(covered.open)})"
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH
-from wavesweep.program.tables.number_words import span_in_words
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
@@ -120,7 +119,8 @@ def _values(column: Mapping[str, Any]) -> str:
         if different:
             parts.append(f"{different} different")
     elif "least" in column:
-        parts.append(span_in_words(column["least"], column["largest"]))
+        ends = (f"{column[end]:.6g}" for end in ("least", "largest"))
+        parts.append(" to ".join(dict.fromkeys(ends)))
     if column["missing"]:
         parts.append(f"{column['missing']} missing")
     return ", ".join(parts)

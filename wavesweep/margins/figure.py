@@ -27,6 +27,7 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.tables.number_words import rounded_down
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
@@ -151,7 +152,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
         if (*proved, np.inf)[0] < np.inf:
             rim = disk_of(proved[0])
-            said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
+            said = f"disk margin {rounded_down(tables['for_all']['disk'][0], 3)}, proved for all of [for_all]"
             panels["nyquist"].plot(
                 rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said
             )
@@ -353,7 +354,7 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     )
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
-        said = f"disk margin {loop.table['disk'][0]:.3g}"
+        said = f"disk margin {rounded_down(loop.table['disk'][0], 3)}"
         axes.fill(
             disk.real,
             disk.imag,

@@ -42,6 +42,8 @@ SAID = {
     "complementary": "peak complementary sensitivity Mt",
 }
 
+ROUNDED_UP = ("gain_down", "sensitivity", "complementary")  # the others hold up to their value
+
 
 def margins(spec: Spec, cut: str = "") -> Table:
     """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made several times in a frame.
@@ -199,7 +201,8 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
     if not margin["limited"]:
         return f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
     unit = "" if margin["unit"] == RATIO else f" {margin['unit']}"
-    return f"{SAID[name]} {margin['value']:.6g}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
+    size = rounded_up(margin["value"]) if name in ROUNDED_UP else rounded_down(margin["value"])
+    return f"{SAID[name]} {size}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
 
 
 KINDS = (

@@ -135,7 +135,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
         head.append(title if unit in ("", "1") else f"{title} ({unit})")
     rows = []
     for row in _rows(columns):
-        texts = {name: _text(row[name]) for name in shown}
+        texts = {name: _text(name, row[name]) for name in shown}
         if whose:
             texts[whose] = row_kinds()[row[whose]].legend
         if not row["intervals"]:
@@ -147,11 +147,13 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 def _proof(row: Columns) -> str:
     """Whether a row is certified, proved by the checker of a guarantee, or checked.
 
-    Of hands only what is settled is proved.
+    Of hands only what is settled is proved, but for the last thousandth next to an end that a hand sets.
     """
     kind = row_kinds()[row.get("hand", "")]
     if kind.searched:
-        return "proved" if row["settled"] else "not proved: searched"
+        return (
+            "proved but for a thousandth at its ends" if row["settled"] else "not proved: searched"
+        )
     word = "proved" if row.get("guarantee", "spec") != "spec" else kind.vouched_for(row)
     if row["certified"]:
         return word
@@ -191,7 +193,8 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
                 damping = row[f"{end}_hand_damping"]
                 stiffness = row[f"{end}_hand_stiffness"]
                 hand = f"a hand of {mass:.4g} kg, {damping:.4g} N*s/m and {stiffness:.4g} N/m"
-                rows_found.append([at, f"{along} beyond {row[end]:.6g}", hand])
+                beyond = rounded_up(row[end]) if end == "high" else rounded_down(row[end])
+                rows_found.append([at, f"{along} beyond {beyond}", hand])
     return rows_found
 
 
@@ -238,7 +241,18 @@ def _rows(columns: Columns) -> Iterator[dict]:
         yield dict(zip(columns, row, strict=True))
 
 
-def _text(value: float | str) -> str:
+ROUNDED = {  # bounds, to the side on which they hold
+    "low": rounded_up,
+    "high": rounded_down,
+    "fails_below": rounded_down,
+    "fails_from": rounded_up,
+}
+
+
+def _text(name: str, value: float | str) -> str:
+    """A value of a column."""
     if isinstance(value, str):
         return value
-    return "" if np.isnan(value) else f"{value:.6g}"
+    if np.isnan(value):
+        return ""
+    return ROUNDED[name](value) if name in ROUNDED else f"{value:.6g}"

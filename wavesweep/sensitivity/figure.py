@@ -17,6 +17,7 @@ from wavesweep.program.plots.style import (
     note_below,
 )
 from wavesweep.program.tables.kind import plain
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
 MOST = 12  # numbers of a panel that have bars
@@ -178,4 +179,5 @@ def _end(rows: Columns) -> str:
         np.argmax(rows["quantity"] == "end")
     )  # the other quantity is the stiffness felt there
     limit, unit = rows["limit_value"][of_end], printed(rows["unit"][of_end : of_end + 1])
-    return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()
+    inside = rounded_up(limit, 5) if rows["side"][0] == "low" else rounded_down(limit, 5)
+    return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {inside} {unit}".rstrip()

@@ -24,7 +24,7 @@ from wavesweep.program.tables.kind import (
     plain,
     whole_kind,
 )
-from wavesweep.program.tables.number_words import span_in_words
+from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
 from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -220,6 +220,12 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield from in_doubt(found["doubtful_rows"], found["rows"], "not certified", "derivative")
 
 
+def _inside(end: Numbers) -> str:
+    """An end of an interval, rounded into it."""
+    value = end["limit"]["value"]
+    return rounded_up(value) if end["end"] == "low" else rounded_down(value)
+
+
 def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
@@ -231,7 +237,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
         else f", damping ratio {end['damping_ratio']:.3g}{words_beside}"
     )
     yield (
-        f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
+        f"{end['end']} end, {name} = {_inside(end)}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
         False,
     )
     if end["states"]:

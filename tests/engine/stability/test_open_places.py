@@ -13,6 +13,7 @@ from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.program import plots, results
 from wavesweep.program.cli.entry import main
+from wavesweep.program.tables.number_words import rounded_up
 
 
 def regions(*parts):
@@ -159,7 +160,7 @@ def test_the_largest_value_next_to_an_open_place_is_not_said_to_be_where_the_ran
 
 @pytest.mark.whole
 def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
-    low = f"{end():.6g}"
+    low = rounded_up(end())
     assert blind(2.0, 2.5, "check") == 0
     said = " ".join(capsys.readouterr().out.split())
     known = f"tau = 1: known to be stable from {low} up to at least 2; not known from 2 to 2.5"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
+from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_around, span_in_words
 
 
 @pytest.mark.parametrize("digits", [1, 3, 6])
@@ -21,3 +21,14 @@ def test_ends_of_a_range_do_not_look_alike():
     assert span_in_words(0.1150001, 0.1150002, 3) == "0.1150001 to 0.1150002"
     assert span_in_words(2.0, 2.0) == "2"
     assert span_in_words(1.0, np.nextafter(1.0, 2)) == "1 to 1.0000000000000002"
+
+
+def test_a_range_is_rounded_inwards_where_something_holds_and_outwards_where_it_does_not():
+    rng = np.random.default_rng(7)
+    for low, high in np.sort(rng.normal(size=(300, 2)) * 10.0 ** rng.integers(-6, 6, (300, 1)), axis=1).tolist():
+        inner = [*map(float, span_in_words(low, high).split(" to "))]
+        outer = [*map(float, span_around(low, high).split(" to "))]
+        assert low <= inner[0] < inner[1] <= high
+        assert outer[0] <= low <= high <= outer[-1]
+    assert (rounded_up(0.1), rounded_down(0.3)) == ("0.1", "0.3")  # as they were written
+    assert span_around(2.0000001, 2.0000002) == "2 to 2.00001"

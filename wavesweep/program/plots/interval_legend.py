@@ -26,6 +26,7 @@ from wavesweep.program.plots.region_figures import (
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.program.row_kinds import COMPUTED, row_kind
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
@@ -168,17 +169,18 @@ def _best_in_words(shown: Shown, certain: bool) -> str:
         vouched_for = f" {kind.vouched_for(best)}"
     of_hand = f", {kind.legend}" if shown.whose == "hand" else ""
     end = "low" if best["value"] == best["low"] else "high"
-    range_ends_it = bool(np.isnan(best[f"{end}_omega"])) and not kind.proved
-    value = f"{'over ' if range_ends_it else ''}{best['value']:.5g}"
+    at_range = best["value"] == shown.swept[end == "high"]
+    inside = rounded_up if end == "low" else rounded_down
+    value = f"{'over ' if at_range else ''}{inside(best['value'], 5)}"
     felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
         said = f"{kind.largest}{vouched_for}{of_hand}: {value} {unit(shown.along, shown.facts)}".rstrip()
         above_a_hole = best.get("interval", 0) > 0  # and perhaps thin
-        return f"{said}, from {best['low']:.5g}" if above_a_hole else said
+        return f"{said}, from {rounded_up(best['low'], 5)}" if above_a_hole else said
     stiffest = kind.largest.replace("largest", "stiffest felt")
     comma = "," if vouched_for else ""
-    return f"{stiffest}{comma}{vouched_for}{of_hand}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
+    return f"{stiffest}{comma}{vouched_for}{of_hand}: {rounded_down(felt, 4)} N/m at rest,\nof a wall of {value} N/m"
 
 
 def draw_legends(

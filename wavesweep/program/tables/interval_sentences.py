@@ -13,7 +13,12 @@ from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import lengths_in_words
 from wavesweep.program.tables.interval_summary import NEXT
 from wavesweep.program.tables.kind import Line, Numbers, count
-from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
+from wavesweep.program.tables.number_words import (
+    rounded_down,
+    rounded_up,
+    span_around,
+    span_in_words,
+)
 from wavesweep.program.tables.refuters import in_a_sentence
 
 STIFFNESS = ("N/m", "N*m/rad")
@@ -28,9 +33,8 @@ HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g}
 def open_in_words(places: Numbers, unit: str = "") -> str:
     """Where nothing is known."""
     several = "" if places["places"] == 1 else f"at {places['places']} places "
-    low = f"{places['from']:.6g}"
-    high = f"{places['to']:.6g}"
-    where = f"at {low}" if low == high else f"from {low} to {high}"
+    span = span_around(places["from"], places["to"])
+    where = f"from {span}" if " to " in span else f"at {span}"
     return f"not known {several}{where}{unit}"
 
 
@@ -111,14 +115,10 @@ class Sentences:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += HAND.format(**largest["ended_by_hand"])
-        value = f"largest {self._such}: {self._up_to(largest['value'])}{self._unit}"
+        value = f"largest {self._such}: {rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
         gap = self._gap(largest["from"], open_places)
         return f"{value}{gap}{self._place(largest)}{ended}{self._doubtful(largest)}"
-
-    def _up_to(self, value: float) -> str:
-        """A value up to which something holds; what is proved is rounded down."""
-        return rounded_down(value) if self._kind.proved else f"{value:.6g}"
 
     def _nowhere(self) -> str:
         """That there is no interval, or none that could be found."""
@@ -153,8 +153,7 @@ class Sentences:
             return ""
         if least["value"] == largest["from"] and largest["ended_by"] == "stability":
             return ""
-        number = rounded_up(least["value"]) if self._kind.proved else f"{least['value']:.6g}"
-        said = f"least {self._such}: {number}{self._unit}{self._place(least)}"
+        said = f"least {self._such}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
@@ -171,7 +170,7 @@ class Sentences:
         if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
         first = f"{self._good} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
-        number = self._up_to(without["value"])
+        number = rounded_down(without["value"])
         return f"{first} {number}{self._unit}{self._place(without)}{self._doubtful(without)}"
 
     def stiffest_felt(self) -> str:
@@ -185,9 +184,14 @@ class Sentences:
         said = "stiffest wall as the hand feels it at rest"
         if felt["falls"] or self._numbers["unit"] not in STIFFNESS:
             said += ", at an end of an interval"
-        said += f": {felt['value']:.6g} {felt['unit']}"
-        said += f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
+        said += f": {rounded_down(felt['value'])} {felt['unit']}"
+        said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(felt['from'])}"
         return f"{said}{self._place(felt)}{self._doubtful(felt)}"
+
+    def _inside(self, felt: Numbers) -> str:
+        """An end of an interval, rounded into it."""
+        at_low = felt["with"] == felt["from"]
+        return rounded_up(felt["with"]) if at_low else rounded_down(felt["with"])
 
     def one_line(self) -> str:
         """All of it but the slices, in a line; of rows for more than one loop with their title and their word."""
@@ -232,7 +236,7 @@ class Sentences:
         said = []
         if not at_start:
             begins = "met" if self._numbers["required"] else self._kind.good
-            said.append(f"{begins} from {low:.6g} on")
+            said.append(f"{begins} from {rounded_up(low)} on")
         if open_places:
             said.append(open_in_words(open_places, self._unit))
         return f" ({', '.join(said)})" if said else ""

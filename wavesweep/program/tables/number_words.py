@@ -1,4 +1,8 @@
-"""Numbers in sentences: ranges whose ends can be told apart, and values that are rounded to one side."""
+"""Numbers in sentences: bounds, which are rounded to the side on which what is said of them is so.
+
+What holds up to a value is printed rounded down, and what holds from one on rounded up; what is refuted from a value on is
+printed rounded up, since nothing is known of what is below it. A value that its digits give exactly is printed as it is.
+"""
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
@@ -6,22 +10,39 @@ DIGITS, MOST_DIGITS = (
     6,
     17,
 )  # significant ones of a number in a sentence, and those that tell any two doubles apart
+SAME = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
 
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:
-    """A range, "0.1 to 0.25": with so many digits, and more if its ends would look alike. A single value has one number."""
+    """A range in all of which something holds, "0.1 to 0.25": its ends are rounded inwards, with more digits if these meet."""
     if low == high:
         return f"{low:.{digits}g}"
-    while digits < MOST_DIGITS and f"{low:.{digits}g}" == f"{high:.{digits}g}":
+    while digits < MOST_DIGITS:
+        ends = rounded_up(low, digits), rounded_down(high, digits)
+        if float(ends[0]) < float(ends[1]):
+            return f"{ends[0]} to {ends[1]}"
         digits += 1
     return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
+def span_around(low: float, high: float, digits: int = DIGITS) -> str:
+    """A range outside of which something holds, as one that is not known: its ends are rounded outwards."""
+    ends = rounded_down(low, digits), rounded_up(high, digits)
+    return " to ".join(dict.fromkeys(ends))
+
+
 def rounded_up(value: float, digits: int = DIGITS) -> str:
-    """A value of so many digits that is no lower than it, as what is refuted from there on."""
-    return f"{float(Context(prec=digits, rounding=ROUND_CEILING).create_decimal(value)):.{digits}g}"
+    """A value of so many digits that is no lower than it."""
+    return _rounded(value, digits, ROUND_CEILING)
 
 
 def rounded_down(value: float, digits: int = DIGITS) -> str:
-    """A value of so many digits that is no higher than it, as what is proved up to there."""
-    return f"{float(Context(prec=digits, rounding=ROUND_FLOOR).create_decimal(value)):.{digits}g}"
+    """A value of so many digits that is no higher than it."""
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def _rounded(value: float, digits: int, rounding: str) -> str:
+    nearest = f"{value:.{digits}g}"
+    if abs(float(nearest) - value) <= SAME * abs(value):
+        return nearest
+    return f"{float(Context(prec=digits, rounding=rounding).create_decimal(value)):.{digits}g}"
