@@ -136,7 +136,11 @@ CAPABILITIES = (
     Capability("require", tables=("sweep.require",), offers=("bound", "keys", "on_check")),
     Capability("axes", offers=("classes",)),
     Capability("prove", offers=("prover", "ticks")),
-    Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
+    Capability(
+        "picture",
+        library=("Loop.plot_diagram", "Loop.plot_timing"),
+        offers=("diagram", "on_check", "timing"),
+    ),
     Capability(
         "inspect",
         {
@@ -215,6 +219,7 @@ COMMAND_OF_FIGURE = (
             "simulate-response": "simulate",
             "passivity-filters": "passivity --filters",
             "diagram": "check --plot",
+            "timing": "check --plot",
         }
     )
 )

@@ -82,7 +82,7 @@ def axis(tmp_path_factory):
 
 def test_a_report_needs_no_other_file_and_its_names_are_its_own(axis):
     page = read(axis[1])
-    assert page.names["svg"] == 3
+    assert page.names["svg"] == 4
     assert page.names["script"] == page.names["link"] == page.names["img"] == 0
     inside = {each for each in page.refers if not each.startswith("data:image/png;base64,")}
     assert {each[0] for each in inside} <= {"#"}

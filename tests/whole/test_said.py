@@ -96,7 +96,7 @@ def test_a_summary_is_the_same_wherever_the_table_goes(run):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("spec", ["network.toml", "sweeps/examples/bench.toml"])
+@pytest.mark.parametrize("spec", ["network.toml", "sweeps/examples/coupling.toml"])
 def test_check_says_what_it_says_with_all_less_the_details(spec, run):
     """With lines that fit a terminal, and one that tells of the details."""
     said, _, following = run(f"check {spec}")[1].partition("next:\n")

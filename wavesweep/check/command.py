@@ -39,7 +39,7 @@ STEPS = 3  # commands that are named, at most
 @click.option(
     "--plot",
     is_flag=True,
-    help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.",
+    help="Draw the loop as well, blocks with type and rate, sums, ports, wires with gains, and when they run and act.",
 )
 @click.option(
     "--root-locus",
@@ -103,8 +103,9 @@ def check(
     With --all nothing is left out, and the states of the loop follow, the methods, the numbers of slices and workers, the
     estimated time, and the axes and keys that are skipped, with the reason.
 
-    Nothing is written, except with --plot the picture of the loop, diagram.png, and with --root-locus its poles per frame over
-    a number, root-locus.png. Earlier ones are replaced.
+    Nothing is written, except with --plot the picture of the loop, diagram.png, and that of time, timing.png: when each rate
+    samples and computes, when its results are in place, and how old they are; and with --root-locus its poles per frame over a
+    number, root-locus.png. Earlier ones are replaced. With --out loop.svg these are loop.svg and loop-timing.svg.
 
     \b
     Examples:
@@ -126,7 +127,8 @@ def check(
         poles = partial(modes.root_locus, loaded, modes.axis_over(loaded, locus))
     run = _frames_of_run(loaded, frames, columns, scales)
     list(asked("on_check", "refuse", loaded))
-    figures = ["diagram"] * plot + ["root-locus"] * (locus is not None)
+    figures = _pictures(loaded) if plot else []
+    figures += ["root-locus"] * (locus is not None)
     places = _places(figures, out, loaded, overrides)
     with progress(verbosity().quiet, "at work on the verdict") as report:
         judged = _judged(loaded, run, overrides, whole, report)
@@ -376,19 +378,27 @@ def _places(
     to = Path(out or own_folder([spec.name], overrides))
     places = {name: to / f"{name}.png" for name in figures}
     if to.suffix[1:].lower() in FORMATS and not to.is_dir():
-        if len(figures) > 1:
-            raise click.UsageError(f"--out {out}: expected a folder, since two pictures are drawn")
-        places = {figures[0]: to}
+        if len(figures) > 1 and "root-locus" in figures:
+            raise click.UsageError(
+                f"--out {out}: expected a folder, since several pictures are drawn"
+            )
+        places = {name: to.with_stem(f"{to.stem}-{name}") for name in figures}
+        places[figures[0]] = to
     for path in places.values():
         results.refuse_unusable(path.parent)
     refuse_other_things(*places.values())
     refuse_inputs(spec.files, *places.values())
     plots.refuse_settings()
-    if "diagram" in figures and offered("diagram") is None:
+    return places
+
+
+def _pictures(spec: Spec) -> list[str]:
+    """The pictures of --plot: that of time is left out if nothing runs in ticks. Errors: UsageError if nothing draws them."""
+    if offered("diagram") is None:
         raise click.UsageError(
             "--plot: expected the capability picture, found that it is not there"
         )
-    return places
+    return ["diagram", "timing"] if offered("timing").has_moments(spec) else ["diagram"]
 
 
 def _needed(name: str) -> ModuleType:
@@ -418,7 +428,8 @@ def _drawn(
 
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():
-        canvas = plots.diagram(spec) if name == "diagram" else poles()
+        drawn = {"diagram": plots.diagram, "timing": plots.timing}
+        canvas = drawn[name](spec) if name in drawn else poles()
         yield from save_all(
             canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts)
         )

@@ -1,1 +1,1 @@
-"""The picture of a loop."""
+"""The pictures of a loop: its blocks and wires, and when they run and act."""

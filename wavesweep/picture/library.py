@@ -1,10 +1,11 @@
-"""The picture, as a method of a loop."""
+"""The pictures, as methods of a loop."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from wavesweep.picture.diagram import diagram
+from wavesweep.picture.timing import timing
 from wavesweep.program import api
 from wavesweep.program.plots.style import drawn_into
 
@@ -29,3 +30,17 @@ class LoopPicture(api.Loop):
         matplotlib.figure.Figure
         """
         return drawn_into(ax, lambda: diagram(self.spec))
+
+    def plot_timing(self, *, ax: Axes | None = None) -> Figure:
+        """When the loop samples, computes and acts, as `wavesweep check --plot` draws it.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            As for `plot_zwidth`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return drawn_into(ax, lambda: timing(self.spec))

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
+TIMING = "When it samples, computes and acts"
 BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
 CERTIFIED = "Certified: every value between the ends of an interval is stable, and every other one of the range is not."
 OWN = (
@@ -110,7 +113,11 @@ def report(spec: Spec, asked: ReportRequest) -> str:
         html.element("p", OWN, "small"),
         html.listing(design_lines),
     ]
-    for number, section in enumerate(sections.values(), start=1):
+    number = 1 + (INTERVALS in sections)
+    if svg := _picture_of_time(spec):
+        body.append(html.figure(svg, number, f"{TIMING}: wavesweep check {name} --plot"))
+        number += 1
+    for section in sections.values():
         if section.known:
             caption = section.known + " Of the spec's own numbers." * bool(spec.for_all)
             body += [
@@ -119,6 +126,7 @@ def report(spec: Spec, asked: ReportRequest) -> str:
                 html.listing(section.lines),
             ]
             body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
+            number += 1
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
     return html.page(
         spec.name,
@@ -198,6 +206,20 @@ def _own_lines(spec: Spec) -> tuple[list[Line], Verdict]:
         for line in lines
     ]
     return marked, Verdict.of(spec, [own_claim(spec, found), *claims])
+
+
+def _picture_of_time(spec: Spec) -> str:
+    """The picture of time as SVG; empty if no capability draws it, or nothing runs in ticks."""
+    timing = offered("timing")
+    if timing is None or not timing.has_moments(spec):
+        return ""
+    from wavesweep.program.plots.figure_files import save
+    from wavesweep.program.plots.style import about_figure
+
+    with TemporaryDirectory() as folder:
+        figure = Path(folder, "timing.svg")
+        save(timing.timing(spec), figure, about_figure("timing", {"spec_name": spec.name}))
+        return figure.read_text(encoding="utf-8")
 
 
 def _answer(

@@ -53,6 +53,16 @@ def diagram(spec: Spec) -> Any:
     return module.diagram(spec)
 
 
+def timing(spec: Spec) -> Any:
+    """The picture of time of a spec, which a capability draws. Errors: UsageError if none does, or nothing runs in ticks."""
+    module = offered("timing")
+    if module is None:
+        raise UsageError(
+            "the picture of time: expected the capability picture, found that it is not there"
+        )
+    return module.timing(spec)
+
+
 def refuse_settings() -> None:
     """Raise UsageError if the current folder has settings that matplotlib, which reads them when imported, cannot read."""
     try:

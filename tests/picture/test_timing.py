@@ -1,0 +1,120 @@
+"""The picture of time shows the numbers of `moments`, and all of its texts can be read at both widths and on both grounds."""
+
+import itertools
+
+import pytest
+from matplotlib import style as styles
+from matplotlib.colors import to_rgb
+
+import wavesweep
+from wavesweep.engine.errors import UsageError
+from wavesweep.picture.moments import moments
+from wavesweep.program import plots
+from wavesweep.program.plots.style import ONE_COLUMN, as_asked
+from wavesweep.program.spec import load
+
+LATE = {"controller": {"kind": "pmw"}, "rates": {"slow_hz": 60.0}, "environment": {"delay": "frame"}}
+LOGGED = {"values": [16, 20, 25, 33, 41], "varying": True}
+SPECS = {
+    "60": LATE,
+    "log": {
+        "controller": {"kind": "dc-slow"},
+        "environment": {"delay": "frame"},
+        "for_all": {"rates.ratio": LOGGED, "lost": 1},
+    },
+    "drive": "sweeps/templates/position-loop.toml",
+    "quadrotor": "sweeps/recipes/quadrotor.toml",
+    "no plant": "sweeps/recipes/engine-rates.toml",
+}
+
+
+def bars(axes):
+    """The span of each bar, and its colour, of a panel of lanes."""
+    return [(patch.get_x(), patch.get_x() + patch.get_width(), to_rgb(patch.get_facecolor())) for patch in axes.patches]
+
+
+@pytest.mark.slow
+def test_the_bars_are_the_life_of_the_oldest_number_and_its_age_is_below():
+    canvas = plots.timing(load(LATE))
+    lanes, ages = canvas.axes
+    (found,) = moments(load(LATE))
+    life = found.shown
+    waits, stays = life.start - life.measured, life.end - life.measured
+    strong = to_rgb("#D55E00")
+    assert [span[:2] for span in bars(lanes) if span[2] == pytest.approx(strong)] == [pytest.approx((waits, stays))]
+    assert [text.get_text() for text in lanes.get_yticklabels()] == ["1000 Hz\nencoder", "60 Hz\navatar"]
+    assert [text.get_text() for text in ages.get_xticklabels()] == ["0", "17", "34"]
+    assert [text.get_text() for text in lanes.get_xticklabels()] == ["measured", "in place", "replaced"]
+    slow = ages.lines[1]
+    falls = dict(zip(slow.get_xdata(), slow.get_ydata(), strict=True))  # the last of two at one time: the new number
+    assert falls[waits] == waits
+    assert max(slow.get_ydata()) == found.age == 34
+    said = canvas._supxlabel.get_text().replace("\N{NO-BREAK SPACE}", " ")
+    assert "The force is made of numbers up to 34 ms old" in said
+    assert "avatar answers one frame late." in said
+
+
+@pytest.mark.slow
+def test_lost_results_are_crossed_and_lengthen_what_is_held():
+    canvas = plots.timing(load(SPECS["log"]))
+    shortest, _, longest, _ = canvas.axes
+    assert shortest.get_xlim() == longest.get_xlim()
+    assert shortest.get_title(loc="left") == "shortest frames, a result every 16 ms"
+    assert longest.get_title(loc="left") == "longest frames, a result every 41 ms, 1 lost in a row"
+    crosses = [line.get_xdata()[0] for line in longest.lines if line.get_marker() == "x"]
+    assert crosses == [82]
+    strong = to_rgb("#0072B2")  # the only rate: an exact velocity needs no block
+    assert [span[:2] for span in bars(longest) if span[2] == pytest.approx(strong)] == [(41, 123)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "width", "dark"),
+    [
+        ("60", None, True),
+        ("60", ONE_COLUMN, False),
+        ("log", ONE_COLUMN, True),
+        ("drive", None, False),
+        ("quadrotor", ONE_COLUMN, False),
+        ("no plant", ONE_COLUMN, False),
+    ],
+)
+def test_texts_can_be_read(name, width, dark):
+    with as_asked(width, dict(styles.library["dark_background"]) if dark else None):
+        canvas = plots.timing(load(SPECS[name]))
+    extents = []
+    for axes in canvas.axes:
+        left, right = axes.get_xlim()
+        texts = [*axes.texts, axes.title, axes._left_title, *axes.get_yticklabels()]
+        texts += [text for text in axes.get_xticklabels() if left <= text.get_position()[0] <= right]
+        texts += [axes.xaxis.label, axes.yaxis.label]
+        extents += [text.get_window_extent() for text in texts if text.get_text() and text.get_visible()]
+        for text in axes.texts:  # in bars of its colour, or on the ground
+            assert to_rgb(text.get_color()) in ((0, 0, 0), (1, 1, 1))
+    extents += [canvas._suptitle.get_window_extent(), canvas._supxlabel.get_window_extent()]
+    high, wide = canvas.bbox.y1, canvas.bbox.x1
+    for box in extents:
+        assert box.x0 >= -1
+        assert box.x1 <= wide + 1
+        assert box.y0 >= -1
+        assert box.y1 <= high + 1
+    for one, other in itertools.combinations(extents, 2):
+        assert not one.padded(-1.5).overlaps(other.padded(-1.5)), (one, other)
+
+
+def test_a_loop_in_which_nothing_runs_has_no_picture_of_time():
+    spec = load(
+        {
+            "rates": {"tick_hz": 10},
+            "block": {"m": {"type": "mass", "mass": 1}},
+            "wire": {"m.f": "push"},
+            "ports": {"inputs": {"push": {"signal": "push", "unit": "N"}}, "outputs": {"x": {"signal": "m.x", "unit": "m"}}},
+        }
+    )
+    with pytest.raises(UsageError, match="expected a block that runs in ticks"):
+        plots.timing(spec)
+
+
+@pytest.mark.slow
+def test_a_compiled_loop_draws_it_too():
+    assert len(wavesweep.compile(LATE).plot_timing().axes) == 2
