@@ -63,6 +63,7 @@ def test_a_rate_that_does_not_divide_is_refused_in_the_words_of_the_spec(frames)
         wavesweep.compile(spec).stable_intervals()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [0, 1])
 def test_delays_of_the_table_take_the_place_of_the_next_frame(lost):
     rows = []

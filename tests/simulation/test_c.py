@@ -168,11 +168,12 @@ def test_the_header_is_one_of_cpp_too(tmp_path):
 
 
 @pytest.mark.sample(2)
+@pytest.mark.parametrize(("slow_hz", "delay"), [(60.0, 5), (60.0, "frame"), (480.0, 3)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_rates_that_do_not_divide_are_exported_too(kind, tmp_path):
+def test_rates_that_do_not_divide_are_exported_too(kind, slow_hz, delay, tmp_path):
     need("gcc")
     effects = {"input": "noise", "duration_s": 0.5, "wall": 0.001, "late": 20, "dropped": 0.1, "amplitude": 5.0}
-    loop = {"controller": {"kind": kind}, "rates": {"slow_hz": 60.0}, "environment": {"K_VE": 100.0, "delay": 5}}
+    loop = {"controller": {"kind": kind}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 100.0, "delay": delay}}
     written(loop | {"simulate": effects}, tmp_path)
     check(tmp_path)
 

@@ -433,11 +433,9 @@ def _delay_margin(spec, wish, points):
     value = np.full(points.size, -1.0)
     certain = np.ones(points.size, bool)
     open_ = np.arange(points.size)  # those that are stable with every delay so far
-    longest = np.full(points.size, longest_delay(spec.values))
-    if timing := [path for path in points.changes if path == DELAY or path.startswith("rates.")]:
-        longest = _of_each(points, lambda own: longest_delay(spec.with_values(own).values), timing)
-    for added in range(longest.max() + 1):
-        open_ = open_[delay[open_] + added <= longest[open_]]
+    longest = longest_delay(spec.values)
+    for added in range(longest + 1):
+        open_ = open_[delay[open_] + added <= longest]
         if not open_.size:
             break
         changes = {path: column[open_] for path, column in points.changes.items()}
