@@ -107,7 +107,7 @@ def test_what_rates_that_do_not_divide_cannot_have_is_refused():
             SpecError, match="by a fraction of at least 2 after which both are in step again within 100000 ticks"
         ):
             spec_of("pmw", **tables)
-    with pytest.raises(SpecError, match="a whole number <= 17"):  # the longest frame
+    with pytest.raises(SpecError, match=r"a whole number <= 17 \(the longest frame, or \"frame\"\), found 18"):
         spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 18})
 
 

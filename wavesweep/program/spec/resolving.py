@@ -280,7 +280,8 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
         and number != values["rates.ratio"]
         and number > (most := longest_delay(values))
     ):
-        return f"a whole number <= {most} (rates.ratio)"
+        limit = "rates.ratio" if values["rates.ratio"] == most else 'the longest frame, or "frame"'
+        return f"a whole number <= {most} ({limit})"
     rate = values["rates.fast_hz"]
     if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:
         return f"at most {(LONGEST_DELAY - values['device.delay']) / rate:g} s, {LONGEST_DELAY} ticks with device.delay"
