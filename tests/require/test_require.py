@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 pytest.importorskip("wavesweep.simulation", reason="stress.drawings marches loops by it")
 from stress.drawings import NUMBERS, SPANS, monodromy, verdict
@@ -12,6 +13,7 @@ from support.specs import KINDS, nested, random_values
 
 import wavesweep
 from wavesweep.engine._monodromy.radius import errors_within, within
+from wavesweep.engine._search.lines_of_loops import range_of_lines
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import near_rates
 from wavesweep.program.analyses.own_design import own_design, own_lines
@@ -20,6 +22,8 @@ from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_table import KINDS as TABLES
 from wavesweep.program.tables.interval_table import intervals, rows_again
 from wavesweep.program.tables.specs import intervals_of_specs
+from wavesweep.require.disc_panels import OPEN
+from wavesweep.require.discs import Spiral
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {
@@ -501,3 +505,78 @@ def test_what_drifts_beside_another_drift_is_no_mode_that_misses_what_is_require
     radius = require.get("radius", 0.02 ** (1e-3 / 3.9))
     for end, inwards in ((row.low, 1 + 1e-6), (row.high, 1 - 1e-6)):
         assert slowest_of_drifting(*of(end * inwards)) < radius < slowest_of_drifting(*of(end / inwards))
+
+
+def damping_of_wall(K, slow_hz):
+    """The least damping ratio of a sampled wall with a spring at the hand, run tick by tick: decay over turns of the position.
+
+    What a mode turns in a frame is counted from tick to tick, so that nothing of it is lost in an alias.
+    """
+    m, d, spring, B, T = 0.1, 1.5, 1000.0, 1.0, 1e-3
+    frame = 50 if slow_hz == 60 else round(1000 / slow_hz)
+    instants = np.arange(3) * 1000 / 60 if slow_hz == 60 else np.zeros(1)
+    moved = expm(np.array([[0, 1, 0], [-spring / m, -d / m, -1 / m], [0, 0, 0]]) * T)
+    tick, sample, place = np.eye(4), np.eye(4), np.eye(4)  # position, velocity, the sample, the force in place
+    tick[:2, [0, 1, 3]] = moved[:2]
+    sample[2] = [K, B, 0, 0]
+    place[3] = [0, 0, 1, 0]
+
+    def marched(states):
+        positions = [states[0]]
+        for k in range(frame):
+            states = sample @ states if k in np.floor(instants) else states
+            states = place @ states if k in np.ceil(instants) else states
+            states = tick @ states
+            positions.append(states[0])
+        return states, np.array(positions)
+
+    z, vectors = np.linalg.eig(marched(np.eye(4))[0])
+    lasting = np.abs(z) > 0.01
+    _, positions = marched(vectors[:, lasting].astype(complex))
+    turned = np.angle(positions[1:] / positions[:-1]).sum(0)
+    decay = -np.log(np.abs(z[lasting]))
+    return (decay / np.hypot(decay, turned)).min()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("slow_hz", "ratio"), [(60, 0.1), (1000 / 16, 0.05), (1000 / 17, 0.1)])
+def test_a_damping_ratio_is_of_the_mode_s_own_line_and_not_of_its_alias(slow_hz, ratio):
+    """17 Hz is an alias of 2.7 Hz in the 50 ms in which 60 Hz and 1 kHz are in step; ratios of 16 and 17 are beside it."""
+    rates = {"slow_hz": 60} if slow_hz == 60 else {"ratio": round(1000 / slow_hz)}
+    loop = wavesweep.compile({"controller": {"kind": "dc-slow"}, "rates": rates, "operator": {"stiffness": 1000.0}})
+    (row,) = loop.stable_intervals("K_VE", (0, 2000), require={"damping_ratio": ratio}).itertuples()
+    assert (row.certified, row.low) == (True, 0.0)
+    assert damping_of_wall(row.high * (1 - 1e-6), slow_hz) > ratio > damping_of_wall(row.high * (1 + 1e-6), slow_hz)
+    assert 16 < row.high_hz < 18
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [7, 50])
+def test_a_damping_ratio_does_not_change_with_a_block_that_only_looks(every):
+    arm = {"type": "mass", "mass": 0.1, "damping": 3.0}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 60.0},
+        "block": {"arm": arm, "x": {"type": "hold", "every": 5}},
+        "wire": {"x.u": "arm.x", "arm.f": "-kp*x.y"},
+    }
+    seen = tables | {"block": tables["block"] | {"log": {"type": "hold", "every": every}}}
+    seen["wire"] = {"x.u": "arm.x", "log.u": "arm.x", "arm.f": "-kp*x.y - 1e-9*log.y"}
+    one, other = (
+        wavesweep.compile(each).stable_intervals("kp", (0.0, 2000.0), require={"damping_ratio": 0.1}) for each in (tables, seen)
+    )
+    assert one.certified.all()
+    assert other.certified.all()
+    assert one.high_hz[0] > 10  # half the rate of a frame of 50 ms
+    np.testing.assert_allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-8)
+
+
+def test_a_mode_whose_line_cannot_be_told_is_in_doubt():
+    """As much of its energy is at 1.6 as at 48.4 Hz, an image of it in a frame of two ticks of 10 ms."""
+    told = range_of_lines(np.exp(1j * np.array([[0.1, 0.1 + np.pi], [0.1, 0.1]])), np.array(-0.1 + 0.2j), np.array(0.02))
+    own, lowest, highest = told
+    assert lowest == pytest.approx(0.2 / 2 / np.pi / 0.02)
+    assert highest == pytest.approx((2 * np.pi - 0.2) / 2 / np.pi / 0.02)
+    place = Spiral(0.1, ticks=2).told(2 * np.pi * 0.02 * np.array([[[own, lowest, highest]]]))
+    delta = np.array([[np.expm1(-0.1 + 0.2j)]])  # a ratio of 0.45 at the lowest line, of 0.016 at the highest
+    assert place.label(delta, np.zeros((1, 1)), place.room(delta)).tolist() == [OPEN]

@@ -12,7 +12,13 @@ from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.poles import eigenvalues, least_damping, radius_of, size_gone
+from wavesweep.engine.poles import (
+    eigenvalues,
+    least_damping,
+    lines_of_each,
+    radius_of,
+    size_gone,
+)
 from wavesweep.engine.response import Lifted, Response, ports_of_batch, respond
 from wavesweep.engine.rows import Rows, distinct_rows
 from wavesweep.haptics.controller_page import keys_of_page
@@ -22,7 +28,7 @@ from wavesweep.program.analyses.interval_jobs import at_points
 from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, SETTLED
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
-from wavesweep.program.sweep.grid import drawn_groups
+from wavesweep.program.sweep.grid import drawn_groups, frames_per_clock
 
 UNSEEN = 1e-4  # how small the last coefficients of a piece have to be compared with the mean; the error is far less
 DENSE = 8 * NODES  # points of a piece among which a least value is looked for
@@ -31,6 +37,7 @@ BATCH = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
 BEGUN = 1e-9  # of the range of walls: ratios begin there, as at no wall the numbers that follow it leave a drift
 DELAY = "environment.delay"
+TOLD = 1e-9  # between least damping ratios by several lines of modes, that are the same
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -449,13 +456,26 @@ def _delay_margin(spec, wish, points):
 
 def _damping_ratio(spec, wish, loops, size):
     """Least damping ratio of the modes that count; 0 or negative if the loop is unstable."""
-    del spec
     E, certain = _frames(loops, size)
     drawn = loops.drawn()
     (seconds,) = wish.options.get("slower_than", (0.0,))
     (modes,) = wish.options.get("modes", (ALL_MODES,))
-    gone = size_gone(drawn.period * drawn.ticks, seconds)
-    least, sure = least_damping(E, gone, pairs=modes == OSCILLATING)
+    period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    gone = size_gone(period, seconds, 1 / frames_per_clock(spec, loops))
+    pairs = modes == OSCILLATING
+    if drawn.ticks == 1:
+        least, sure = least_damping(E, gone, pairs=pairs)
+        return np.where(certain, least, np.nan), certain & sure
+    delta, _ = eigenvalues(E)
+    with np.errstate(all="ignore"):
+        exponents = [*np.moveaxis(np.log1p(delta), -1, 0)[..., None]]
+        lines = np.stack([*lines_of_each(loops.read, exponents, ranges=True)], axis=1)
+    # The wish has the ratio by the own line; it is sure if no line that may be the own one makes another ratio the least.
+    own, lowest, highest = (2 * np.pi * period[:, None] * lines[..., at] for at in range(3))
+    least, sure = least_damping(E, gone, pairs=pairs, turns=own)
+    for turns in (lowest, highest):
+        other, _ = least_damping(E, gone, pairs=pairs, turns=turns)
+        sure &= np.abs(other - least) <= TOLD
     return np.where(certain, least, np.nan), certain & sure
 
 

@@ -13,9 +13,10 @@ from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import GainBound
 
+IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 BY_DISCS, BY_GAIN = (
-    0.1,
+    0.6,
     1.0,
 )  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
@@ -64,7 +65,10 @@ class Bound:
 
     def over(self, frames: float) -> "Bound":
         """The same per frame, of which so many are what the radius is per."""
-        return replace(self, radius=self.radius ** (1 / frames))
+        damped = self.damped
+        if damped:
+            damped = damped._replace(clocks=damped.clocks / frames)
+        return replace(self, radius=self.radius ** (1 / frames), damped=damped)
 
     def radius_of(self, period) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s.
@@ -98,17 +102,26 @@ class Bound:
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
         ratio = self.damped.ratio if self.damped else 0.0
-        spiral = -omega * period * ratio / np.sqrt(1 - ratio**2)
         gone = self.damped.gone(period) if self.damped else GONE
-        sizes = np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(gone))], -1)
-        return sizes + 1j * (omega * period)[..., None]
+        theta = omega * period
+        sizes = [np.log(self.radius_of(period))]
+        for line in range(-IMAGES, IMAGES + 1):
+            spiral = -np.abs(theta + 2 * np.pi * line) * ratio / np.sqrt(1 - ratio**2)
+            sizes.append(np.maximum(spiral, np.log(gone)))
+        return np.stack(sizes, -1) + 1j * theta[..., None]
 
-    def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
+    def intervals(
+        self, frames, errors, turns, ticks: int, span, columns: int, period, bounds, resolved
+    ) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
         from wavesweep.require.by_discs import along_by_discs
 
-        place = RequiredCircle() if self.bounded else self.damped.spiral(period)
-        return along_by_discs(frames, errors, span, columns, period, bounds, resolved, place)
+        if self.bounded:
+            place, turns = RequiredCircle(), None
+        else:
+            place = self.damped.spiral(period, ticks)
+            turns = turns if ticks > 1 else None
+        return along_by_discs(frames, errors, turns, span, columns, period, bounds, resolved, place)
 
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals
@@ -121,15 +134,19 @@ class Bound:
         loops = loops._replace(drawing=drawing)
         return along_gain(loops, along, span, period, bounds, resolved, route, self.gain, stable)
 
-    def beyond(self, delta, period: float) -> np.ndarray:
-        """By how much eigenvalues less 1 of a loop miss what is required of modes, in the logarithm."""
+    def beyond(self, delta, turns, period: float) -> np.ndarray:
+        """By how much eigenvalues less 1 of a loop miss what is required of modes, in the logarithm.
+
+        turns: what their modes turn in a frame (rad), by their lines in the spectrum.
+        """
         if self.bounded:
             return RequiredCircle().beyond(delta)
         with np.errstate(divide="ignore"):
             of_size = np.log(np.abs(1 + delta)) - np.log(self.radius_of(period))
         if not self.damped:
             return of_size
-        return np.maximum(of_size, self.damped.spiral(np.array([period])).beyond(delta)[0])
+        spiral = self.damped.spiral(np.array([period]), 1).told(turns[None, :, None])
+        return np.maximum(of_size, spiral.beyond(delta[None])[0])
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""

@@ -1,17 +1,21 @@
 """Intervals in which the eigenvalues of a loop are where they have to be, along any number, by discs about them."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from wavesweep.engine.frames import blocks_of, level, pole_inside
 from wavesweep.engine.intervals import EXACT, NEAR_ZERO, Intervals
 from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
-from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
+from wavesweep.require.discs import HIGHEST, LOWEST, OWN, RequiredCircle, Spiral, verdicts
 
 MANY = 1024  # panels of a column that may be open
 LARGE = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
+NEXT_TO = (
+    2.0  # times the distance of the nearest eigenvalue, up to which one may be of the same mode
+)
 TYPICAL = (
     0.53,
     0.37,
@@ -25,7 +29,15 @@ TYPICAL = (
 
 
 def along_by_discs(
-    frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | RequiredCircle
+    frames,
+    errors,
+    turns,
+    span,
+    columns: int,
+    period,
+    bounds,
+    resolved,
+    place: Spiral | RequiredCircle,
 ) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all eigenvalues are in their place, per column.
 
@@ -39,12 +51,12 @@ def along_by_discs(
     `panels`. Diagonal blocks go apart.
     Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its eigenvalues there.
     """
-    loops, known = _loops_of(frames, errors, span, columns, place)
+    loops, known = _loops_of(frames, errors, turns, span, columns, place)
     ends = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, np.full(columns, BEGUN))
     return along_panels(loops, known, span, period, bounds, resolved, ends)
 
 
-def _loops_of(frames, errors, span, columns, place):
+def _loops_of(frames, errors, turns, span, columns, place):
     """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the columns with known frames."""
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
     column = np.repeat(np.arange(columns), points.size)
@@ -58,20 +70,22 @@ def _loops_of(frames, errors, span, columns, place):
     for block in blocks_of(nonzero):
         same_block = block[:, None], block
         if nonzero[same_block].any():
-            loops.append(_LoopsInDiscs(frames, errors, np.flatnonzero(known), states, block, place))
+            some = np.flatnonzero(known)
+            loops.append(_LoopsInDiscs(frames, errors, turns, some, states, block, place))
             place.refuse(E[finite][:, *same_block])
     return loops, known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoopsInDiscs:
-    """A diagonal block of the frames, which have so many states, of some columns; frames, errors: of all columns.
+    """A diagonal block of the frames, which have so many states, of some columns; frames, errors, turns: of all columns.
 
     A judge of `panels`; place: of the eigenvalues.
     """
 
     frames: object
     errors: object
+    turns: object
     columns: np.ndarray
     states: int
     block: np.ndarray
@@ -134,15 +148,66 @@ class _LoopsInDiscs:
         inside = np.flatnonzero(inside_range)
         if inside.size:
             place = self.place.at(self.columns[column[inside]])
-            label[inside] = verdicts(E[inside], dE[inside], rims[inside], place)
+            lines = None
+            if self.turns:
+                lines = partial(self.lines_on_panels, column[inside], low[inside], high[inside])
+            label[inside] = verdicts(E[inside], dE[inside], rims[inside], place, lines)
         return label
+
+    def lines_on_panels(self, column, low, high, delta, asked):
+        """What the modes of eigenvalues less 1 in the middles of panels turn in a frame (rad) anywhere on them, `(n, r, 3)`.
+
+        They are asked about of some modes, a mask `(n, r)`; the others have their angles. Lines are told in the middle and at
+        both ends; a mode may have any that it, or one next to it there, may have.
+        """
+        some = np.flatnonzero(asked.any(-1))
+        owner = self.columns[column[some]]
+        middle = delta[some]
+        told = self.told(owner, (low[some] + high[some]) / 2, middle, asked[some])
+        lowest = told[..., LOWEST]
+        highest = told[..., HIGHEST]
+        for p in (low[some], high[some]):
+            E, _ = self.at(column[some], p)
+            finite = np.isfinite(E).all((-1, -2))
+            there = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
+            distance = np.abs(there[:, :, None] - middle[:, None, :])
+            nearest = distance.min(1, keepdims=True)
+            near = distance <= NEXT_TO * nearest + np.finfo(float).eps
+            lines = self.told(owner, p, there, (near & asked[some][:, None, :]).any(-1))
+            least = np.where(near, lines[..., LOWEST, None], np.inf).min(1)
+            most = np.where(near, lines[..., HIGHEST, None], 0.0).max(1)
+            lowest = np.minimum(lowest, least)
+            highest = np.maximum(highest, np.where(finite[:, None], most, np.inf))
+        turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
+        ranges = np.stack([told[..., OWN], lowest, highest], -1)
+        turns[some] = np.where(asked[some][..., None], ranges, turns[some])
+        return turns
+
+    def told(self, columns, p, delta, asked):
+        """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The others may have their angles."""
+        turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
+        conjugate = np.abs(delta[:, :, None] - delta.conj()[:, None, :]).argmin(-1)
+        asked = asked | np.take_along_axis(asked, conjugate, 1)
+        upper = asked & (delta.imag >= 0)
+        most = upper.sum(-1).max(initial=0)
+        if not most:
+            return turns
+        order = np.argsort(~upper, axis=-1, kind="stable")[:, :most]
+        lines = self.turns(columns, p, np.take_along_axis(delta, order, 1))
+        np.put_along_axis(turns, order[..., None], lines, 1)
+        of_conjugate = np.take_along_axis(turns, conjugate[..., None], 1)
+        return np.where((asked & ~upper)[..., None], of_conjugate, turns)
 
     def worst(self, column, p):
         """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how much."""
         E, _ = self.at(np.full(p.size, np.searchsorted(self.columns, column)), p)
         finite = np.isfinite(E).all((-1, -2))
         delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
-        beyond = self.place.at(np.full(p.size, column)).beyond(delta)
+        place = self.place.at(np.full(p.size, column))
+        if self.turns:
+            asked = place.turning(delta)
+            place = place.told(self.told(np.full(p.size, column), p, delta, asked))
+        beyond = place.beyond(delta)
         loop = np.arange(p.size)
         most = beyond.argmax(-1)
         return delta[loop, most], beyond[loop, most]

@@ -13,23 +13,29 @@ if TYPE_CHECKING:
 
 
 class Damped(NamedTuple):
-    """The least damping ratio of some modes: those with the word `modes`, without those that fall to 1/e in `slower_than` s."""
+    """The least damping ratio of some modes: those with the word `modes`, without those that fall to 1/e in `slower_than` s.
+
+    clocks: of the spec in a frame.
+    """
 
     ratio: float
     modes: str = ALL_MODES
     slower_than: float = 0.0
+    clocks: float = 1.0
 
     def gone(self, period: np.ndarray) -> np.ndarray:
         """The size of an eigenvalue below which a mode needs no damping ratio, by the frame's period (s)."""
         from wavesweep.engine.poles import size_gone
 
-        return size_gone(period, self.slower_than)
+        return size_gone(period, self.slower_than, self.clocks)
 
-    def spiral(self, period: np.ndarray) -> Spiral:
-        """Where the eigenvalues have to be; period: of the frame of each column (s)."""
+    def spiral(self, period: np.ndarray, ticks: int) -> Spiral:
+        """Where the eigenvalues have to be; period: of the frame of each column (s), of so many ticks."""
         from wavesweep.require.discs import Spiral
 
-        return Spiral(self.ratio, self.gone(period).reshape(-1, 1), self.modes == OSCILLATING)
+        return Spiral(
+            self.ratio, self.gone(period).reshape(-1, 1), self.modes == OSCILLATING, ticks
+        )
 
     def words(self) -> str:
         """What is required, in words."""

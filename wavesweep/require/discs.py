@@ -15,6 +15,7 @@ FINE = 0.1  # what an inverse of eigenvectors may be off by
 # Of the largest coefficient of a characteristic polynomial, by how much it may differ read
 # backwards.
 CONSERVING = 1e-10
+OWN, LOWEST, HIGHEST = range(3)  # lines of a mode: the strongest, and those that it may be
 GROWN = 1e4  # entry of a frame, from which on nothing is left of that
 
 
@@ -22,20 +23,39 @@ GROWN = 1e4  # entry of a frame, from which on nothing is left of that
 class Spiral:
     """The eigenvalues of modes with at least the damping ratio `ratio`, above 0 and below 1.
 
-    A mode of the frame's eigenvalue z has s = log(z)/T, the principal logarithm, T being the time of the frame, and the damping
-    ratio `-Re s/|s|`. So z has to be within `r = exp(-c |angle|)`, `c = ratio/sqrt(1 - ratio^2)`, or within `gone` of 0, a
-    number or `(columns, 1)`. pairs: whether complex pairs alone have to, and real eigenvalues only within the unit circle. One
+    A frame of T seconds shows a mode `exp(s t)` as its eigenvalue `z = exp(s T)`, which has the frequency up to whole turns: of
+    all `Im s T = angle + 2 pi m` it is that of the strongest line in the spectrum of the states, the number `turns` (rad, not
+    negative; the own, the lowest and the highest one that may be it, see `FramesAlong.turns`; without any, the angle). Its
+    damping ratio is `-Re s/|s|`. So with `c = ratio/sqrt(1 - ratio^2)` and w = turns it has the ratio where
+
+        log |z| + c w <= 0,
+
+    or where z is within `gone` of 0, a number or `(columns, 1)`. In a disc of radius r about z the logarithm moves by less than
+    `-log(1 - r/|z|)`, which is less than the distance `|log |z| + c w|/sqrt(1 + c^2)` from that line for
+    `r < |z| (1 - exp(-|log |z| + c w|/sqrt(1 + c^2)))`: then the whole disc is on one side, whatever branch w is of. Where
+    several lines are about as strong, turns has the lowest and the highest one: a mode has the ratio if it has it by the
+    highest, and has not if it has not by the lowest. Every w is at least the angle of z, and at most half a turn per tick.
+
+    ticks: of a frame. pairs: whether complex pairs alone have to, and real eigenvalues below 0 only within the unit circle. One
     that is alone in a disc about a real number is real, as its conjugate is in the disc too.
     """
 
     ratio: float
     gone: object = GONE
     pairs: bool = False
+    ticks: int = 1
+    turns: np.ndarray | None = None
     smooth: ClassVar[bool] = True
 
     def at(self, columns) -> "Spiral":
         """The same for some of the columns, by an index or a mask."""
-        return replace(self, gone=self.gone[columns]) if np.ndim(self.gone) else self
+        gone = self.gone[columns] if np.ndim(self.gone) else self.gone
+        turns = None if self.turns is None else self.turns[columns]
+        return replace(self, gone=gone, turns=turns)
+
+    def told(self, turns: np.ndarray) -> "Spiral":
+        """The same with what modes turn, `(n, r, 3)`."""
+        return replace(self, turns=turns)
 
     @property
     def c(self) -> float:
@@ -44,8 +64,8 @@ class Spiral:
 
     @property
     def least(self) -> float:
-        """The size up to which eigenvalues may have any angle."""
-        return np.maximum(self.gone, np.exp(-np.pi * self.c))
+        """The size up to which eigenvalues may turn by any number: at most half a turn per tick."""
+        return np.maximum(self.gone, np.exp(-np.pi * self.c * self.ticks))
 
     @property
     def small(self) -> float:
@@ -55,13 +75,20 @@ class Spiral:
     def refuse(self, E) -> None:
         """Every loop can be damped."""
 
-    def beyond(self, delta):
-        """By how much eigenvalues `1 + delta` are outside, in the logarithm."""
+    def turning(self, delta) -> np.ndarray:
+        """Of which eigenvalues `1 + delta` it matters what they turn: they have the ratio by their angles, and not by any turns."""
         with np.errstate(all="ignore"):
-            s = np.log1p(delta)
-            angle = np.where(self._free(delta), 0.0, np.abs(s.imag))
-            of_spiral = s.real + self.c * angle
-            of_gone = s.real - np.log(self.gone)
+            size = np.log(np.abs(1 + delta))
+            by_angle = size + self.c * np.abs(np.angle(1 + delta)) <= 0
+            return by_angle & (size > np.log(self.least))
+
+    def beyond(self, delta, line=OWN):
+        """By how much eigenvalues `1 + delta` are outside, in the logarithm, by their own line, the lowest or the highest."""
+        turns = np.abs(np.angle(1 + delta)) if self.turns is None else self.turns[..., line]
+        with np.errstate(all="ignore"):
+            size = np.log(np.abs(1 + delta))
+            of_spiral = size + self.c * np.where(self._free(delta), 0.0, turns)
+            of_gone = size - np.log(self.gone)
             return np.where(delta == -1, -np.inf, np.minimum(of_spiral, of_gone))
 
     def _free(self, delta):
@@ -70,30 +97,31 @@ class Spiral:
 
     def room(self, delta):
         """How large discs may be that are on one side."""
-        c = self.c
         z = np.abs(1 + delta)
-        s = np.log1p(delta)
-        x = s.real
-        y = np.abs(s.imag)
-        upper = _distance(x, y, c)
-        lower = _distance(x, 2 * np.pi - y, c)  # on the other side of the spiral's end
-        of_spiral = -z * np.expm1(-np.minimum(upper, lower))
-        outside = x + c * y > 0
-        of_spiral = np.where(outside, np.minimum(of_spiral, z - self.gone), of_spiral)
+        lowest = self.beyond(delta, LOWEST)
+        highest = self.beyond(delta, HIGHEST)
+        slope = np.sqrt(1 + self.c**2)
+        with np.errstate(invalid="ignore"):
+            inside = -z * np.expm1(np.minimum(highest, 0.0) / slope)
+            outside = -z * np.expm1(-np.maximum(lowest, 0.0) / slope)
+        outside = np.minimum(outside, z - self.gone)
+        room = np.where(lowest > 0, outside, np.where(highest < 0, inside, 0.0))
         if self.pairs:
             # Outside, a pair of a negative real part must not become real; real ones may be
             # anywhere in the circle.
-            becoming_real = outside & (delta.real < -1)
-            to_real = np.minimum(of_spiral, np.abs(delta.imag))
-            of_spiral = np.where(becoming_real, to_real, of_spiral)
-            of_spiral = np.where(self._free(delta), 1 - z, of_spiral)
-        return np.fmax.reduce([of_spiral, self.least - z, z - 1])
+            becoming_real = (lowest > 0) & (delta.real < -1)
+            room = np.where(becoming_real, np.minimum(room, np.abs(delta.imag)), room)
+            # A real one above 0 is no pair, and yet it may turn by whole turns: it is not told what it needs.
+            alone = (lowest > 0) & (z < 1) & (delta.imag == 0) & (delta.real > -1)
+            room = np.where(alone, 0.0, room)
+            room = np.where(self._free(delta), 1 - z, room)
+        return np.fmax.reduce([room, self.least - z, z - 1])
 
     def label(self, delta, radius, room):
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`; room: see there."""
         z = 1 + delta
         clear = radius < room
-        outside = self.beyond(delta) > 0
+        outside = self.beyond(delta, LOWEST) > 0
         free = self._free(delta)
         if free.any():
             alone = ~_meeting(z, radius, z, radius)
@@ -158,14 +186,17 @@ class RequiredCircle:
         return np.where(bad, BAD, np.where(good, GOOD, OPEN))
 
 
-def verdicts(E, dE, rims, place):
+def verdicts(E, dE, rims, place, lines=None):
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice the size about them.
 
-    place: `Spiral` or `RequiredCircle`.
+    place: `Spiral` or `RequiredCircle`. lines: gives what the modes of eigenvalues less 1 in the middles turn on their panels,
+    `(n, r, 3)`, where a spiral asks for it.
     """
     n = E.shape[-1]
     label = np.full(len(E), OPEN)
     delta, V = _vectors(E, place.small)
+    if lines:
+        place = place.told(lines(delta, place.turning(delta)))
     with np.errstate(all="ignore"):
         W = inverse(V)
         sizes_W = np.abs(W)
@@ -246,9 +277,3 @@ def _with_others(delta, radius, some):
     for _ in range(delta.shape[-1] - 1):
         some = some | (meet & some[:, None, :]).any(-1)
     return some
-
-
-def _distance(x, y, c):
-    """The distance of points from the segment that the spiral's half with angles up to pi is in the logarithm."""
-    at = np.clip((y - c * x) / (1 + c**2), 0, np.pi)
-    return np.hypot(x + c * at, y - at)

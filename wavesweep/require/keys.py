@@ -48,8 +48,8 @@ KEYS = Key.by_path(
             "sweep.require.damping_ratio",
             None,
             "1",
-            "find the intervals in which every mode has this damping ratio or more, by the principal logarithm of its "
-            "eigenvalue",
+            "find the intervals in which every mode has this damping ratio or more, at the line that a spectrum "
+            "shows of it (of its images from frame to frame the strongest one)",
             low=0.001,
             high=0.999,
         ),

@@ -14,6 +14,7 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.radius import errors_within, within
+from wavesweep.engine._search.lines_of_loops import lines_of_each
 from wavesweep.engine._search.open_loops import TINY
 from wavesweep.engine._search.question import Question
 from wavesweep.engine._stability.intervals import Intervals
@@ -112,6 +113,21 @@ class FramesAlong:
             E, *facts = ticks.frames(label, self.loops.values[self.shared][number])
             return _frames(self.drift.removed_from(E), facts, p.shape)
         return None
+
+    def turns(self, number, p, delta) -> np.ndarray:
+        """What modes turn in a frame (rad) by `range_of_lines`, `(n, r, 3)`; delta: their eigenvalues less 1 at p, `(n, r)`.
+
+        Infinite are the highest ones of loops without a solution.
+        """
+        period = self.period[number][:, None, None]
+        angle = np.abs(np.angle(1 + delta))
+        told = np.stack([angle, angle, np.full(angle.shape, np.inf)], axis=-1)
+        with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+            loops = self._at(number, np.where(p == 0, TINY, p))
+            modes = [np.log1p(delta[:, [at]]) for at in range(delta.shape[-1])]
+            lines = np.stack([*lines_of_each(loops, modes, ranges=True)], axis=1)
+            told = 2 * np.pi * period * lines
+        return told
 
     def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.

@@ -31,6 +31,7 @@ BESIDE, ROUNDED = (
 )  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
 FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
+TIE = 0.2  # of the energy of a mode, by which a line has to be behind the strongest one to be told from it
 SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
 REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
 
@@ -41,12 +42,18 @@ def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
     return lines
 
 
-def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
-    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once."""
+def lines_of_each(
+    loops: Loops, modes: Sequence[np.ndarray], *, ranges: bool = False
+) -> Iterator[np.ndarray]:
+    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once.
+
+    ranges: whether `range_of_lines` is wanted in place of `lines_of`.
+    """
+    told = range_of_lines if ranges else lines_of
     drawn, drift, size = loops.drawn(), loops.drift(), len(modes[0]) if modes else 0
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     if drawn.ticks == 1:
-        yield from (lines_of(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
+        yield from (told(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
         return
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         ticks, _ = drift.relative_ticks(Ticks.of(drawn, alone=True, terms=True))
@@ -72,7 +79,7 @@ def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndar
             rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
             moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
             moved[~shown] = 0.0
-            yield lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+            yield told(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
 
 
 def _shown_by(
@@ -283,6 +290,38 @@ def lines_of(moved, s, period) -> np.ndarray:
     moved: `(..., states, ticks)`. s: logarithm of the eigenvalue, and period of the frame (s), `(...)`. The share of a line is
     its mean share in the energy of each state, whatever their units are. If all of them rest, the line is that of s itself.
     """
+    share, turns, conjugate = _shares_of_lines(moved, s)
+    index = np.arange(turns.size)
+    first = np.argmax(share, -1)[..., None]
+    rest = np.where(
+        (index == first) | (index == np.take_along_axis(conjugate, first, -1)), 0.0, share
+    )
+    both = np.concatenate([first, np.argmax(rest, -1)[..., None]], -1)
+    hz = np.abs(s.imag[..., None] / (2 * np.pi) + turns[both]) / np.asarray(period)[..., None]
+    hz[..., 1] = np.where(rest.max(-1) > SECOND, hz[..., 1], np.nan)
+    return hz
+
+
+def range_of_lines(moved, s, period) -> np.ndarray:
+    """Return the strongest line of modes (Hz), and the lowest and the highest one that may be it, `(..., 3)`; see `lines_of`.
+
+    A line may be the strongest if its share is within TIE of the largest one: so far apart that neither rounding nor values
+    next to these move the others past it. Any may be of a mode whose states are not known.
+    """
+    share, turns, _ = _shares_of_lines(moved, s)
+    hz = np.abs(s.imag[..., None] / (2 * np.pi) + turns) / np.asarray(period)[..., None]
+    unknown = ~np.isfinite(moved).all((-1, -2))[..., None]
+    strongest = np.argmax(share, -1)[..., None]
+    largest = np.take_along_axis(share, strongest, -1)
+    tied = (share >= largest - TIE) & (share > 0) | unknown
+    own = np.take_along_axis(hz, strongest, -1)
+    lowest = np.minimum(own, np.where(tied, hz, np.inf).min(-1, keepdims=True))
+    highest = np.maximum(own, np.where(tied, hz, 0.0).max(-1, keepdims=True))
+    return np.concatenate([own, lowest, highest], -1)
+
+
+def _shares_of_lines(moved, s):
+    """The share of each line in modes, its turns per frame, and which line is that of the conjugate; see `lines_of`."""
     ticks, theta = moved.shape[-1], s.imag[..., None]
     turns, index = np.round(np.fft.fftfreq(ticks) * ticks).astype(int), np.arange(ticks)
     with np.errstate(all="ignore"):
@@ -294,14 +333,7 @@ def lines_of(moved, s, period) -> np.ndarray:
     half = np.where(np.abs(theta) >= np.pi - REAL, np.sign(theta), 0).astype(int)
     conjugate = np.where((np.abs(theta) <= REAL) | (half != 0), (-turns - half) % ticks, index)
     share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
-    first = np.argmax(share, -1)[..., None]
-    rest = np.where(
-        (index == first) | (index == np.take_along_axis(conjugate, first, -1)), 0.0, share
-    )
-    both = np.concatenate([first, np.argmax(rest, -1)[..., None]], -1)
-    hz = np.abs(theta / (2 * np.pi) + turns[both]) / np.asarray(period)[..., None]
-    hz[..., 1] = np.where(rest.max(-1) > SECOND, hz[..., 1], np.nan)
-    return hz
+    return share, turns, conjugate
 
 
 def share_of_first(observed, ticks, s) -> np.ndarray:

@@ -27,7 +27,7 @@ class RequiredRegion(Protocol):
     gain: object
     of_modes: "RequiredRegion | None"
 
-    def over(self, frames: int) -> "RequiredRegion":
+    def over(self, frames: float) -> "RequiredRegion":
         """The same for so many frames in place of one."""
 
     def radius_of(self, period) -> np.ndarray:
@@ -36,8 +36,13 @@ class RequiredRegion(Protocol):
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(..., bounds)`."""
 
-    def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
-        """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`."""
+    def intervals(
+        self, frames, errors, turns, ticks: int, span, columns: int, period, bounds, resolved
+    ) -> Intervals:
+        """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`.
+
+        turns: what modes turn in a frame of so many ticks, see `FramesAlong.turns`.
+        """
 
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals

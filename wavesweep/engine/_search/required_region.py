@@ -23,6 +23,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     inside = bound.intervals(
         frames.frames,
         frames.errors,
+        frames.turns,
+        slices.loops.drawn().ticks,
         question.span,
         slices.size,
         frames.period,

@@ -119,31 +119,44 @@ def excess(delta: np.ndarray) -> np.ndarray:
         return 2 * delta.real + delta.real**2 + delta.imag**2
 
 
-GONE = 0.1  # size of an eigenvalue below which a mode is over within a frame, and its damping ratio says nothing
+GONE = 0.1  # share of a mode below which it is over within a clock of its spec, and its damping ratio says nothing
+LOST = 1e-6  # the same within a frame, however many clocks it has: what is left of a smaller one is rounding
 
 
-def damping_ratio(delta: np.ndarray) -> np.ndarray:
-    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
+def damping_ratio(delta: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0.
+
+    turns: `Im s T` of the mode's line in the spectrum, of which the eigenvalue has an image; by default its angle.
+    """
     with np.errstate(all="ignore"):
         s = np.log1p(delta)
+        s = s if turns is None else s.real + 1j * turns
         ratio = -s.real / np.abs(s)
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 
-def size_gone(period: np.ndarray | float, seconds: float) -> np.ndarray:
-    """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many seconds, or is below GONE.
+def size_gone(period: np.ndarray | float, seconds: float, clocks: float = 1.0) -> np.ndarray:
+    """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many seconds, to GONE in a clock of
+    its spec, or to LOST in a frame.
 
-    period: of the frame (s).
+    period: of the frame (s), which takes so many clocks.
     """
+    over = max(GONE ** max(clocks, 1.0), LOST)
     if not seconds:
-        return np.full(np.shape(period), GONE)
-    return np.maximum(GONE, np.exp(-np.asarray(period, float) / seconds))
+        return np.full(np.shape(period), over)
+    return np.maximum(over, np.exp(-np.asarray(period, float) / seconds))
 
 
 def least_damping(
-    E: np.ndarray, gone: np.ndarray | float = GONE, *, pairs: bool = False
+    E: np.ndarray,
+    gone: np.ndarray | float = GONE,
+    *,
+    pairs: bool = False,
+    turns: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
+
+    turns: of each of the `eigenvalues` what its mode turns in a frame (rad), by its line in the spectrum; by default its angle.
 
     One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit circle. The ratio is known if no
     rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower ratio, at the
@@ -155,12 +168,15 @@ def least_damping(
     real_left_out = np.zeros(left_out.shape, bool)
     if pairs:
         real_left_out = (delta.imag == 0) & (size < 1) & ~left_out
-    ratios = np.where(left_out | real_left_out, 1.0, np.nan_to_num(damping_ratio(delta)))
+    angle = np.abs(np.angle(1 + delta))
+    turns = angle if turns is None else turns
+    ratio = damping_ratio(delta, turns)
+    ratios = np.where(left_out | real_left_out, 1.0, np.nan_to_num(ratio))
     least = ratios.min(-1, initial=1.0)
     balanced, _ = balance(np.where(finite[..., None, None], E, 0.0))
     lower = np.clip(least - TELLING, -1 + TELLING, None)
-    spiral = np.abs(np.angle(1 + delta)) * (1j - lower / np.sqrt(1 - lower**2))[:, None]
-    spiral = np.maximum(spiral.real, np.log(np.reshape(gone, (-1, 1)))) + 1j * spiral.imag
+    size_there = -turns * (lower / np.sqrt(1 - lower**2))[:, None]
+    spiral = np.maximum(size_there, np.log(np.reshape(gone, (-1, 1)))) + 1j * angle
     rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
     far = _smallest(balanced, np.expm1(spiral)) > rounding[:, None]
     if pairs:

@@ -8,31 +8,32 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.poles import damping_ratio, eigenvalues, named_modes
+from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_of_each, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 
 PLACES = 33  # of the span, at which the modes are looked at
 LARGEST = 200  # states of a loop whose modes are looked at: a tenth of a second at each place
 STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
 
-Beyond = Callable[[np.ndarray, float], np.ndarray]
-"""By how much eigenvalues less 1 are outside of where they have to be; the second argument is the frame's period (s)."""
+Beyond = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
+"""By how much eigenvalues less 1 are outside of where they have to be, from these, what their modes turn in a frame by their
+lines in the spectrum (rad), and the frame's period (s)."""
 
 
-def outside(delta: np.ndarray, _: float) -> np.ndarray:
+def outside(delta: np.ndarray, _: np.ndarray, __: float) -> np.ndarray:
     """By how much eigenvalues less 1 are outside of the unit circle, in the logarithm."""
     with np.errstate(divide="ignore"):
         return np.log(np.abs(1 + delta))
 
 
 def mode_in_the_way(
-    loops: Loops, along: str, span: tuple[float, float], beyond: Beyond
+    loops: Loops, along: str, span: tuple[float, float], beyond: Beyond, *, by_lines: bool = False
 ) -> dict[str, Any]:
     """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a loop, or a large one.
 
     loops: a single loop. along: path of the number, span: its range. value: of the number, one of PLACES in it. z_re, z_im: the
-    eigenvalue of a frame. hz: frequency of the mode from frame to frame. time_constant_s: in which it falls to 1/e, negative if
-    it grows, None if it stays. states: that take part.
+    eigenvalue of a frame. hz, damping_ratio: of its strongest line in the spectrum. time_constant_s: in which it falls to 1/e, negative if
+    it grows, None if it stays. states: that take part. by_lines: whether what is beyond depends on the lines.
     """
     nearest, found = np.inf, {}
     for value in np.linspace(*span, PLACES + 2)[1:-1].tolist():
@@ -44,10 +45,14 @@ def mode_in_the_way(
             E = loop.frames(drift)
             names, (delta, shares) = named_modes(E.reshape(E.shape[-2:]), drawn, drift)
             period = float(np.ravel(drawn.period)[0]) * drawn.ticks
-            amount = beyond(delta, period)
+            turns = np.abs(np.angle(1 + delta))
+            if by_lines:
+                turns = turns_of_modes(loop, delta)
+            amount = beyond(delta, turns, period)
             if delta.size and amount.max() < nearest:
                 nearest, worst = amount.max(), int(amount.argmax())
-                found = _described(value, complex(delta[worst]), period) | {
+                (turned,) = turns_of_modes(loop, delta[[worst]])
+                found = _described(value, complex(delta[worst]), turned, period) | {
                     "states": leading(names, shares[worst])
                 }
     return found
@@ -66,16 +71,26 @@ def conserves(loops: Loops) -> bool:
     return only_oscillates(eigenvalues(E)[0].ravel())
 
 
-def _described(value: float, delta: complex, period: float) -> dict[str, Any]:
+def turns_of_modes(loop: Loops, delta: np.ndarray) -> np.ndarray:
+    """What the modes of a single loop turn in a frame (rad) by their strongest lines; delta: their eigenvalues less 1."""
+    drawn = loop.drawn()
+    period = float(np.ravel(drawn.period)[0]) * drawn.ticks
+    with np.errstate(divide="ignore"):
+        modes = np.log1p(delta)
+    lines = [lines[0, 0] for lines in lines_of_each(loop, [*modes.reshape(-1, 1, 1)])]
+    return 2 * np.pi * period * np.array(lines)
+
+
+def _described(value: float, delta: complex, turned: float, period: float) -> dict[str, Any]:
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.log1p(delta) / period
-        ratio = float(damping_ratio(delta))
+        ratio = float(damping_ratio(delta, turned))
     stays = abs(delta) <= STAYS
     return {
         "value": value,
         "z_re": 1 + delta.real,
         "z_im": abs(delta.imag),
-        "hz": float(abs(s.imag)) / (2 * np.pi),
+        "hz": float(turned) / (2 * np.pi * period),
         "damping_ratio": None if stays else ratio,
         "time_constant_s": None if stays else float(-1 / s.real),
     }

@@ -6,11 +6,17 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.keys import LARGEST
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import GONE, damping_ratio, lines_in_loops, named_modes, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, assumes, losses
 from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
 from wavesweep.program.analyses.feel import felt_at_rest
-from wavesweep.program.analyses.mode_in_the_way import STAYS, only_oscillates, stays_in_words
+from wavesweep.program.analyses.mode_in_the_way import (
+    STAYS,
+    only_oscillates,
+    stays_in_words,
+    turns_of_modes,
+)
 from wavesweep.program.analyses.poles import leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
@@ -52,10 +58,10 @@ def own_design(spec: Spec, loop=None) -> dict:
     stays (of a radius of 1: the states of a mode that neither grows nor decays nor oscillates, empty if there is none),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
-    `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
-    of the states shows of it (see `lines_of`), the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more
-    than a third of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping
-    ratio, if it is another one. A drawn loop is felt at the hand's port if it has one.
+    `felt_over_band`; slowest: time constant (s), and at the strongest line that a spectrum of the states shows of it (see
+    `lines_of`) the damping ratio and the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more than a third
+    of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping ratio, if it is
+    another one. A drawn loop is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
     nominal = own_loop(spec)
@@ -87,19 +93,22 @@ def own_design(spec: Spec, loop=None) -> dict:
             for mode, share in zip(delta, shares, strict=True)
         ]
         modes = modes or [(-1 + 0j, [])]  # without a state
-    named = {"slowest": modes[0] if modes else None, "least_damped": _least_damped(modes)}
+    named = {"slowest": modes[0] if modes else None, "least_damped": _least_damped(nominal, modes)}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
     return numbers | {"felt": felt_at_rest(spec, loop), **described}
 
 
-def _least_damped(modes: Sequence[tuple[complex, list[str]]]) -> tuple[complex, list[str]] | None:
+def _least_damped(
+    loops: Loops, modes: Sequence[tuple[complex, list[str]]]
+) -> tuple[complex, list[str]] | None:
     """The mode with the lowest damping ratio; None if it is the first one, the slowest, or its conjugate."""
     if not modes:
         return None
-    ratios = [
-        np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0
-        for mode, _ in modes
-    ]
+    delta = np.array([mode for mode, _ in modes])
+    lasting = np.abs(1 + delta) >= GONE
+    ratios = np.ones(delta.size)
+    of_lasting = damping_ratio(delta[lasting], turns_of_modes(loops, delta[lasting]))
+    ratios[lasting] = np.nan_to_num(of_lasting, nan=1.0)
     damped, slowest = modes[int(np.argmin(ratios))], modes[0][0]
     another = abs(damped[0] - slowest) > SAME and abs(damped[0] - slowest.conjugate()) > SAME
     return damped if another else None
@@ -167,9 +176,7 @@ def _mode(spec, mode, states, period):
         s = np.log1p(mode)
         hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()
         s = complex(s.real / period, 2 * np.pi * hz)
-        ratio = float(
-            damping_ratio(mode)
-        )  # from frame to frame, as requirements and wishes mean it
+        ratio = -s.real / abs(s)
         numbers = {
             "time_constant_s": -1 / s.real,
             "damping_ratio": ratio,

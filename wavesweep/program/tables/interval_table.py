@@ -244,9 +244,12 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     spec = spec.with_values(changes) if changes else spec
     loops = own_loop(spec)
     beyond = outside
+    by_lines = False
     if require:
+        by_lines = bool(require.bound.damped)
         beyond = require.bound.over(frames_per_clock(spec, loops_of(spec, spec.values))).beyond
-    mode = mode_in_the_way(loops, axis.path, (axis.start, axis.stop), beyond)
+    span = axis.start, axis.stop
+    mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
     return {"in_the_way": {"at": first, **mode}} if mode else {}
 
 
