@@ -82,7 +82,7 @@ function drawBode() {
     p.say(`${name} over frequency in Hz, from ${text(x[0], 3)} to ${text(x[1], 3)}`);
   }
 }
-const MARGINS = {gain_up: "▲ gain may grow to", gain_down: "▼ gain may fall to", phase: "● phase margin", delay: "◇ delay margin", disk: "disk margin", sensitivity: "peak sensitivity Ms", complementary: "peak of T, Mt"};
+const MARGINS = {gain_up: "▲ gain may grow to", gain_down: "▼ gain may fall to", phase: "● phase margin", delay: "◇ dead time up to", delay_frames: "◇ whole frames of delay below", disk: "disk margin", sensitivity: "peak sensitivity Ms", complementary: "peak of T, Mt"};
 function drawLoop() {
   $("loop").hidden = saved || !cut;
   if ($("loop").hidden || !answer?.open || !visible) return;
@@ -92,7 +92,7 @@ function drawLoop() {
   const now = margins?.key === marginsKey() && !refused;
   for (const [name, words] of Object.entries(MARGINS)) {
     const each = now ? margins.margins.find(row => row.name === name) : null, gain = name.startsWith("gain");
-    if (now && !each) continue;
+    if (now ? !each : name === "delay_frames") continue;
     const value = !now ? "…" : each.value === null ? `not known (${each.doubt})` : !each.limited ? "no limit" : (each.unit === "deg" ? `${text(each.value, 4)}°` : each.unit === "s" ? time(each.value) : text(each.value, 4) + (gain ? ` (${text(20 * Math.log10(each.value), 3)} dB)` : "")) + (each.line_hz ? ` at ${text(each.line_hz, 4)} Hz` : "") + (each.doubt ? `, not certified (${each.doubt})` : "");
     rows.push(item(words, value, "m-" + name, each?.value));
   }

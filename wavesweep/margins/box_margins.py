@@ -54,7 +54,7 @@ ENDS = {
     "gain_up": np.log(MOST),
     "gain_down": np.log(MOST),
     "phase": np.pi,
-    "delay": np.inf,
+    "delay_frames": np.inf,
     "disk": 1.0,
 }
 
@@ -145,8 +145,8 @@ def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
 def _for_all_cases(found, name) -> BoxMargin:
     """The margin of all cases, from what is proved of each, and its worst loop."""
     proved = min(size for _, size, _, _ in found)
-    case, _, point, worst = min(found, key=lambda each: size_of(each[-1], each[0].period))
-    least = size_of(worst, case.period)
+    case, _, point, worst = min(found, key=lambda each: size_of(each[-1]))
+    least = size_of(worst)
     within_range = bool(np.isfinite(least) and least < ENDS[name])
     settled = bool(proved >= (1 - SETTLED) * min(least, ENDS[name]))
     refuted = np.nan
@@ -159,31 +159,31 @@ def _for_all_cases(found, name) -> BoxMargin:
     doubt = max(margin.doubt for *_, margin in found)
     value = np.nan
     if proved > 0:
-        value = _value(name, proved, case.period)
+        value = _value(name, proved)
     elif not doubt:
         doubt = Doubt.SEARCH
     limited = within_range or not settled
     return BoxMargin(name, value, refuted, omega, counterexample, settled, limited, doubt)
 
 
-def size_of(margin: Margin, period: float) -> float:
+def size_of(margin: Margin) -> float:
     """How far a margin lets a signal go, see above; a delay in frames. Infinite without a limit."""
     if not margin.limited or margin.doubt:
         return np.inf
     match margin.name:
         case "phase":
             return np.radians(margin.value)
-        case "delay":
-            return margin.value / period
+        case "delay_frames":
+            return margin.value
         case "disk":
             return margin.value / 2
     return abs(np.log(margin.value))
 
 
-def _value(name, size, period):
+def _value(name, size):
     match name:
-        case "delay":
-            return min(size, MOST) * period
+        case "delay_frames":
+            return min(size, MOST)
         case "gain_up":
             return float(np.exp(size))
         case "gain_down":
@@ -221,8 +221,9 @@ class _Case:
         )
         self.loop = loop.read
         broken = broken_at(self.spec, cut)
-        self.period = broken.period
-        self.names = [name for name in ENDS if name != "delay" or isinstance(broken, BrokenLoop)]
+        self.names = [
+            name for name in ENDS if name != "delay_frames" or isinstance(broken, BrokenLoop)
+        ]
         self.rated = any(name_of(path) in loop.drawing.rating for path in self.ranged)
         if not ranges:
             return
@@ -268,16 +269,16 @@ class _Case:
         """The size of a margin that is proved for the whole box, 0 for none, and the worst loop found, with its margin."""
         point, worst = self._worst(name, [])
         if not self.ranged:
-            return (0.0 if worst.doubt else size_of(worst, self.period)), point, worst
-        if worst.doubt or (name == "delay" and self.rated):
+            return (0.0 if worst.doubt else size_of(worst)), point, worst
+        if worst.doubt or (name == "delay_frames" and self.rated):
             return 0.0, point, worst
         shares, proved = [*SHARES], 0.0
         for _ in range(ROUNDS):
-            size = min(size_of(worst, self.period), ENDS[name])
+            size = min(size_of(worst), ENDS[name])
             end = 1.0 if size == ENDS[name] and name != "disk" else 1 - NEAR
             proved, met = self._proved(name, shares[0] * end * size)
             point, worst = self._worst(name, met)
-            if size_of(worst, self.period) >= size:
+            if size_of(worst) >= size:
                 if proved > 0 or not shares[1:]:
                     break
                 shares.pop(0)
@@ -289,7 +290,7 @@ class _Case:
         def size(point):
             margins = self._at(point)
             margin = margins and margins.get(name)
-            return -np.inf if margin is None or margin.doubt else size_of(margin, self.period)
+            return -np.inf if margin is None or margin.doubt else size_of(margin)
 
         best = min([*self._corners, *met, *self.known], key=size)
         for halving in range(1, 1 + HALVINGS if self.ranged else 1):
@@ -301,7 +302,7 @@ class _Case:
 
     def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
         """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""
-        if name == "delay":
+        if name == "delay_frames":
             covered = self._delay(size)
             met = np.concatenate([covered.unstable[:, 1:], covered.open[-1:, :, 1:].mean(1)])
             return (0.0 if len(covered.open) else size), [tuple(pair) for pair in met.tolist()]

@@ -7,7 +7,9 @@ _VALUES = {
         "gain_up": "the loop stays stable if the signal is multiplied by up to this factor; 1e6 means: by any",
         "gain_down": "the loop stays stable if the signal is multiplied by down to this factor; 0 means: by any",
         "phase": "phase (deg) that the signal may lose or gain; 180 means: any",
-        "delay": "further delay (s) of the signal up to which the loop stays stable; 1e6 frames mean: any",
+        "delay": "dead time (s) behind the signal up to which the loop stays stable, of any fraction of a tick",
+        "delay_frames": "the loop stays stable if the signal is late by fewer whole frames; 1e6 means: by any; in place of delay "
+        "where the signal is read by other blocks than plants, or no limit is near",
         "disk": "the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, leaves the loop stable",
         "disk_gain": "how far the gain alone may move within the disk, up or down by this factor; 1e6 means: by any",
         "disk_phase": "how far the phase (deg) alone may move within the disk",

@@ -44,7 +44,7 @@ FARTHEST = (
 )
 OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
-_MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
+_MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D", "delay_frames": "D"}
 Family = Sequence[tuple[str, Spec]]
 _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
@@ -413,7 +413,7 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
 
 
 def _face(name: str) -> str:
-    return "none" if name == "delay" else MARK  # it often lies where the phase margin does
+    return "none" if name.startswith("delay") else MARK  # it often lies where the phase margin does
 
 
 def in_words(name: str, value: float, omega: float, hz: float) -> str:
@@ -423,8 +423,14 @@ def in_words(name: str, value: float, omega: float, hz: float) -> str:
         if np.isclose(2 * np.pi * hz, omega, rtol=1e-6)
         else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
     )
-    size = {"phase": f"{value:.3g}°", "delay": f"{1e3 * value:.4g} ms"}.get(name)
-    size = size or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
+    sizes = {
+        "phase": f"{value:.3g}°",
+        "delay": f"{1e3 * value:.4g} ms",
+        "delay_frames": f"{value:.4g}",
+    }
+    size = (
+        sizes.get(name) or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
+    )
     return f"{name.replace('_', ' ')} {size} at {hz:.4g} Hz{once}"
 
 

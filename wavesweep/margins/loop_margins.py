@@ -157,8 +157,8 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
     """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a code.
 
     gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; MOST and 0 if they are beyond MOST
-    and 1/MOST. phase (degrees): up to which every rotation of the signal leaves the loop stable. delay (s): less than that, in
-    whole frames, leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
+    and 1/MOST. phase (degrees): up to which every rotation of the signal leaves the loop stable. delay_frames: a delay of fewer
+    whole frames leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
     from 1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
     |L/(1 + L)|.
     Accuracy: see `Margin.bound`. Peaks by level sets (see `hinf_norm`), gains as in `stable_intervals`.
@@ -225,7 +225,7 @@ def _phases(loop) -> Iterator[Margin]:
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     if not theta.size:
         yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
-        yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else Doubt.FAST)
+        yield Margin.unlimited("delay_frames", MOST, doubt if slow else Doubt.FAST)
         return
     response = loop.response(theta)
     lag = np.angle(-response)
@@ -237,14 +237,14 @@ def _phases(loop) -> Iterator[Margin]:
         "phase", float(np.degrees(turn)), float(theta[at]) / loop.period, error / turn, doubt
     )
     if not slow:
-        yield Margin.unlimited("delay", np.nan, Doubt.FAST)
+        yield Margin.unlimited("delay_frames", np.nan, Doubt.FAST)
         return
     frames = (lag % (2 * np.pi)) / theta
     at = int(np.argmin(frames))
     delay = float(frames[at])
     error = _error_at_unit_gain(loop, theta[at], response[at])
     turn = delay * float(theta[at])
-    yield _margin("delay", delay * loop.period, float(theta[at]) / loop.period, error / turn, doubt)
+    yield _margin("delay_frames", delay, float(theta[at]) / loop.period, error / turn, doubt)
 
 
 def _error_at_unit_gain(loop, theta, response):

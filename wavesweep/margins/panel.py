@@ -11,6 +11,7 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.engine.response import Step
 from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
+from wavesweep.margins.dead_time_margin import in_seconds
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import UNITS
@@ -109,6 +110,7 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
     margins, doubt = margins_of(loop)
+    margins = in_seconds(spec, cut, margins)
     marks = marks_of(loop, {margin.name: (margin.value, margin.omega) for margin in margins})
     rows = [
         {

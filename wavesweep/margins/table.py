@@ -25,16 +25,23 @@ from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.table import Table, facts_of, held
 
 METHOD = (
-    "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
-    "the level 1/2 of the real part of 1/(1 + L), found to rounding; peaks by level sets; of a lifted signal the certified "
-    "stable intervals of its phase, and of complex factors on the rim of a disk"
+    "gains from the certified stable interval around 1 of a factor of the signal, a delay in seconds from that about 0 of a dead "
+    "time behind it; crossings of the gain 1 from the pencil of the level 1/2 of the real part of 1/(1 + L), found to rounding; "
+    "peaks by level sets; of a lifted signal the certified stable intervals of its phase, and of complex factors on the rim of "
+    "a disk"
 )
-UNITS = {"phase": "deg", "delay": "s", "disk_phase": "deg"}  # of margins that have one
+UNITS = {
+    "phase": "deg",
+    "delay": "s",
+    "delay_frames": "frame",
+    "disk_phase": "deg",
+}  # of margins that have one
 SAID = {
     "gain_up": "gain may grow by a factor up to",
     "gain_down": "gain may fall by a factor down to",
     "phase": "phase margin",
-    "delay": "delay margin",
+    "delay": "delay margin (dead time)",
+    "delay_frames": "delay margin (fewer whole frames than)",
     "disk": "disk margin",
     "disk_gain": "  gain alone within the disk, up or down by a factor of",
     "disk_phase": "  phase alone within the disk",
@@ -53,6 +60,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     for a signal at which the loop cannot be broken, or a loop that is not known to be stable.
     """
     from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
+    from wavesweep.margins.dead_time_margin import in_seconds
     from wavesweep.margins.lifted_margins import margins_of
     from wavesweep.program.analyses.assumptions import over_preset
 
@@ -60,6 +68,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
     cut = cut or next(iter(cuts_of(spec)), "")
     loop = broken_at(spec, cut)
     margins_found, doubt = margins_of(loop)
+    margins_found = in_seconds(spec, cut, margins_found)
     if not margins_found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
         raise UsageError(
@@ -171,7 +180,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all := found.get("for_all"):
-        delay = ", the delay margin checked" if "delay" in of_all else ""
+        delay = ", the delay margin checked" if "delay_frames" in of_all else ""
         yield f"proved for all numbers of [for_all] (for_all){delay}:", False
         unstable = next(iter(of_all.values()))
         if (
@@ -200,7 +209,7 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
         return f"{SAID[name]}: {doubt}{more}", True
     if not margin["limited"]:
         return f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
-    unit = "" if margin["unit"] == RATIO else f" {margin['unit']}"
+    unit = "" if margin["unit"] in (RATIO, UNITS["delay_frames"]) else f" {margin['unit']}"
     size = rounded_up(margin["value"]) if name in ROUNDED_UP else rounded_down(margin["value"])
     return f"{SAID[name]} {size}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
 

@@ -1,0 +1,67 @@
+"""The delay margin in seconds, against marches of a mass whose force arrives between two samples."""
+
+import numpy as np
+import pytest
+
+from wavesweep.margins.table import margins
+from wavesweep.program.spec import load
+
+MASS, DAMPING, PERIOD = 0.1, 1.0, 0.02
+
+
+def spring(k, d=2.0, **more):
+    """A mass on a spring and a damper whose force is computed once in 20 ms."""
+    block = {"m": {"type": "mass", "mass": MASS, "damping": DAMPING}, "c": {"type": "hold", "every": 20}}
+    wire = {"c.u": f"-{k}*m.x - {d}*m.v", "m.f": "c.y"}
+    return {"rates": {"tick_hz": 1000}, "block": block | more.get("block", {}), "wire": wire | more.get("wire", {})}
+
+
+def moved(time):
+    """What a time does to position and velocity, and what a force of 1 N adds."""
+    rate = DAMPING / MASS
+    fades = np.exp(-rate * time)
+    glides = (1 - fades) / rate
+    return np.array([[1, glides], [0, fades]]), np.array([(time - glides) / DAMPING, (1 - fades) / DAMPING])
+
+
+def radius(k, d, dead_time):
+    """The spectral radius of position, velocity and the forces under way, from sample to sample."""
+    whole, rest = divmod(dead_time, PERIOD)
+    whole = int(whole)
+    (before, pushed_before), (after, pushed_after) = moved(rest), moved(PERIOD - rest)
+    n = 3 + whole  # position, velocity, and the forces of the last samples, the newest first
+    frame = np.zeros((n, n))
+    frame[:2, :2] = after @ before
+    newest = np.zeros(n)
+    newest[:2] = -k, -d
+    forces = [newest, *np.eye(n)[2:]]  # of this sample and those before it
+    frame[:2] += np.outer(after @ pushed_before, forces[whole + 1]) + np.outer(pushed_after, forces[whole])
+    frame[2:] = forces[: n - 2]
+    return np.abs(np.linalg.eigvals(frame)).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "ms"), [(100.0, 16.118), (250.0, 1.793), (70.0, None)])
+def test_a_force_on_a_mass_may_be_late_by_a_dead_time_and_not_by_the_phase_over_the_crossover(k, ms):
+    columns = margins(load(spring(k)), "c.y").columns
+    row = columns["margin"].tolist().index("delay")
+    value = columns["value"][row]
+    assert (columns["unit"][row], columns["certified"][row]) == ("s", True)
+    assert radius(k, 2.0, 0.0) < 1
+    assert radius(k, 2.0, value * (1 - 1e-6)) < 1 < radius(k, 2.0, value * (1 + 1e-6))
+    assert max(radius(k, 2.0, share * value) for share in np.linspace(0.0, 0.999, 200)) < 1
+    assert "delay_frames" not in columns["margin"].tolist()
+    if ms is None:
+        assert value > PERIOD
+    else:
+        assert 1e3 * value == pytest.approx(ms, abs=1e-3)
+
+
+def test_a_signal_that_a_sampled_block_reads_has_a_margin_of_whole_frames():
+    more = {"block": {"out": {"type": "hold", "every": 20}}, "wire": {"out.u": "c.y", "m.f": "out.y"}}
+    found = margins(load(spring(100.0, **more)), "c.y").columns
+    row = found["margin"].tolist().index("delay_frames")
+    assert (found["unit"][row], found["limited"][row]) == ("frame", True)
+    assert found["value"][row] == pytest.approx(0.0163956 / PERIOD, rel=1e-5)
+    assert "delay" not in found["margin"].tolist()
+    assert radius(100.0, 2.0, PERIOD) > 1

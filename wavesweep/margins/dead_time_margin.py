@@ -1,0 +1,88 @@
+"""The delay margin in seconds: the least dead time behind a signal with which a loop is not stable.
+
+A signal that is held and acts on plants arrives there between two ticks, and one of a plant is read
+between two ticks, so that a dead time of any length is exact. With another reader it would be
+rounded up to a whole tick or to a run of that; then only whole frames are looked at, see
+`loop_margins`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.drawing import Drawing, DrawnBlock, path_of
+from wavesweep.engine.intervals import Search
+from wavesweep.engine.loop import Loops
+from wavesweep.margins.broken_loops import with_block
+from wavesweep.margins.lifted_margins import EXACT
+from wavesweep.margins.loop_margins import Margin
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+
+BLOCK, SECONDS = "late by the cut", "dead time of the cut"  # no block or number is called so
+LONGEST = 1000  # ticks that are looked at
+WORK = 2e5  # of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
+
+
+def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
+    """Return the margins of the spec's own loop with a delay in seconds in place of one in whole
+    frames, if it is known: `delay` in place of `delay_frames`."""
+    if not any(margin.name == "delay_frames" for margin in found):
+        return list(found)
+    delay = delay_margin(spec, signal)
+    if delay is None:
+        return list(found)
+    return [delay if margin.name == "delay_frames" else margin for margin in found]
+
+
+def delay_margin(spec: Spec, signal: str) -> Margin | None:
+    """Return the least dead time (s) behind a signal with which the loop is not stable.
+
+    None if the signal has readers for which it would not be exact, or if its end is not found.
+    Accuracy: EXACT, as the ends of certified intervals along a number.
+    """
+    loops = late(spec, signal)
+    if loops is None:
+        return None
+    span = (0.0, LONGEST / float(loops.rate))
+    one = ((np.zeros(1, int), loops.unbuilt),)
+    search = Search(path_of(SECONDS), span, one, lines=False, checked=True)
+    records, (_, looked_at) = search.about(0.0, WORK)
+    for row in records:
+        ends_within = 0 < row["high"] < looked_at
+        if row["intervals"] and row["low"] == 0 and ends_within and row["certified"]:
+            return Margin("delay", float(row["high"]), float(row["high_omega"]), EXACT)
+    return None
+
+
+def late(spec: Spec, signal: str) -> Loops | None:
+    """The spec's own loop with a dead time behind a signal, the number SECONDS; see `delay_margin`."""
+    spec, signal = with_block(spec, signal)
+    loop = own_loop(spec)
+    drawing = _with_dead_time(loop.drawing, signal)
+    return drawing and Loops(drawing, {**loop.values, path_of(SECONDS): 0.0})
+
+
+def _with_dead_time(drawing: Drawing, signal: str) -> Drawing | None:
+    """The drawing in which all wires read a signal as late as the dead time is; None if they may not."""
+    plants = {block.name for block in drawing.blocks if block.plant}
+    readers = {
+        port.rpartition(".")[0]
+        for port, terms in drawing.wires
+        if any(name == signal for name, _ in terms)
+    }
+    source = signal.rpartition(".")[0]
+    exact = readers.isdisjoint(plants) if source in plants else readers <= plants
+    if not exact or not readers.isdisjoint(drawing.dead_times):
+        return None
+    one, zero = ("number", 1.0, 0), ("number", 0.0, 0)
+    keys = (("seconds", ("name", SECONDS, 0)),)
+    behind = {signal: f"{BLOCK}.y"}
+    wires = tuple(
+        (port, tuple((behind.get(name, name), factor) for name, factor in terms))
+        for port, terms in drawing.wires
+    )
+    wires += ((f"{BLOCK}.u", ((signal, one),)),)
+    block = DrawnBlock(BLOCK, "delay", keys, one, zero)
+    return replace(drawing, blocks=(*drawing.blocks, block), wires=wires)
