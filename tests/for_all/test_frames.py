@@ -372,6 +372,19 @@ def test_what_is_no_frame_is_refused():
         frames_of_controller(fig4(), FramesInAnyOrder((20,)), "controller.b")
 
 
+def test_a_gain_within_a_block_of_firmware_is_refused_along_and_one_behind_it_is_not():
+    """While frames vary, the block is matrices of its own period, of which no number is one gain."""
+    block = {"x": {"type": "integrator"}, "c": {"type": "pi", "kp": "k", "every": "n"}}
+    loop = {"rates": {"tick_hz": 100}, "numbers": {"k": 0.1, "n": 2}, "block": block, "wire": {"x.u": "-c.y", "c.u": "x.y"}}
+    loop |= {"sweep": {"along": "k", "k": {"start": 0, "stop": 100}}, "for_all": {"n": {"values": [2, 3], "varying": True}}}
+    with pytest.raises(UsageError, match="a gain in the wire behind a block is one"):
+        wavesweep.compile(loop).stable_intervals("k", (0, 100))
+    behind = loop | {"block": block | {"c": {"type": "pi", "kp": 1, "every": "n"}}, "wire": {"x.u": "-k*c.y", "c.u": "x.y"}}
+    row = wavesweep.compile(behind).stable_intervals("k", (0, 100)).set_index("guarantee").loc["for_all"]
+    assert row["fails_from"] == pytest.approx(2 / 0.03, rel=1e-6)  # x+ = (1 - k T) x, of the longest run
+    assert 0.99 * row["fails_from"] < row["high"] < row["fails_from"]
+
+
 @pytest.mark.sample(1)
 @pytest.mark.thorough
 @pytest.mark.parametrize(("b", "cutoff"), [(10.0, 8.0), (9.0, 6.5)])

@@ -96,10 +96,12 @@ class Plan:
 
         Errors: UsageError for a number that the loop reads otherwise.
         """
-        if number and not scalar_place(self.drawing, name_of(number)):
+        at_steps = [self.schedule.with_period(self.drawing, step) for step in self.steps]
+        if number and not all(scalar_place(each, name_of(number)) for each in at_steps):
             raise UsageError(
                 f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
-                "linearly, found another; look along another one, or leave `varying` out"
+                "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "
+                "out"
             )
         varied = {path_of(name_of(number)): ANY} if number else {}
 

@@ -352,5 +352,9 @@ def share_of_first(observed, ticks, s) -> np.ndarray:
         for states in observed:
             moved = states * turn
             near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
-    share = (near.real**2 + near.imag**2) / (ticks * total)
-    return np.nanmean(share, axis=-2) * np.where(np.abs(s.imag) >= np.pi - REAL, 2, 1)
+    is_half = np.abs(s.imag) >= np.pi - REAL
+    with np.errstate(invalid="ignore"):  # of states that stand still, or of none that move
+        share = (near.real**2 + near.imag**2) / (ticks * total)
+        moves = ~np.isnan(share)
+        mean = np.where(moves, share, 0.0).sum(-2) / moves.sum(-2)
+    return mean * np.where(is_half, 2, 1)
