@@ -277,7 +277,12 @@ n = {{ values = [2, 3], varying = true }}
             {"n": {"values": [2, 5], "varying": True}},
             "found n of pd, 7 of more",
         ),
-        (PD, {"lost": 2}, "a built-in controller, whose results may be lost"),
+        (PD, {"lost": 2}, "expected no lost or loss beside a drawn loop, whose channels say what is lost, found 2"),
+        (
+            PD | {"block": PD["block"] | {"pd": {"type": "channel", "every": 5, "loss": 0.01}}},
+            {"loss": 0.3},
+            "whose channels say what is lost, found 0.3",
+        ),
     ],
 )
 def test_what_cannot_vary_is_said(spec, ranges, expected):

@@ -143,6 +143,11 @@ def build(request: Request) -> ForAll | None:
         mistakes.check(key, given[key.path]) or 0 if key.path in given else 0
         for key in (LOST, LOSS)
     )
+    if request.drawn:
+        expected = "no lost or loss beside a drawn loop, whose channels say what is lost"
+        for key, number in ((LOST, lost), (LOSS, loss)):
+            if number:
+                mistakes.refuse(given[key.path], key.path, expected, f"{number:g}")
     for axis in axes:
         if axis.path in {other.path for other in request.sweep}:
             mistakes.refuse(

@@ -172,12 +172,6 @@ class Rules:
         )
 
     def _refuse_numbers_of_drawing(self, axes):
-        if self.for_all.lost or self.for_all.loss:
-            refuse(
-                "for_all.lost" if self.for_all.lost else "for_all.loss",
-                "a built-in controller, whose results may be lost",
-                "a drawn loop",
-            )
         running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [
             *axes.values()
