@@ -75,12 +75,12 @@ def test_what_does_not_leave_1_with_a_speed_is_not_told():
         assert all(reached == 0 for reached, _ in proved(lambda _, p, at=at_p: np.moveaxis(np.array(at(np.ravel(p))), -1, 0)))
 
 
-def uneven(rate, b=25.0):
+def uneven(rate, b=25.0, delay="frame"):
     """A spec as `init pmw` writes it, of an engine whose rate need not divide."""
     return {
         "rates": {"fast_hz": 1000, "slow_hz": rate},
         "device": {"mass": 0.1, "damping": 1.5, "velocity": "difference"},
-        "environment": {"integration": "explicit", "delay": "frame"},
+        "environment": {"integration": "explicit", "delay": delay},
         "controller": {"kind": "pmw", "b": b},
         "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
     }
@@ -102,7 +102,7 @@ def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(r
 
 def test_a_crossing_just_beyond_a_stretch_does_not_keep_tests_going(monkeypatch):
     """Tests in the middle of a stretch and at its end went on in turn until none was left."""
-    loop = wavesweep.compile(uneven(72, b=40.0))
+    loop = wavesweep.compile(uneven(72, b=40.0, delay=13))
     rounds = []
     begun = covering._Round.of
     monkeypatch.setattr(covering._Round, "of", lambda *given: rounds.append(given) or begun(*given))
