@@ -9,7 +9,7 @@ import pytest
 
 import wavesweep as package
 from wavesweep import load
-from wavesweep.haptics.controller_page import Slow
+from wavesweep.haptics.controller_page import Slow, assumption_of_page
 
 MASS, DAMPING, B_VE = 0.1, 1.5, 1.0  # kg, N s/m, N s/m: the defaults
 B, CUTOFF_HZ = 25.0, 10.0  # N s/m of the waves, Hz of LP1
@@ -206,3 +206,11 @@ def test_ends_of_results_that_are_late_are_those_of_a_march_in_time(kind, march,
             middle = (low + high) / 2
             inside = ((table.low < middle) & (middle < table.high)).any()
             assert inside == (radius(march, middle, 1000.0, frame, late) < 1)
+
+
+@pytest.mark.parametrize(
+    ("slow_hz", "said"), [(60.0, "mean of 17 ticks, a frame being 16.6667, "), (400.0, "mean of 3 ticks"), (50.0, "")]
+)
+def test_a_mean_that_is_no_whole_frame_is_said(slow_hz, said):
+    assumed = assumption_of_page(spec("pmw-mean", 1000.0, slow_hz, 0).values)
+    assert assumed.startswith(said or "explicit integration")
