@@ -90,6 +90,12 @@ def test_margins_say_that_they_are_of_the_lifted_loop(tmp_path):
     found = CliRunner().invoke(command, [str(CASCADE), "--cut", "speed.y", "--out", str(tmp_path), "--no-plot"])
     assert "broken at speed.y, which runs 5 times per 10 ms; a margin is for one factor on all 5 values" in found.output
     assert "delay" not in found.output
+    head = "peaks of inputs of any form, over all 5 values: largest singular values\n"
+    of_one_factor, of_any_form = found.output.split(head)
+    assert "disk margin" in of_one_factor
+    assert "peak" not in of_one_factor
+    assert "peak sensitivity Ms" in of_any_form
+    assert "margin" not in of_any_form.partition("Wrote")[0]
 
 
 @pytest.mark.parametrize("signal", ["position.y", "speed.y"])

@@ -673,3 +673,23 @@ def test_a_gain_that_is_too_large_next_to_a_wall_of_zero_does_not_begin_there():
     sweep = {"K_VE": {"start": 0, "stop": 5000}, "require": {"gain": {"from": "f_h", "to": "v", "at_most": 0.399}}}
     table = wavesweep.zwidth({"rates": {"ratio": 1}, "controller": {"kind": "dc-slow"}, "sweep": sweep})
     assert not table.intervals.any()
+
+
+def test_a_lifted_gain_of_an_input_that_is_read_once_in_n_ticks_is_the_root_of_n():
+    """A command is read every 32 ticks and held: its energy is of one tick, that of what is held of 32."""
+    held = {"type": "hold", "every": 32}
+    body = {"type": "mass", "mass": "m", "damping": 1.0, "stiffness": 1.0}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"m": 0.1},
+        "block": {"held": held, "body": body},
+        "wire": {"held.u": "ref", "body.f": "0*held.y"},
+        "ports": {"inputs": {"ref": "ref"}, "outputs": {"shown": "held.y"}},
+    }
+    loop = wavesweep.compile(tables)
+    root = np.sqrt(32)
+    for level, meets in ((root * (1 + 1e-6), True), (root * (1 - 1e-6), False)):
+        gain = {"from": "ref", "to": "shown", "at_most": level}
+        (row,) = loop.stable_intervals("m", (0.05, 0.2), require={"gain": gain}).itertuples()
+        assert row.certified
+        assert bool(row.intervals) == meets

@@ -49,7 +49,11 @@ SAID = {
     "complementary": "peak complementary sensitivity Mt",
 }
 
-ROUNDED_UP = ("gain_down", "sensitivity", "complementary")  # the others hold up to their value
+BY_SINGULAR_VALUES = (
+    "sensitivity",
+    "complementary",
+)  # of a lifted signal, after those of one factor
+ROUNDED_UP = ("gain_down", *BY_SINGULAR_VALUES)  # the others hold up to their value
 
 
 def margins(spec: Spec, cut: str = "") -> Table:
@@ -168,7 +172,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
         runs = f"broken at {found['cut']}, which runs {times} times per {period}"
         all_of = {2: "both", 3: "all three", 4: "all four"}.get(times, f"all {times}")
         yield f"{runs}; a margin is for one factor on {all_of} values", False
+    of_any_form = f"peaks of inputs of any form, over all {times} values: largest singular values"
     for name, margin in found["margins"].items():
+        if times > 1 and name == BY_SINGULAR_VALUES[0]:
+            yield of_any_form, False
         omega = margin["omega"]
         hz = margin["hz"]
         if hz is None:

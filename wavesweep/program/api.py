@@ -233,9 +233,6 @@ class Loop:
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the product of the axes given.
 
-        A frame ends when all rates are in step again: T_s, or 50 ms for 60 Hz under 1 kHz. It is T_s also of `dc`, in which
-        nothing runs at the slow rate. What is required of modes is per T_s, or per tick of a drawn loop: see `stable_intervals`.
-
         Parameters
         ----------
         **axes : float or array of shape (n,)
@@ -246,6 +243,11 @@ class Loop:
         ndarray
             One dimension per axis that is a list, in the order given. If the radius is below 1, the loop is stable. It is
             infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+
+        Notes
+        -----
+        A frame ends when all rates are in step again: T_s, or 50 ms for 60 Hz under 1 kHz. It is T_s also of `dc`, in which
+        nothing runs at the slow rate. What is required of modes is per T_s, or per tick of a drawn loop: see `stable_intervals`.
         """
         from wavesweep.program.analyses.spec_loops import radius_over
 

@@ -222,4 +222,6 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
 def _band(gain):
     """The band of a gain in words, and what it is if it is not the lifted one."""
     band = " between {:g} and {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
-    return band + (" at the frequency itself" if "measure" in gain else "")
+    return band + (
+        " at the frequency itself" if "measure" in gain else " in the energy of all ticks"
+    )

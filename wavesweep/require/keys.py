@@ -95,7 +95,8 @@ KEYS = Key.by_path(
             LIFTED,
             "what the gain is of a loop of several rates",
             {
-                LIFTED: "of inputs of any form: the largest singular value of all ticks of a frame",
+                LIFTED: "of inputs of any form, root of energy over root of energy of all ticks of a frame: of an input that is read "
+                "once in n ticks, and held in what follows, it is the root of n at rest, since the other n - 1 count as 0",
                 BASE_BAND: "of a sine: the component at its own frequency over it, as bode has it",
             },
         ),
