@@ -41,7 +41,7 @@ def radius_over(spec, axes) -> np.ndarray:
     ):
         if spec.drawing:
             loops.refuse_unsuitable()
-        one_rate = not spec.drawing and "rates.ratio" not in loops.drawing.reads
+        one_rate = not spec.drawing and loops.drawn().ticks == 1
         frames = loops.values["rates.ratio"] if one_rate else 1
         with np.errstate(over="ignore"):
             radii[members] = loops.read.radii(members.size) ** frames

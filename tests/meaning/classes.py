@@ -1,0 +1,81 @@
+"""Classes of blocks written out: [type.NAME] and the device types that the documents describe as classes."""
+
+import ast
+
+TABLES = {"numbers", "signals", "wire", "ports", "block"}
+
+
+def written_out(tables: dict) -> dict:
+    """The same spec without classes: blocks `left.motor`, numbers `left_kp`, signals `left.angle`."""
+    classes = tables.get("type", {})
+    whole = dict(tables)
+    while True:
+        blocks = whole.get("block", {})
+        left = [name for name, block in blocks.items() if block["type"] in classes]
+        if not left:
+            whole.pop("type", None)
+            return whole
+        whole = _one(whole, left[0], classes[blocks[left[0]]["type"]])
+
+
+def _one(tables: dict, name: str, drawing: dict) -> dict:
+    """The block `name` replaced by the blocks of its class."""
+    blocks = dict(tables["block"])
+    given = dict(blocks.pop(name))
+    given.pop("type")
+    numbers = dict(tables.get("numbers", {}))
+    signals = dict(tables.get("signals", {}))
+    wires = dict(tables.get("wire", {}))
+    ports = drawing.get("ports", {})
+    own = {}
+    for number, value in drawing.get("numbers", {}).items():
+        own[number] = f"{name}_{number}"
+        numbers[own[number]] = value
+    for block in drawing.get("block", {}):
+        own[block] = f"{name}.{block}"
+    for signal in drawing.get("signals", {}):
+        own[signal] = f"{name}.{signal}"
+    for port in ports.get("inputs", []):
+        own[port] = f"{name}.{port}"
+    for block, keys in drawing.get("block", {}).items():
+        changed = {key: _renamed(value, own) for key, value in keys.items() if key != "type"}
+        changed |= given.pop(block, {})
+        blocks[f"{name}.{block}"] = {"type": keys["type"], **changed}
+    for number, value in given.items():
+        numbers[f"{name}_{number}"] = value
+    for number, value in list(numbers.items()):
+        if number in own.values() and number.removeprefix(f"{name}_") not in given:
+            numbers[number] = _renamed(value, own)
+    for signal, text in drawing.get("signals", {}).items():
+        signals[own[signal]] = _renamed(text, own)
+    for output, text in ports.get("outputs", {}).items():
+        signals[f"{name}.{output}"] = _renamed(text, own)
+    for port, text in drawing.get("wire", {}).items():
+        wires[f"{name}.{port}"] = _renamed(text, own)
+    for port in ports.get("inputs", []):
+        signals[f"{name}.{port}"] = wires.pop(f"{name}.{port}")
+    return {**tables, "block": blocks, "numbers": numbers, "signals": signals, "wire": wires}
+
+
+class _Rename(ast.NodeTransformer):
+    def __init__(self, names):
+        self.names = names
+
+    def visit_Name(self, node):
+        new = self.names.get(node.id)
+        return ast.parse(new, mode="eval").body if new else node
+
+
+def _renamed(value, names):
+    """An expression, or lists of them, with the class's own names."""
+    if isinstance(value, list):
+        return [_renamed(entry, names) for entry in value]
+    if isinstance(value, dict):
+        return {key: _renamed(entry, names) for key, entry in value.items()}
+    if not isinstance(value, str):
+        return value
+    try:
+        tree = ast.parse(value.strip(), mode="eval")
+    except SyntaxError:
+        return value
+    return ast.unparse(_Rename(names).visit(tree))

@@ -1,0 +1,64 @@
+"""`python -m tests.meaning`: as many random specs as asked for, held against the package, and a tally."""
+
+import argparse
+import os
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+from meaning.judge import Found, compiled, judge
+from meaning.specs import spec_text
+
+
+def main():
+    """Print what differs as it comes, and the counts at the end; the exit code is 1 if anything does."""
+    parser = argparse.ArgumentParser(prog="python -m tests.meaning", description=__doc__)
+    parser.add_argument("--specs", type=int, default=1000, help="how many")
+    parser.add_argument("--seed", type=int, default=0, help="number of the first one")
+    parser.add_argument("--jobs", type=int, default=1, help="worker processes")
+    parser.add_argument("--ticks", type=int, default=120, help="of a simulation")
+    parser.add_argument("--ends", type=int, default=1, help="ends and responses of each so manieth spec alone")
+    chosen = parser.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    numbers = range(chosen.seed, chosen.seed + chosen.specs)
+    work = partial(attempt, chosen.ticks, chosen.ends)
+    if chosen.jobs == 1:
+        sys.exit(tally(map(work, numbers)))
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        sys.exit(tally(pool.map(work, numbers, chunksize=8)))
+
+
+def attempt(ticks: int, ends: int, number: int) -> tuple[int, list[Found], str]:
+    """(number, comparisons, why there are none)."""
+    text = spec_text(number)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return number, judge(text, compiled(text, folder), ticks, whole=number % ends == 0), ""
+        except Exception:  # noqa: BLE001 what goes wrong is a finding, and the others are still to run
+            return number, [], traceback.format_exc()
+
+
+def tally(results) -> int:
+    """Print what differs, and how many comparisons of each kind there were."""
+    counts: Counter[str] = Counter()
+    wrong = 0
+    for number, found, fault in results:
+        counts["specs"] += 1
+        bad = [one for one in found if not one.same]
+        for one in found:
+            counts[one.what.partition(" at ")[0] + ("" if one.same else " DIFFERS")] += 1
+        if fault:
+            counts["refused, or failed"] += 1
+        if bad or fault:
+            wrong += 1
+            print(
+                f"spec {number}", *(f"  {one.what}: {one.mine!s:.200} here, {one.theirs!s:.200} there" for one in bad), sep="\n"
+            )
+            print(fault, end="", flush=True)
+        if counts["specs"] % 1000 == 0:
+            print(dict(counts), file=sys.stderr, flush=True)
+    print(*(f"{count:8d} {what}" for what, count in sorted(counts.items())), sep="\n")
+    return int(wrong > 0)

@@ -1,0 +1,622 @@
+"""Loops drawn in a spec, block by block of docs/blocks.md, in exact time.
+
+Variables of a tick are outputs of blocks, "block.port", and inputs of plants, "into block.port".
+"""
+
+import ast
+import math
+from fractions import Fraction
+
+import numpy as np
+from meaning import filters
+from meaning.classes import written_out
+from meaning.controllers import Keys, add_model, add_sections
+from meaning.expressions import linear, names_in, number, terms_of
+from meaning.machine import Instant, Schedule, exact, form, scaled
+
+PLANTS = {"mass", "inertia", "mass_matrix", "spring", "ss", "tf"}
+
+
+def read(tables: dict) -> Schedule:
+    """The schedule of a spec that draws its loop."""
+    return Drawing(tables).schedule()
+
+
+class Drawing:
+    """Numbers, blocks, wires and ports of a spec, with its classes written out."""
+
+    def __init__(self, tables: dict):
+        self.key = Keys(tables)
+        self.key("type")
+        self.key = Keys(written_out(tables))
+        self.numbers = {}
+        for name, given in self.key("numbers", {}).items():
+            self.numbers[name] = given["value"] if isinstance(given, dict) else given
+        self.known: dict[str, float] = {}
+        rate = self.key("rates.tick_hz")
+        if isinstance(rate, str):
+            self.T = Fraction(1 / self.number(rate))
+        else:
+            self.T = 1 / exact(rate)
+        self.signals = self.key("signals", {})
+        self.blocks = self.key("block", {})
+        self.wires = self.key("wire", {})
+        self.outside = self.inputs()
+        self.remembered: set[str] = set()
+        self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}
+        self.late = {}  # blocks that are dead times: (whole ticks, rest in s)
+        for name, block in self.blocks.items():
+            if block["type"] == "delay" and "seconds" in block:
+                self.late[name] = self.dead_time(name)
+
+    # Numbers and names
+
+    def number(self, given, dt: float | None = None) -> float:
+        """A number, or what an expression in numbers gives."""
+        if not isinstance(given, str):
+            return float(given)
+
+        def value_of(name):
+            if name == "pi":
+                return {"": math.pi}
+            if name == "dt":
+                return {"": dt}
+            return {"": self.number_called(name)}
+
+        return number(given, value_of)
+
+    def number_called(self, name: str) -> float:
+        if name not in self.known:
+            self.known[name] = self.number(self.numbers[name])
+        return self.known[name]
+
+    def value(self, block: str, key: str, default=None) -> float:
+        """A key of a block that is a number."""
+        Keys.asked.add(f"block.{self.blocks[block]['type']}.{key}")
+        given = self.blocks[block].get(key, default)
+        return self.number(given, self.period(block))
+
+    def whole(self, block: str, key: str, default=None) -> int:
+        Keys.asked.add(f"block.{self.blocks[block]['type']}.{key}")
+        given = self.blocks[block].get(key, default)
+        return round(self.number(given))
+
+    def word(self, block: str, key: str, default):
+        Keys.asked.add(f"block.{self.blocks[block]['type']}.{key}")
+        return self.blocks[block].get(key, default)
+
+    def matrix(self, block: str, key: str, rows: int, columns: int) -> np.ndarray:
+        given = self.word(block, key, [])
+        if not given:
+            return np.zeros((rows, columns))
+        values = [[self.number(entry, self.period(block)) for entry in row] for row in given]
+        return np.array(values).reshape(rows, columns)
+
+    def every(self, block: str) -> int:
+        return self.whole(block, "every", 1)
+
+    def phase(self, block: str) -> int:
+        return self.whole(block, "phase", 0)
+
+    def period(self, block: str) -> float:
+        return self.every(block) * float(self.T)
+
+    def inputs(self) -> set[str]:
+        """Names of signals from outside."""
+        force = self.key("ports.hand.force", [])
+        found = {force} if isinstance(force, str) else set(force)
+        for given in self.key("ports.inputs", {}).values():
+            found.add(given["signal"] if isinstance(given, dict) else given)
+        return found
+
+    # Signals
+
+    def read_form(self, node, block: str) -> dict[str, float]:
+        """The form of a part of a wire to `block`, over variables of the tick, memory and inputs."""
+        terms = linear(node, lambda name: self.signal(name, block))
+        if terms.get("", 0.0):
+            raise ValueError("a constant in a wire")
+        terms.pop("", None)
+        return terms
+
+    def signal(self, name: str, block: str) -> dict[str, float]:
+        if name.startswith("prev "):
+            return self.before(name.removeprefix("prev "), block)
+        if name in self.outside:
+            return {"!" + name: 1.0}
+        if name in self.signals:
+            return linear(self.signals[name], lambda inner: self.signal(inner, block))
+        if name == "pi":
+            return {"": math.pi}
+        if name == "dt":
+            return {"": self.period(block)}
+        if name in self.numbers:
+            return {"": self.number_called(name)}
+        return {name: 1.0}
+
+    def before(self, name: str, block: str) -> dict[str, float]:
+        """The same signal in the tick before."""
+        now = self.signal(name, block)
+        then = {}
+        for part, coefficient in now.items():
+            if part:
+                self.remembered.add(part)
+                then[f"@before {part}"] = coefficient
+            else:
+                then[""] = coefficient
+        return then
+
+    def into(self, block: str, port: str) -> dict[str, float]:
+        """What a wire gives to a port, in a tick."""
+        return self.read_form(_whole(self.wires[f"{block}.{port}"]), block)
+
+    def reads_plant(self, node, but: str = "") -> bool:
+        """Whether a term mentions a plant other than `but`, itself or by a name in [signals]."""
+        for name in names_in(node):
+            if name in self.signals:
+                if self.reads_plant(_whole(self.signals[name]), but):
+                    return True
+            elif self.owner(name) in self.plants and self.owner(name) != but:
+                return True
+        return False
+
+    def owner(self, name: str) -> str:
+        return name.rpartition(".")[0]
+
+    # Plants
+
+    def is_plant(self, name: str) -> bool:
+        kind = self.blocks[name]["type"]
+        return kind in PLANTS and not self.word(name, "discrete", False)
+
+    def plant(self, name: str):
+        """(inputs, outputs, A, B, C, D) of a plant."""
+        kind = self.blocks[name]["type"]
+        if kind in {"mass", "inertia"}:
+            mass = self.value(name, kind)
+            damping = self.value(name, "damping", 0.0)
+            stiffness = self.value(name, "stiffness", 0.0)
+            A = np.array([[0, 1], [-stiffness / mass, -damping / mass]])
+            return ["f"], ["x", "v"], A, np.array([[0], [1 / mass]]), np.eye(2), np.zeros((2, 1))
+        if kind == "spring":
+            k = self.value(name, "k")
+            d = self.value(name, "d", 0.0)
+            D = np.array([[-k, -d, k, d], [k, d, -k, -d]])
+            ends = ["x1", "v1", "x2", "v2"]
+            return ends, ["f1", "f2"], np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), D
+        if kind == "mass_matrix":
+            return self.mass_matrix(name)
+        if kind == "tf":
+            A, B, C, D = filters.transfer(self.list(name, "num"), self.list(name, "den"))
+            return ["u"], ["y"], A, B[:, None], C[None, :], np.array([[D]])
+        return self.state_space(name)
+
+    def state_space(self, name: str):
+        inputs = self.word(name, "inputs", ["u"])
+        outputs = self.word(name, "outputs", ["y"])
+        states = len(self.word(name, "A", []))
+        A = self.matrix(name, "A", states, states)
+        B = self.matrix(name, "B", states, len(inputs))
+        C = self.matrix(name, "C", len(outputs), states)
+        D = self.matrix(name, "D", len(outputs), len(inputs))
+        return inputs, outputs, A, B, C, D
+
+    def mass_matrix(self, name: str):
+        axes = self.word(name, "axes", ["x", "y"])
+        through = self.word(name, "through", [])
+        coordinates = len(through) or len(axes)
+        J = self.matrix(name, "through", coordinates, len(axes)) if through else np.eye(len(axes))
+        parts = {}
+        for key in ("mass", "damping", "stiffness"):
+            given = self.word(name, key, [])
+            rows = 1 if len(given) == 1 else coordinates
+            part = self.matrix(name, key, rows, coordinates)
+            parts[key] = J.T @ (np.diag(part[0]) if len(given) == 1 else part) @ J
+        inverse = np.linalg.inv(parts["mass"])
+        size = len(axes)
+        A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ parts["stiffness"], -inverse @ parts["damping"]]])
+        B = np.vstack([np.zeros((size, size)), inverse])
+        outputs = axes + [f"v{axis}" for axis in axes]
+        return [f"f{axis}" for axis in axes], outputs, A, B, np.eye(2 * size), np.zeros((2 * size, size))
+
+    def list(self, block: str, key: str) -> list[float]:
+        return [self.number(entry, self.period(block)) for entry in self.word(block, key, [])]
+
+    def wire_of_plant(self, block: str, port: str):
+        """(what acts continuously, what is sampled in a tick and held, what arrives between ticks)."""
+        continuous: dict[str, float] = {}
+        held: dict[str, float] = {}
+        arriving: dict[str, float] = {}
+        text = self.wires.get(f"{block}.{port}")
+        if text is None:
+            return continuous, held, arriving
+        for sign, node in terms_of(text):
+            terms = scaled(sign, self.read_form(node, block))
+            acts = self.blocks[block]["type"] == "spring" or self.reads_plant(node, but=block)
+            for name, coefficient in terms.items():
+                owner = self.owner(name)
+                if owner in self.late and self.late[owner][1]:
+                    held = form(held, (coefficient, f"{owner} read"))
+                    arriving = form(arriving, (coefficient, f"@{owner} arrived"))
+                elif acts and owner in self.plants:
+                    continuous = form(continuous, (coefficient, name))
+                else:
+                    held = form(held, (coefficient, name))
+        self.multiplied_out(block, continuous, held)
+        return continuous, held, arriving
+
+    def multiplied_out(self, block, continuous, held):
+        """In `ks*link.x - (ks + kp)*motor.x` the part -ks of the last term belongs to the spring."""
+        for port in self.plants[block][1]:
+            own = f"{block}.{port}"
+            others = sum(c for name, c in continuous.items() if name.endswith(f".{port}"))
+            if others * held.get(own, 0.0) < 0 and abs(held[own]) >= abs(others):
+                continuous[own] = continuous.get(own, 0.0) - others
+                held[own] += others
+
+    def motion(self) -> dict[str, dict]:
+        """The derivatives of all plants' states, over states and what is held: u = L y + h, y = C x + D u."""
+        ins = [(name, port) for name, plant in self.plants.items() for port in plant[0]]
+        outs = [f"{name}.{port}" for name, plant in self.plants.items() for port in plant[1]]
+        states = [f"@{name} x{at}" for name, plant in self.plants.items() for at in range(len(plant[2]))]
+        if not states:
+            return {}
+        A, B, C, D = (_diagonal([plant[place] for plant in self.plants.values()]) for place in (2, 3, 4, 5))
+        L = np.zeros((len(ins), len(outs)))
+        held: list[dict] = []
+        for row, (name, port) in enumerate(ins):
+            continuous, sampled, arriving = self.wire_of_plant(name, port)
+            for signal, coefficient in continuous.items():
+                L[row, outs.index(signal)] += coefficient
+            held.append(form(arriving, {f"@into {name}.{port}": 1.0} if sampled else {}))
+        closed = np.linalg.inv(np.eye(len(ins)) - L @ D)  # u = closed (L C x + h)
+        moved = A + B @ closed @ L @ C
+        pushed = B @ closed
+        motion = {}
+        for row, state in enumerate(states):
+            terms = [(moved[row, at], other) for at, other in enumerate(states)]
+            forced = [scaled(pushed[row, at], held[at]) for at in range(len(ins))]
+            motion[state] = form(*terms, *forced)
+        return motion
+
+    def plant_rows(self, equations, writes):
+        """Outputs of plants as a tick shows them, and what is held from this tick on."""
+        for name, (inputs, outputs, A, _, C, D) in self.plants.items():
+            for port in inputs:
+                continuous, held, arriving = self.wire_of_plant(name, port)
+                equations[f"held into {name}.{port}"] = held
+                equations[f"into {name}.{port}"] = form(continuous, arriving, (1.0, f"held into {name}.{port}"))
+                if held:
+                    writes[f"@into {name}.{port}"] = {f"held into {name}.{port}": 1.0}
+            for row, port in enumerate(outputs):
+                states = [(float(C[row, at]), f"@{name} x{at}") for at in range(len(A))]
+                fed = [(float(D[row, at]), f"into {name}.{into}") for at, into in enumerate(inputs)]
+                equations[f"{name}.{port}"] = form(*states, *[pair for pair in fed if pair[0]])
+
+    # Dead times
+
+    def dead_time(self, name: str) -> tuple[int, Fraction]:
+        given = self.blocks[name]["seconds"]
+        Keys.asked.add("block.delay.seconds")
+        if isinstance(given, str) and given in self.numbers and not isinstance(self.numbers[given], str):
+            given = self.numbers[given]
+        seconds = Fraction(self.number(given)) if isinstance(given, str) else exact(given)
+        whole = math.floor(seconds / self.T)
+        return whole, seconds - whole * self.T
+
+    def late_rows(self, name, equations, writes):
+        """A dead time of `whole` ticks and a `rest`.
+
+        What blocks and hands give is held and arrives `rest` after a tick; what plants do is read
+        `rest` before a tick. Blocks read both in their ticks.
+        """
+        whole, rest = self.late[name]
+        seen: dict[str, float] = {}
+        given: dict[str, float] = {}
+        for sign, node in terms_of(self.wires[f"{name}.u"]):
+            for part, coefficient in self.read_form(node, name).items():
+                if self.owner(part) in self.plants:
+                    seen = form(seen, (sign * coefficient, part))
+                else:
+                    given = form(given, (sign * coefficient, part))
+        if rest:
+            equations[f"{name} read"] = {f"@{name} seen {whole}": 1.0} if seen else {}
+            equations[f"{name}.y"] = {f"{name} read": 1.0, f"@{name} arrived": 1.0}
+            writes[f"@{name} given 0"] = given
+            for at in range(whole):
+                writes[f"@{name} given {at + 1}"] = {f"@{name} given {at}": 1.0}
+            instant = Instant({}, {f"@{name} arrived": {f"@{name} given {whole}": 1.0}})
+            look = Instant({}, {})
+            for part in seen:
+                plant = self.owner(part)
+                _, outputs, A, _, C, _ = self.plants[plant]
+                row = outputs.index(part.rpartition(".")[2])
+                look.equations[part] = form(*((float(C[row, at]), f"@{plant} x{at}") for at in range(len(A))))
+            look.writes[f"@{name} seen 0"] = dict(seen)
+            for at in range(whole):
+                look.writes[f"@{name} seen {at + 1}"] = {f"@{name} seen {at}": 1.0}
+            return [(rest, f"{name} arrives", instant), (self.T - rest, f"{name} looks", look)]
+        equations[f"{name} now"] = form(seen, given)
+        fifo(equations, writes, name, f"{name} now", [(f"{name}.y", whole)])
+        return []
+
+    # Blocks that run in ticks
+
+    def run(self, name, equations, writes):
+        """The law of a block in a tick in which it runs."""
+        kind = self.blocks[name]["type"]
+        law = getattr(self, "run_" + kind)
+        law(name, equations, writes)
+
+    def one(self, name, port="u"):
+        return self.into(name, port)
+
+    def run_gain(self, name, equations, writes):
+        del writes
+        equations[f"{name}.y"] = scaled(self.value(name, "k", 1.0), self.one(name))
+
+    def run_hold(self, name, equations, writes):
+        del writes
+        equations[f"{name}.y"] = self.one(name)
+
+    def run_channel(self, name, equations, writes):
+        self.run_hold(name, equations, writes)
+
+    def run_saturation(self, name, equations, writes):
+        self.run_hold(name, equations, writes)
+
+    def run_delay(self, name, equations, writes):
+        equations[f"{name} now"] = self.one(name)
+        taps = self.word(name, "taps", None)
+        if taps is None:
+            outputs = [(f"{name}.y", self.whole(name, "steps", 1))]
+        else:
+            outputs = [(f"{name}.y{at + 1}", round(self.number(tap))) for at, tap in enumerate(taps)]
+        fifo(equations, writes, name, f"{name} now", outputs)
+
+    def run_impulse(self, name, equations, writes):
+        equations[f"{name}.y"] = self.one(name)
+        equations[f"{name}.sum"] = {f"@{name} sum": 1.0, f"{name}.y": 1.0}
+        writes[f"@{name} sum"] = {f"{name}.sum": 1.0}
+
+    def run_difference(self, name, equations, writes):
+        rate = 1 / self.period(name)
+        equations[f"{name} now"] = self.one(name)
+        equations[f"{name}.y"] = {f"{name} now": rate, f"@{name} u": -rate}
+        writes[f"@{name} u"] = {f"{name} now": 1.0}
+
+    def run_integrator(self, name, equations, writes):
+        equations[f"{name} now"] = self.one(name)
+        self.integral(name, equations, writes, self.word(name, "method", "explicit"), f"{name}.y")
+
+    def integral(self, name, equations, writes, method, out):
+        """The integral of variable `NAME now`."""
+        step = self.period(name)
+        before = f"@{name} integral"
+        now = f"{name} now"
+        equations[out] = {
+            "explicit": {before: 1.0, f"@{name} u": step},
+            "implicit": {before: 1.0, now: step},
+            "trapezoidal": {before: 1.0, now: step / 2, f"@{name} u": step / 2},
+        }[method]
+        writes[before] = {out: 1.0}
+        writes[f"@{name} u"] = {now: 1.0}
+
+    def run_pi(self, name, equations, writes):
+        equations[f"{name} now"] = self.one(name)
+        self.integral(name, equations, writes, self.word(name, "method", "implicit"), f"{name} i")
+        kp = self.value(name, "kp")
+        ki = self.value(name, "ki", 0.0)
+        equations[f"{name}.y"] = {f"{name} now": kp, f"{name} i": ki}
+
+    def run_pid(self, name, equations, writes):
+        self.run_pi(name, equations, writes)
+        tau = self.value(name, "tau", 0.0)
+        whole = tau + self.period(name)
+        equations[f"{name} d"] = {f"@{name} d": tau / whole, f"{name} now": 1 / whole, f"@{name} u": -1 / whole}
+        writes[f"@{name} d"] = {f"{name} d": 1.0}
+        equations[f"{name}.y"] = form(equations[f"{name}.y"], (self.value(name, "kd", 0.0), f"{name} d"))
+
+    def run_butterworth(self, name, equations, writes):
+        order = self.whole(name, "order")
+        cutoff = self.value(name, "cutoff_hz")
+        side = self.word(name, "pass", "low")
+        sections = filters.butterworth(order, cutoff, 1 / self.period(name), side) if order else []
+        equations[f"{name} now"] = self.one(name)
+        add_sections(equations, writes, name, sections, f"{name} now", f"{name}.y")
+
+    def run_lowpass(self, name, equations, writes):
+        if self.word(name, "a", None) is not None:
+            share = self.value(name, "a")
+        else:
+            w = 2 * math.pi * self.value(name, "cutoff_hz") * self.period(name)
+            share = w / (1 + w)
+        equations[f"{name}.y"] = form((1 - share, f"@{name} y"), scaled(share, self.one(name)))
+        writes[f"@{name} y"] = {f"{name}.y": 1.0}
+
+    def run_lead(self, name, equations, writes):
+        zero = 1 / math.tan(math.pi * self.value(name, "zero_hz") * self.period(name))
+        pole = 1 / math.tan(math.pi * self.value(name, "pole_hz") * self.period(name))
+        # (1 + zero r)/(1 + pole r) with r = (z - 1)/(z + 1)
+        model = filters.transfer([1 + zero, 1 - zero], [1 + pole, 1 - pole])
+        add_model(equations, writes, name, model, self.one(name), f"{name}.y")
+
+    def run_notch(self, name, equations, writes):
+        c = 1 / math.tan(math.pi * self.value(name, "frequency_hz") * self.period(name))
+        q = self.value(name, "q")
+        depth = self.value(name, "depth", 0.0)
+        # s = c r in units of w, r = (z - 1)/(z + 1): c^2 r^2 + c r/q + 1
+        top = [c * c + depth * c / q + 1, 2 - 2 * c * c, c * c - depth * c / q + 1]
+        bottom = [c * c + c / q + 1, 2 - 2 * c * c, c * c - c / q + 1]
+        add_model(equations, writes, name, filters.transfer(top, bottom), self.one(name), f"{name}.y")
+
+    def run_biquad(self, name, equations, writes):
+        top = [self.value(name, "b0", 1.0), self.value(name, "b1", 0.0), self.value(name, "b2", 0.0)]
+        bottom = [1.0, self.value(name, "a1", 0.0), self.value(name, "a2", 0.0)]
+        add_model(equations, writes, name, filters.transfer(top, bottom), self.one(name), f"{name}.y")
+
+    def run_fir(self, name, equations, writes):
+        self.weighted(name, equations, writes, self.list(name, "coefficients"))
+
+    def run_mean(self, name, equations, writes):
+        count = self.whole(name, "n")
+        self.weighted(name, equations, writes, [1 / count] * count)
+
+    def weighted(self, name, equations, writes, weights):
+        """The sum of weights times the last inputs, the first one of the newest."""
+        equations[f"{name} now"] = self.one(name)
+        outputs = [(f"{name} ago {at}", at) for at in range(len(weights))]
+        fifo(equations, writes, name, f"{name} now", outputs)
+        equations[f"{name}.y"] = form(*((weight, f"{name} ago {at}") for at, weight in enumerate(weights)))
+
+    def run_tf(self, name, equations, writes):
+        model = filters.transfer(self.list(name, "num"), self.list(name, "den"))
+        add_model(equations, writes, name, model, self.one(name), f"{name}.y")
+
+    def run_ss(self, name, equations, writes):
+        inputs, outputs, A, B, C, D = self.state_space(name)
+        states = [f"@{name} x{at}" for at in range(len(A))]
+        for port in inputs:
+            equations[f"into {name}.{port}"] = self.into(name, port)
+        fed = [f"into {name}.{port}" for port in inputs]
+        for row, port in enumerate(outputs):
+            equations[f"{name}.{port}"] = form(_pairs(C[row], states), _pairs(D[row], fed))
+        for row, state in enumerate(states):
+            writes[state] = form(_pairs(A[row], states), _pairs(B[row], fed))
+
+    def run_wave(self, name, equations, writes):
+        del writes
+        b = self.value(name, "b")
+        root = math.sqrt(2 * b)
+        come = self.into(name, "in")
+        if self.word(name, "gives", "force") == "force":
+            speed = self.into(name, "v")
+            equations[f"{name}.force"] = form(scaled(b, speed), scaled(-root, come))
+            equations[f"{name}.out"] = form(scaled(root, speed), scaled(-1.0, come))
+        else:
+            force = self.into(name, "f")
+            equations[f"{name}.v"] = form(scaled(root / b, come), scaled(-1 / b, force))
+            equations[f"{name}.out"] = form(come, scaled(-math.sqrt(2 / b), force))
+
+    def run_avatar(self, name, equations, writes):
+        self.moved(name, equations, writes, self.into(name, "f"))
+
+    def run_local_model(self, name, equations, writes):
+        force = {f"{name}.x_spring": self.value(name, "K"), f"{name}.v": self.value(name, "B", 0.0)}
+        self.moved(name, equations, writes, force)
+
+    def moved(self, name, equations, writes, force):
+        """v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f, and x from v."""
+        b = self.value(name, "b")
+        method = self.word(name, "integration", "implicit")
+        step = self.period(name)
+        come = self.into(name, "in")
+        equations[f"{name} f"] = force
+        equations[f"{name}.v"] = form(scaled(math.sqrt(2 * b) / b, come), (-1 / b, f"{name} f"))
+        equations[f"{name}.out"] = form(come, (-math.sqrt(2 / b), f"{name} f"))
+        before = f"@{name} x"
+        half = method == "trapezoidal"
+        equations[f"{name}.x"] = form((1.0, before), (step / 2 if half else step, f"{name}.v"))
+        if half:
+            equations[f"{name}.x"] = form(equations[f"{name}.x"], (step / 2, f"@{name} v"))
+            writes[f"@{name} v"] = {f"{name}.v": 1.0}
+        writes[before] = {f"{name}.x": 1.0}
+        equations[f"{name}.x_spring"] = {before: 1.0} if method == "explicit" else {f"{name}.x": 1.0}
+
+    # Time
+
+    def schedule(self) -> Schedule:
+        running = [name for name in self.blocks if name not in self.plants and name not in self.late]
+        period = math.lcm(1, *(self.every(name) for name in running))
+        kinds: dict[object, Instant] = {}
+        rank: list[tuple[Fraction, int, object]] = []
+        extra: list[tuple[Fraction, str, Instant]] = []
+        for tick in range(period):
+            active = tuple(name for name in running if (tick - self.phase(name)) % self.every(name) == 0)
+            if active not in kinds:
+                kinds[active], extra = self.tick(running, active)
+            rank.append((tick * self.T, 1, active))
+            for later, kind, instant in extra:
+                kinds[kind] = instant
+                rank.append((tick * self.T + later, 2, kind))
+        rank.sort(key=lambda row: row[:2])
+        times = []
+        ticks = {}
+        for at, (time, order, kind) in enumerate(rank):
+            if order == 1:
+                ticks[at] = len(ticks)
+            times.append((time, kind))
+        shown = {name: name for name in kinds[active].equations}
+        return Schedule(period * self.T, kinds, times, ticks, self.motion(), shown)
+
+    def tick(self, running, active):
+        """What happens in a tick in which the blocks `active` run."""
+        equations: dict[str, dict] = {}
+        writes: dict[str, dict] = {}
+        extra = []
+        for name in running:
+            own: dict[str, dict] = {}
+            kept: dict[str, dict] = {}
+            self.run(name, own, kept)
+            if name in active:
+                equations |= own
+                writes |= kept
+            for out in own:
+                if self.owner(out) != name:
+                    continue
+                if name not in active:
+                    holds = self.blocks[name]["type"] != "impulse" or out.endswith(".sum")
+                    equations[out] = {f"@held {out}": 1.0} if holds else {}
+                writes[f"@held {out}"] = {out: 1.0}
+        for name in self.late:
+            extra += self.late_rows(name, equations, writes)
+        self.plant_rows(equations, writes)
+        for name, text in self.port_signals().items():
+            equations[name] = self.read_form(_whole(text), "")
+        for name in self.signals:
+            equations.setdefault(name, self.read_form(_whole(self.signals[name]), ""))
+        for part in self.remembered:
+            writes[f"@before {part}"] = {part: 1.0}
+        return Instant(equations, writes), extra
+
+    def port_signals(self) -> dict[str, str]:
+        """Expressions of [ports], by the names of their outputs; of a hand of several axes the first one's."""
+        found = {}
+        for name in ("displacement", "reaction"):
+            given = self.key(f"ports.hand.{name}")
+            if given:
+                found[f"hand {name}"] = given if isinstance(given, str) else given[0]
+        for name, given in self.key("ports.outputs", {}).items():
+            found[f"output {name}"] = given["signal"] if isinstance(given, dict) else given
+        return found
+
+
+def fifo(equations, writes, name, source, outputs):
+    """Each of `outputs`, (variable, runs), is `source` so many runs ago."""
+    longest = max(runs for _, runs in outputs)
+    for at in range(longest):
+        writes[f"@{name} ago {at + 1}"] = {f"@{name} ago {at}": 1.0} if at else {source: 1.0}
+    for out, runs in outputs:
+        equations[out] = {f"@{name} ago {runs}": 1.0} if runs else {source: 1.0}
+
+
+def _whole(text):
+    """The node of an expression."""
+    return ast.parse(str(text).strip(), mode="eval").body
+
+
+def _pairs(row, names):
+    return form(*((float(coefficient), name) for coefficient, name in zip(row, names, strict=True)))
+
+
+def _diagonal(parts):
+    rows = sum(part.shape[0] for part in parts)
+    columns = sum(part.shape[1] for part in parts)
+    whole = np.zeros((rows, columns))
+    row = 0
+    column = 0
+    for part in parts:
+        whole[row : row + part.shape[0], column : column + part.shape[1]] = part
+        row += part.shape[0]
+        column += part.shape[1]
+    return whole

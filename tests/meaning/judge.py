@@ -1,0 +1,215 @@
+"""Holds what the package says of a spec against a march of the interpreter's reading of it."""
+
+import tomllib
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from meaning import controllers, drawings
+from meaning.machine import Machine, at_one, radius
+from meaning.specs import PATHS, left_out
+
+SMALL = 0.02  # of a radius: eigenvalues next to 0 are the roots of rounding
+NEAR = 1e-6  # of an end: stable so near inside, unstable so near outside
+
+
+@dataclass
+class Found:
+    """A comparison: what was compared, both values, and whether they are the same."""
+
+    what: str
+    same: bool
+    mine: object
+    theirs: object
+
+
+def machine_of(tables: dict) -> Machine:
+    read = controllers.read if "controller" in tables else drawings.read
+    return Machine(read(tables))
+
+
+def with_value(tables: dict, axis: str, value: float) -> dict:
+    """The same spec with another number."""
+    changed = deepcopy(tables)
+    if "controller" in tables:
+        path = PATHS.get(axis, axis).split(".")
+        changed.setdefault(path[0], {})[path[1]] = value
+    else:
+        changed["numbers"][axis] = value
+    return changed
+
+
+def drift_of(tables: dict) -> int:
+    """How many eigenvalues stay at 1 if numbers other than 0 are moved: what no wall of the loop opposes."""
+    counts = []
+    for seed in range(2):
+        random = np.random.default_rng(seed)
+        moved = deepcopy(tables)
+        if "controller" in tables:
+            moved.setdefault("environment", {}).update({"K_VE": random.uniform(5.0, 50.0), "B_VE": random.uniform(0.1, 1.0)})
+            moved["controller"]["b"] = moved["controller"].get("b", 25.0) * random.uniform(0.9, 1.1)
+            device = moved.setdefault("device", {})
+            if "preset" not in device:
+                device["mass"] = device.get("mass", 0.1) * random.uniform(0.9, 1.1)
+        else:
+            for name, value in moved["numbers"].items():
+                if isinstance(value, float) and name != "h":  # a period: cutoffs would pass half a rate
+                    moved["numbers"][name] = value * random.uniform(0.9, 1.1)
+        counts.append(at_one(machine_of(moved).monodromy()))
+    return min(counts)
+
+
+def radius_of(tables: dict, drift: int) -> float:
+    return radius(machine_of(tables).monodromy(), drift)
+
+
+def compiled(text: str, folder):
+    """The package's own reading of the same text, from a file."""
+    import wavesweep
+
+    path = Path(folder) / "spec.toml"
+    path.write_text(text)
+    return wavesweep.compile(path)
+
+
+def close(mine, theirs, relative: float, absolute: float) -> bool:
+    return bool(np.all(np.abs(np.subtract(mine, theirs)) <= absolute + relative * np.abs(mine)))
+
+
+def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, ask_all: bool = False) -> list[Found]:
+    """All comparisons of one spec, of which `loop` is the package's reading.
+
+    `whole`: with ends and responses; `ask_all`: also where the package is known to be wrong.
+    """
+    tables = tomllib.loads(text)
+    why = left_out(tables)
+    if why and not ask_all:
+        return [Found(f"left out: {why}", True, None, None)]
+    machine = machine_of(tables)
+    monodromy = machine.monodromy()
+    drift = drift_of(tables)
+    mine = radius(monodromy, drift)
+    found = [judge_radius(tables, mine, loop)]
+    if whole:
+        found += judge_intervals(tables, drift, loop)
+    hand = hand_of(tables)
+    found += judge_simulation(machine, loop, hand, ticks)
+    if whole and mine < 1:
+        found += judge_response(machine, loop, hand)
+    return found
+
+
+def judge_radius(tables, mine, loop) -> Found:
+    """Of a frame, after which all rates are in step again; of `dc`, in which nothing runs slowly, of T_s."""
+    theirs = float(loop.spectral_radius())
+    if tables.get("controller", {}).get("kind") == "dc":
+        rates = tables.get("rates", {})
+        ratio = rates.get("ratio", 20)
+        if "slow_hz" in rates:
+            ratio = rates.get("fast_hz", 1000.0) / rates["slow_hz"]
+        mine = mine**ratio
+    if np.isnan(theirs) or mine < SMALL:
+        return Found("radius unknown", True, mine, theirs)
+    return Found("radius", close(mine, theirs, 1e-7, 1e-8), mine, theirs)
+
+
+def judge_intervals(tables, drift, loop) -> list[Found]:
+    """Stable just inside each end and unstable just outside; and at values in between as the rows say."""
+    along = tables["sweep"]["along"]
+    span = (tables["sweep"][along]["start"], tables["sweep"][along]["stop"])
+    rows = loop.stable_intervals(along=along, span=span)
+    at = partial(_radius_at, tables, drift, along)
+    if (rows["doubt"] != "").any():
+        return [Found("in doubt", True, None, list(rows["doubt"]))]
+    found = []
+    kept = rows[rows["intervals"] > 0]
+    ends = [(float(row.low), float(row.high)) for row in kept.itertuples()]
+    for low, high in ends:
+        if low > span[0]:
+            found += _end(at, "low", low, -1, high - low)
+        if high < span[1]:
+            found += _end(at, "high", high, 1, high - low)
+    random = np.random.default_rng(7)
+    for value in random.uniform(0, 1, 2) ** 2 * (span[1] - span[0]) + span[0]:
+        stable = any(low < value < high for low, high in ends)
+        near = any(abs(value - end) < 1e-5 * abs(end) for pair in ends for end in pair)
+        found.append(_label(at(value), stable, near, value, ends))
+    return found
+
+
+def _radius_at(tables, drift, along, value):
+    return radius_of(with_value(tables, along, float(value)), drift)
+
+
+def _end(at, side, end, outwards, width):
+    step = min(NEAR * abs(end), width / 3)
+    inside = at(end - outwards * step)
+    outside = at(end + outwards * step)
+    if abs(inside - 1) < 1e-11 or abs(outside - 1) < 1e-11:
+        return [Found("end too flat", True, (inside, outside), end)]
+    return [Found(f"{side} end", inside < 1 < outside, (inside, outside), end)]
+
+
+def _label(mine, stable, near, value, ends):
+    if near or abs(mine - 1) < 1e-9:
+        return Found("label too near", True, mine, value)
+    return Found("label", (mine < 1) == stable, (value, mine), ends)
+
+
+def hand_of(tables) -> tuple[str, str, str | None]:
+    """(input, position, reaction) of the hand, as the interpreter calls them."""
+    if "controller" in tables:
+        return "hand", "x", "f_m"
+    hand = tables["ports"]["hand"]
+    force = hand["force"]
+    push = force if isinstance(force, str) else force[0]
+    return push, "hand displacement", "hand reaction" if "reaction" in hand else None
+
+
+def judge_simulation(machine, loop, hand, ticks) -> list[Found]:
+    """The same push in both: position, speed and force in each tick."""
+    push, position, _ = hand
+    force = np.random.default_rng(3).normal(size=ticks)
+    effects = {"friction": 0.0, "resolution": 0.0, "max_force": None} if push == "hand" else {}  # of presets
+    run = loop.simulate(force, **effects)
+    columns = {"x": position}
+    if push == "hand":
+        columns |= {"v": "v", "v_hat": "v_hat", "f_m": "f_m"}
+    mine = machine.run(force[: len(run)], push, list(columns.values()))
+    found = []
+    for column, name in columns.items():
+        theirs = run[column].to_numpy()
+        size = np.abs(theirs).max()
+        found.append(Found(f"simulate {column}", close(mine[name], theirs, 1e-9, 1e-9 * size), mine[name], theirs))
+    return found
+
+
+def judge_response(machine, loop, hand) -> list[Found]:
+    """At rest and at a frequency: what the hand moves, and the force that it meets."""
+    push, position, reaction = hand
+    rate = len(machine.schedule.ticks) / float(machine.schedule.period)
+    hertz = [0.0, round(0.0137 * rate, 3)]
+    table = loop.response(hertz)
+    found = []
+    names = [position, reaction] if reaction else [position]
+    answers = [machine.response(frequency, push, names) for frequency in hertz]
+    moved = abs(answers[1][position])
+    for at, frequency in enumerate(hertz):
+        mine = answers[at]
+        row = table.iloc[at]
+        if row["doubt"]:
+            continue
+        pairs = [("admittance", mine[position])]
+        if reaction:
+            pairs.append(("impedance", mine[reaction] / mine[position]))
+        for name, value in pairs:
+            theirs = complex(row[f"{name}_re"], row[f"{name}_im"])
+            what = f"{name} at {frequency} Hz"
+            if name == "admittance" and abs(value) > 1e4 * moved:  # nothing holds it
+                found.append(Found(what, bool(np.isnan(theirs)), value, theirs))
+                continue
+            least = 1e-5 * moved if name == "admittance" else 0.0  # what is 0 at rest, before an integrator
+            found.append(Found(what, close(value if frequency else value.real, theirs, 1e-6, least), value, theirs))
+    return found

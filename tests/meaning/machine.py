@@ -1,0 +1,233 @@
+"""A loop as a list of instants in exact time, marched over its period.
+
+Between two instants the plants move by the exponential of their matrix, with everything else held.
+At an instant the equations of what happens there are solved together, and the memory is written anew.
+
+A form is a dict from names to coefficients. Names that begin with "@" are memory, those that begin
+with "!" are inputs from outside, all others are variables of one instant.
+"""
+
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+import numpy as np
+from scipy.linalg import expm
+
+REST = 1e-7  # turns in a period for what is at rest: what cancels leaves nine digits
+
+
+class NoSolution(Exception):
+    """The equations of an instant have no solution, or not one alone."""
+
+
+def exact(number) -> Fraction:
+    """The decimal number that a spec has, not the double nearest to it."""
+    return Fraction(str(number))
+
+
+def form(*terms, **named) -> dict[str, float]:
+    """The sum of (coefficient, name) and of forms."""
+    total = dict(named)
+    for term in terms:
+        pairs = term.items() if isinstance(term, dict) else [(term[1], term[0])]
+        for name, coefficient in pairs:
+            total[name] = total.get(name, 0.0) + coefficient
+    return total
+
+
+def scaled(factor, terms) -> dict[str, float]:
+    return {name: factor * coefficient for name, coefficient in terms.items()}
+
+
+@dataclass
+class Instant:
+    """What happens at once: variables from equations, and memory that is written afterwards."""
+
+    equations: dict[str, dict] = field(default_factory=dict)
+    writes: dict[str, dict] = field(default_factory=dict)
+
+
+@dataclass
+class Schedule:
+    """The instants of one period in order: (time in s, kind), and what each kind is."""
+
+    period: Fraction
+    kinds: dict[object, Instant]
+    times: list[tuple[Fraction, object]]
+    ticks: dict[int, int]  # place in `times` -> number of the tick whose instant it is
+    motion: dict[str, dict]  # derivative of each memory that moves between instants
+    shown: dict[str, str]  # name of a signal -> variable of a tick's instant
+
+
+class Machine:
+    """A schedule as matrices over all memory."""
+
+    def __init__(self, schedule: Schedule):
+        self.schedule = schedule
+        self.memory = _memory_of(schedule)
+        self.inputs = _names("!", schedule)
+        self.solved = {kind: self._solve(instant) for kind, instant in schedule.kinds.items()}
+        self.flows: dict[Fraction, np.ndarray] = {}
+
+    def _solve(self, instant):
+        """(M, N, Y, Z, variables): memory M m + N w after it, variables Y m + Z w."""
+        variables = {name: place for place, name in enumerate(instant.equations)}
+        left = np.eye(len(variables))
+        Y = np.zeros((len(variables), len(self.memory)))
+        Z = np.zeros((len(variables), len(self.inputs)))
+        for name, terms in instant.equations.items():
+            for other, coefficient in terms.items():
+                if other in variables:
+                    left[variables[name], variables[other]] -= coefficient
+                elif other in self.memory:
+                    Y[variables[name], self.memory[other]] += coefficient
+                else:
+                    Z[variables[name], self.inputs[other]] += coefficient
+        if variables:
+            if np.linalg.cond(left) > 1e13:
+                raise NoSolution(", ".join(variables))
+            both = np.linalg.solve(left, np.hstack([Y, Z]))
+            Y = both[:, : len(self.memory)]
+            Z = both[:, len(self.memory) :]
+        M = np.eye(len(self.memory))
+        N = np.zeros((len(self.memory), len(self.inputs)))
+        for name, terms in instant.writes.items():
+            row = np.zeros(len(self.memory))
+            driven = np.zeros(len(self.inputs))
+            for other, coefficient in terms.items():
+                if other in variables:
+                    row += coefficient * Y[variables[other]]
+                    driven += coefficient * Z[variables[other]]
+                elif other in self.memory:
+                    row[self.memory[other]] += coefficient
+                else:
+                    driven[self.inputs[other]] += coefficient
+            M[self.memory[name]] = row
+            N[self.memory[name]] = driven
+        return M, N, Y, Z, variables
+
+    def _flow(self, duration: Fraction):
+        if duration not in self.flows:
+            generator = np.zeros((len(self.memory), len(self.memory)))
+            for name, terms in self.schedule.motion.items():
+                for other, coefficient in terms.items():
+                    generator[self.memory[name], self.memory[other]] += coefficient
+            self.flows[duration] = expm(generator * float(duration))
+        return self.flows[duration]
+
+    def steps(self):
+        """(kind, number of the tick or None, flow to the next instant) of one period, in order."""
+        times = self.schedule.times
+        for place, (time, kind) in enumerate(times):
+            last = place + 1 == len(times)
+            until = self.schedule.period if last else times[place + 1][0]
+            yield kind, self.schedule.ticks.get(place), self._flow(until - time) if until > time else None
+
+    def monodromy(self) -> np.ndarray:
+        """Memory after a period, for each unit memory before it."""
+        columns = np.eye(len(self.memory))
+        for kind, _, flow in self.steps():
+            columns = self.solved[kind][0] @ columns
+            if flow is not None:
+                columns = flow @ columns
+        return columns
+
+    def run(self, driven: np.ndarray, which: str, names) -> dict[str, np.ndarray]:
+        """The named signals in each tick, from rest, if the input `which` is `driven` in them."""
+        memory = np.zeros(len(self.memory))
+        outside = np.zeros(len(self.inputs))
+        rows = {name: np.full(len(driven), np.nan) for name in names}
+        tick = -1
+        while True:
+            for kind, number, flow in self.steps():
+                M, N, Y, Z, variables = self.solved[kind]
+                if number is not None:
+                    tick += 1
+                    if tick == len(driven):
+                        return rows
+                    outside[self.inputs["!" + which]] = driven[tick]
+                    for name in names:
+                        place = variables[self.schedule.shown[name]]
+                        rows[name][tick] = Y[place] @ memory + Z[place] @ outside
+                memory = M @ memory + N @ outside
+                if flow is not None:
+                    memory = flow @ memory
+
+    def response(self, hertz: float, which: str, names) -> dict[str, complex]:
+        """The component of each signal at the frequency of a sine of the input, held over ticks.
+
+        At 0 Hz it is the limit: the real part at two low frequencies, less what grows with their square.
+        """
+        period = float(self.schedule.period)
+        if hertz:
+            return self._component(hertz * period, which, names)
+        low = self._component(REST, which, names)
+        double = self._component(2 * REST, which, names)
+        return {name: (4 * low[name].real - double[name].real) / 3 + 1j * low[name].imag for name in names}
+
+    def _component(self, turns: float, which, names):
+        """With the memory z, the input turn^k in tick k and n ticks in a period, turn^n z = A z + b."""
+        count = len(self.schedule.ticks)
+        pushes = np.exp(2j * np.pi * turns * np.arange(count) / count)
+        after, rows = self._period(pushes, which, names)
+        memory = np.linalg.solve(np.exp(2j * np.pi * turns) * np.eye(len(after)) - after[:, :-1], after[:, -1])
+        shown = (rows @ np.append(memory, 1.0)).reshape(count, len(names)) / pushes[:, None]
+        return dict(zip(names, shown.mean(axis=0), strict=True))
+
+    def _period(self, pushes, which, names):
+        """Memory after a period, and the named signals in its ticks, if `pushes` are the input in them.
+
+        A column for each unit memory before it, and one for the input.
+        """
+        columns = np.eye(len(self.memory), len(self.memory) + 1, dtype=complex)
+        rows = []
+        at = self.inputs["!" + which]
+        push = 0.0
+        for kind, number, flow in self.steps():
+            M, N, Y, Z, variables = self.solved[kind]
+            if number is not None:
+                push = pushes[number]
+                for name in names:
+                    place = variables[self.schedule.shown[name]]
+                    row = Y[place] @ columns
+                    row[-1] += Z[place, at] * push
+                    rows.append(row)
+            columns = M @ columns
+            columns[:, -1] += N[:, at] * push
+            if flow is not None:
+                columns = flow @ columns
+        return columns, np.array(rows)
+
+
+def radius(monodromy: np.ndarray, drift: int) -> float:
+    """The largest modulus of the eigenvalues but the `drift` ones next to 1."""
+    values = np.linalg.eigvals(monodromy)
+    order = np.argsort(abs(values - 1))
+    return float(abs(values[order[drift:]]).max(initial=0.0))
+
+
+def at_one(monodromy: np.ndarray) -> int:
+    """How many eigenvalues are exactly 1, as far as rounding tells."""
+    return int(np.sum(abs(np.linalg.eigvals(monodromy) - 1) < 1e-8))
+
+
+def _names(mark: str, schedule: Schedule) -> dict[str, int]:
+    found: dict[str, int] = {}
+    for instant in schedule.kinds.values():
+        for terms in (*instant.equations.values(), *instant.writes.values()):
+            for name in terms:
+                if name.startswith(mark):
+                    found.setdefault(name, len(found))
+    return found
+
+
+def _memory_of(schedule: Schedule) -> dict[str, int]:
+    found = _names("@", schedule)
+    for instant in schedule.kinds.values():
+        for name in instant.writes:
+            found.setdefault(name, len(found))
+    for name, terms in schedule.motion.items():
+        found.setdefault(name, len(found))
+        for other in terms:
+            found.setdefault(other, len(found))
+    return found

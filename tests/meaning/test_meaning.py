@@ -1,0 +1,171 @@
+"""What a spec is taken to mean, against an interpreter of the documents that shares nothing with the package."""
+
+import contextlib
+import io
+import json
+import shutil
+import tomllib
+
+import numpy as np
+import pytest
+from meaning import exported
+from meaning.controllers import Keys
+from meaning.drawings import PLANTS
+from meaning.judge import compiled, judge, machine_of, radius_of, with_value
+from meaning.specs import KINDS, spec_text, toml
+
+from wavesweep.program.cli import main
+
+SPECS = 300
+EACH = 10  # specs of one test
+
+EXPLICIT = {"integration": "explicit", "delay": "frame"}
+
+NOT_READ = {  # keys of a spec that the interpreter does not read, and why
+    "environment.step": "about frames that vary",
+    "ports.hand.turns": "a unit",
+    "ports.wall": "which numbers zwidth is about",
+    "ports.environment": "a second port, for passivity alone",
+    "block.saturation.high": "the linear loop is within its limits",
+    "block.saturation.low": "the linear loop is within its limits",
+    **{
+        f"block.{kind}.{key}": "the linear loop is within its limits"
+        for kind in ("integrator", "pi", "pid")
+        for key in ("high", "low", "anti_windup", "tracking_s")
+    },
+    **{
+        f"block.channel.{key}": "the loop's own messages are all in time"
+        for key in ("late", "lost", "missing", "loss", "burst", "burst_end", "burst_loss")
+    },
+    **{f"block.{kind}.phase": "a plant runs in every tick" for kind in PLANTS - {"ss", "tf"}},
+}
+QUESTIONS = {
+    "bode",
+    "for_all",
+    "simulate",
+    "measured",
+    "design",
+}  # tables that are no part of the loop; of [sweep] the axis alone
+
+
+@pytest.mark.parametrize(
+    ("tables", "limit"),
+    [
+        ({}, 263.137165166),
+        ({"environment": {"delay": 20}}, 82.579018996),
+        ({"environment": {"delay": "frame"}}, 82.579018996),
+        ({"rates": {"slow_hz": 400}, "device": {"velocity": "difference"}, "environment": EXPLICIT}, 576.5787485710594),
+        ({"rates": {"slow_hz": 400}, "device": {"velocity": "difference"}}, 1465.2120138286),
+    ],
+)
+def test_the_interpreter_finds_published_limits(tables, limit):
+    tables = {"controller": {"kind": "dc-slow"}, **tables}
+    assert radius_of(with_value(tables, "K_VE", limit * (1 - 1e-8)), 0) < 1
+    assert radius_of(with_value(tables, "K_VE", limit * (1 + 1e-8)), 0) > 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, SPECS, EACH))
+def test_random_specs_mean_the_same(first, tmp_path):
+    """Radius and simulation of each; ends and responses of each fifth, which take longer."""
+    differ = []
+    for number in range(first, first + EACH):
+        text = spec_text(number, quick=True)
+        loop = compiled(text, tmp_path)
+        found = judge(text, loop, whole=number % 5 == 0)
+        differ += [(number, one.what, one.mine, one.theirs) for one in found if not one.same]
+    assert differ == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_exported_c_means_the_same(kind, tmp_path):
+    """The C gets the interpreter's positions and speeds, and makes the interpreter's force of them."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no gcc")
+    numbers = [2 * (8 * at + KINDS.index(kind)) for at in range(40)]
+    tables = next(spec for spec in map(_exportable, numbers) if spec)
+    path = tmp_path / "spec.toml"
+    path.write_text(toml(tables))
+    assert main(["export", str(path), "--to", "c", "--out", str(tmp_path / "c"), "--quiet"]) == 0
+    force = np.random.default_rng(5).normal(size=150)
+    mine = machine_of(tables).run(force, "hand", ["x", "v", "f_m"])
+    theirs = exported.forces(compiler, tmp_path / "c", mine["x"], mine["v"])
+    np.testing.assert_allclose(-theirs, mine["f_m"], rtol=1e-8, atol=1e-9 * abs(mine["f_m"]).max())
+
+
+TWO_DRIFTS = """
+rates.tick_hz = 1000
+numbers.K = 5.0
+[block]
+arm = { type = "mass", mass = 0.1, damping = 1.0, stiffness = 20.0 }
+pull = { type = "impulse" }
+end = { type = "wave", b = 4 }
+far = { type = "avatar", b = 4 }
+back = { type = "hold", every = 2 }
+[wire]
+"pull.u" = "arm.x"
+"end.v" = "arm.v"
+"end.in" = "back.y"
+"far.in" = "end.out"
+"far.f" = "15*far.x_spring"
+"back.u" = "far.out"
+"arm.f" = "push - K*pull.y - end.force"
+[ports]
+hand = { force = "push", displacement = "arm.x" }
+[sweep]
+along = "K"
+K = { start = 0, stop = 100 }
+"""
+
+
+def test_what_is_left_out_is_still_wrong(tmp_path):
+    """Else its condition in `left_out` goes, and this test with it."""
+    found = judge(TWO_DRIFTS, compiled(TWO_DRIFTS, tmp_path), ask_all=True)
+    assert [one.what for one in found if not one.same] != []
+
+
+def _exportable(number):
+    """A spec whose rates do not divide; the amplifier's delay is the device's and not in the C."""
+    tables = tomllib.loads(spec_text(number, quick=True))
+    device = tables["device"]
+    for key in ("delay", "dead_time"):
+        device.pop(key, None)
+    return tables if "slow_hz" in tables["rates"] and "preset" not in device else None
+
+
+def test_every_key_is_read_or_listed():
+    """Of the schema that `wavesweep keys --schema` prints: a new key has to come into the interpreter."""
+    Keys.asked.clear()
+    for number in range(200):
+        tables = tomllib.loads(spec_text(number, quick=True))
+        machine_of(tables)
+    assert sorted(_keys_of_schema() - Keys.asked - set(NOT_READ)) == []
+    assert sorted(set(NOT_READ) & Keys.asked) == []
+    assert sorted(set(NOT_READ) - _keys_of_schema()) == []
+
+
+def _keys_of_schema() -> set[str]:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        assert main(["keys", "--schema"]) == 0
+    schema = json.loads(printed.getvalue())
+    found = set()
+    for part in (schema["then"], schema["else"]):
+        for table, inside in part["properties"].items():
+            if table in {"block", "sweep", *QUESTIONS}:
+                continue
+            found |= set(_leaves(table, inside))
+    for choice in schema["else"]["properties"]["block"]["additionalProperties"]["allOf"]:
+        kind = choice["if"]["properties"]["type"]["const"]
+        found |= {f"block.{kind}.{key}" for key in choice["then"]["properties"] if key != "type"}
+    return found
+
+
+def _leaves(path, schema):
+    if path in {"ports.wall", "ports.environment", "type"} or not schema.get("properties"):
+        yield path
+        return
+    for key, value in schema["properties"].items():
+        yield from _leaves(f"{path}.{key}", value)
