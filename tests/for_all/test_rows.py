@@ -532,6 +532,7 @@ def test_nowhere_is_certified_where_frames_of_constant_lengths_have_no_stable_va
     assert some.any()
     assert not found.intervals[some].any()
     assert found.certified[some].all()
+    assert found.counterexample[some].str.match(r"frames 22 stable at none \(nearest at .* Hz, .*\); frames 14 in ").all()
 
 
 def test_nowhere_is_certified_where_one_combination_has_no_stable_value_and_another_has_some():

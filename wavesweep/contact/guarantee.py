@@ -11,10 +11,6 @@ if TYPE_CHECKING:
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.sweep.job import Job
 
-_ABOUT = (
-    "Rows proved through contact hold for every wall that is a function of K x + B v with slopes "
-    "from 0 to 1, such as one that pushes and never pulls; the rest of the loop is linear."
-)
 _GAP = "between what is proved and what is refuted more than 1 % is not known"
 ROWS = {
     "contact": RowKind(
@@ -28,7 +24,6 @@ ROWS = {
         "largest proved through contact",
         proved=True,
         column="guarantee",
-        about=_ABOUT,
         unsettled=f"{{rows}} of {{words}} not settled: {_GAP}",
     )
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,7 @@ from wavesweep.engine.frames import FIRST, SECOND, LinearFractional, open_loops
 from wavesweep.engine.intervals import blank_records, record_type, stable_intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT
+from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -43,6 +44,15 @@ class ContactGuarantee(Guarantee):
         "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
         "with bounds on all errors; refuted by a wall and a motion that repeats"
     )
+
+    @property
+    def what(self) -> Property:
+        """What its rows say of their loops."""
+        return AT_REST
+
+    def scope(self, spec: Spec) -> Scope:
+        """The spec's own numbers and frames, with every wall."""
+        return replace(own_scope(spec), walls=PUSHES)
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""

@@ -16,6 +16,7 @@ from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import degree
 from wavesweep.engine.loop import Loops
+from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import (
@@ -31,6 +32,7 @@ from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_keys, device_of, held_loop
+from wavesweep.program.analyses.claims import PASSIVE_HANDS, Scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -64,6 +66,12 @@ class EveryHandGuarantee(Guarantee):
         "stored energies at the nodes of an automaton of ticks, by a semidefinite program, checked by elimination in ball "
         "arithmetic; refuted by a pattern of frames and a motion of the hand that takes energy out for ever"
     )
+
+    def scope(self, spec: Spec) -> Scope:
+        """The loops that its rows are of."""
+        own = Loops(own_loop(spec).drawing, dict(spec.values))
+        loops = scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), own))
+        return replace(loops, hands=PASSIVE_HANDS)
 
     def notices(self, job: Job) -> tuple[str, ...]:  # noqa: ARG002
         """What the other rows are of."""

@@ -26,20 +26,16 @@ ROWS = {
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",
-        "proved for all numbers of [for_all]",
+        "for all of [for_all]",
         "proved for all",
         "#D55E00",
         2,
         "proved",
-        "nowhere stable for all numbers of [for_all]",
+        "nowhere stable",
         "largest proved for all",
         proved=True,
         column="guarantee",
         unsettled=_UNSETTLED,
-        of_messages={
-            "title": "proved for all that messages may do",
-            "nowhere": "nowhere stable for all that messages may do",
-        },
     ),
     "mean_square": RowKind(
         "messages lost at random, or frames at random",

@@ -14,8 +14,9 @@ from wavesweep.for_all.unknown import Case, Part, Proved, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
+from wavesweep.program.analyses.claims import Scope, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
-from wavesweep.program.spec import Axis
+from wavesweep.program.spec import Axis, Spec
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
@@ -104,6 +105,10 @@ class BoxGuarantee(Guarantee):
             for name, ends in ranges
         )
         return f"box:{','.join(texts)}"
+
+    def scope(self, spec: Spec) -> Scope:
+        """The spec's own numbers, with every hand of the box in place of its operator."""
+        return replace(own_scope(spec), hands=f"every hand of {self.word}")
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop; it takes from tenths of a second to some seconds."""

@@ -9,12 +9,16 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine.drawing import name_of
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.asked_ranges import values_of_range
+from wavesweep.for_all.climb import corners_of
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
+from wavesweep.program.analyses.mode_in_the_way import mode_in_the_way, outside
+from wavesweep.program.tables.number_words import span_in_words
 
 MOST = 6  # values of each number that varies, its ends among them, beside the spec's own
 ROUNDING = 1e-6  # of an end, or of a radius: no contradiction
@@ -26,15 +30,20 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
     Unknown numbers have the spec's own values, or the nearest of their ranges, and dead times their own whole ticks. None where
     constant frames are not among what is claimed: with messages lost at random, or a step that is not the time of a frame.
     """
-    values = {**case.values, **(changes or {})}
     if rules.at_random:
         return []
-    for axis in (each for each in case.ranges if each.path not in (changes or {})):
-        values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
-    constant = _at_constant_frames(rules, values)
+    constant = _at_constant_frames(rules, _own(case, changes))
     return [
         Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt for numbers in constant
     ]
+
+
+def _own(case: Case, changes: Mapping[str, float] | None = None) -> dict[str, object]:
+    """The values of a case, and of its ranges those of the spec or the nearest ones; changes: see `members`."""
+    values = {**case.values, **(changes or {})}
+    for axis in (each for each in case.ranges if each.path not in (changes or {})):
+        values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
+    return values
 
 
 def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
@@ -85,12 +94,9 @@ def _contradicted(case, rows):
 
 def _within(rows, loop, along, span):
     """Whether rows lie within the stable intervals of a loop, as far as these are certified."""
-    records = Search(
-        along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True
-    ).records()
-    if not records["certified"].all():
+    stable = _certified(loop, along, span)
+    if stable is None:
         return True
-    stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
     return all(
         any(
             a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b)
@@ -100,20 +106,72 @@ def _within(rows, loop, along, span):
     )
 
 
-def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bool:
-    """Return whether there is no value at which all of the loops are stable: their certified intervals have nothing in common,
-    beyond rounding."""
+def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
+    """Return what rules out every value at which all members of a case would be stable, in words; empty if nothing does.
+
+    It is the first member without a stable value or, of all together, that their certified intervals have nothing in common
+    beyond rounding.
+    """
     common = [span]
-    for loop in loops:
-        records = Search(
-            along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True
-        ).records()
-        if records["certified"].all():
-            stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
-            both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]
-            common = [
-                (low, high)
-                for low, high in both
-                if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)
-            ]
-    return not common
+    met = ""
+    for label, loop in _named(rules, case):
+        stable = _certified(loop, case.along, span)
+        if stable is None:
+            continue
+        before = common
+        both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]
+        common = [
+            (low, high)
+            for low, high in both
+            if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)
+        ]
+        if not common:
+            others = f"; {met} in {_spans(before)}" if met else ""
+            if stable:
+                return f"{label} stable in {_spans(stable)}{others}"
+            return f"{label} stable at none{_nearest(loop, case.along, span)}{others}"
+        met = "those before" if met else label
+    return ""
+
+
+def _nearest(loop: Loops, along: str, span: tuple[float, float]) -> str:
+    """The value at which a loop comes nearest to being stable, and the mode that grows there; empty if none is found."""
+    mode = mode_in_the_way(loop, along, span, outside)
+    if not mode or mode["time_constant_s"] is None:
+        return ""
+    grows = f"{mode['hz']:.4g} Hz, grows e times in {-mode['time_constant_s']:.4g} s"
+    return f" (nearest at {mode['value']:.6g}: {grows})"
+
+
+def _spans(stable: Sequence[tuple[float, float]]) -> str:
+    return " and ".join(span_in_words(*each) for each in stable)
+
+
+def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
+    """Yield the members of a case, with what each is: its frames, or the numbers at a corner of the box."""
+    fixed = ", ".join(f"{name_of(path)} = {value:g}" for path, value in case.fixed.items())
+    if rules.vary:
+        for numbers in [] if rules.at_random else _at_constant_frames(rules, _own(case)):
+            said = [fixed] if fixed else []
+            for axis in rules.for_all.changing:
+                value = numbers[axis.path]
+                said.append(
+                    f"frames {value:g}" if axis.path == RATIO else f"{axis.name} = {value:g}"
+                )
+            loops = Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt
+            yield ", ".join(said) or "constant frames", loops
+        return
+    for corner in corners_of(case.box):
+        numbers = {each.path: float(x) for each, x in zip(case.ranges, corner, strict=True)}
+        said = [fixed] if fixed else []
+        said += [f"{name_of(path)} = {value:g}" for path, value in numbers.items()]
+        yield ", ".join(said) or "its own numbers", case.loop.changed(numbers)
+
+
+def _certified(loop: Loops, along: str, span: tuple[float, float]):
+    """The stable intervals of a loop; None if they are not certified."""
+    searched = Search(along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True)
+    records = searched.records()
+    if not records["certified"].all():
+        return None
+    return [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]

@@ -19,10 +19,11 @@ from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.frame_families import DELAY, RATIO, refuse
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
-from wavesweep.for_all.members import claims_hold, members, nowhere
+from wavesweep.for_all.members import claims_hold, nowhere
 from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
+    GROW,
     Rules,
     bracketed,
     bracketed_over,
@@ -33,7 +34,14 @@ from wavesweep.for_all.varying import (
     text_of,
 )
 from wavesweep.haptics.felt import FELT
-from wavesweep.program.analyses.claims import MEAN_SQUARE, STABLE, Claim, Status
+from wavesweep.program.analyses.claims import (
+    MEAN_SQUARE,
+    STABLE,
+    Claim,
+    Property,
+    Scope,
+    Status,
+)
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
@@ -78,6 +86,16 @@ class ForAllGuarantee(Guarantee):
     def kind(self) -> str:
         """The word of its rows in the column `guarantee`."""
         return GUARANTEES[self.rules.at_random]
+
+    @property
+    def what(self) -> Property:
+        """What its rows say of their loops."""
+        return MEAN_SQUARE if self.rules.at_random else STABLE
+
+    def scope(self, spec: Spec) -> Scope:
+        """The loops that its rows are of."""
+        own = Loops(own_loop(spec).drawing, dict(spec.values))
+        return scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), own))
 
     @property
     def method(self) -> str:
@@ -185,13 +203,19 @@ def intervals_for_all(
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
     agreed = claims_hold(rules, loop.cases, rows)
+    why = ""
     if rules.at_random:
         none = not rows and loop.grows_everywhere()
+        why = GROW if none else ""
     elif rules.vary:
-        none = not rows and any(nowhere(members(rules, case), along, span) for case in loop.cases)
+        reasons = (nowhere(rules, case, span) for case in loop.cases)
+        why = "" if rows else next(filter(None, reasons), "")
+        none = bool(why)
     else:
         none = not rows and not searched(loop.cases, span)  # some member is unstable at every value
-    return recorded(rows, loop.certified, agreed=agreed, none=none)
+        if none:
+            why = next(filter(None, (nowhere(rules, case, span) for case in loop.cases)), "")
+    return recorded(rows, loop.certified, agreed=agreed, none=none, why=why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -461,9 +485,8 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
         reason = in_a_sentence(found["counterexample"])
     elif status is Status.UNKNOWN:
         reason = reason_of(found)
-    loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
-    what = MEAN_SQUARE if rules.at_random else STABLE
-    return Claim(what, scope_of(spec, rules, loop.cases), status, reason), found
+    rows = ForAllGuarantee(rules)
+    return Claim(rows.what, rows.scope(spec), status, reason), found
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
@@ -578,11 +601,12 @@ def _decided(spec, rules, number, case):
 
 
 def recorded(
-    rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False
+    rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False, why: str = ""
 ) -> np.ndarray:
     """Return the rows as records of FOR_ALL_RECORD.
 
-    agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none.
+    agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none; why:
+    what rules them out.
     """
     records = blank_records(
         *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD
@@ -590,6 +614,8 @@ def recorded(
     records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
     records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
     records["settled"] = none and certified
+    if none and certified:
+        records["counterexample"] = shorten(why, TEXT, placeholder=" ...")
     for number, row in enumerate(rows):
         records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
         records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan

@@ -1,7 +1,7 @@
 """Intervals guaranteed for hands: every passive hand, a passive port, or two of them; and those of a passive channel."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,13 +11,27 @@ from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
 from wavesweep.passive.port_ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges
+from wavesweep.program.analyses.claims import (
+    PASSIVE_HANDS,
+    STABLE,
+    Property,
+    Scope,
+    own_scope,
+)
 from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.job import Job
 
 PASSIVE = (
     "determinant of {}, interpolated over number and angle with sampled bounds, positive by Bernstein coefficients; outside, "
     "angles and directions in which energy comes out"
 )
+WHAT = {
+    "passive": STABLE,
+    "port": Property.of("passive at the hand's port"),
+    "ports": Property.of("absolutely stable"),
+    "channel": Property.of("passive in the wave channel"),
+}
 METHODS = {
     "passive": PASSIVE.format(
         "the Hermitian part of the map from displacement to force, with what the damping takes"
@@ -65,6 +79,16 @@ class PassiveGuarantee(Guarantee):
     def replaces(self) -> bool:
         """Whether other hands are in the place of the spec's operator."""
         return self.kind == "passive"
+
+    @property
+    def what(self) -> Property:
+        """What its rows say of their loops."""
+        return WHAT[self.kind]
+
+    def scope(self, spec: Spec) -> Scope:
+        """The spec's own numbers, with every passive hand in place of its operator if the rows are of these."""
+        own = own_scope(spec)
+        return replace(own, hands=PASSIVE_HANDS) if self.kind == "passive" else own
 
     def notices(self, job: Job) -> Iterable[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""

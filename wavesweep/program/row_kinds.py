@@ -6,9 +6,9 @@ Those of single loops stand here; a capability offers more in the mapping `ROWS`
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wavesweep.capabilities import modules
 
@@ -26,8 +26,7 @@ class RowKind:
     whether some are not proved, and no counterexample is found. checked: whether the bounds that they rest on are sampled, so
     that they are neither certified nor proved. of_operator: whether they are of the spec's own loop, which its
     operator holds. unsettled: the warning about rows of which some are not settled, with {rows} and the {words} of their kinds;
-    settled: the line if all are. of_messages: other words of the kind, for a spec that has channels alone. about: a sentence
-    for a report, on what such rows hold for beside the linear loop of the spec.
+    settled: the line if all are.
     """
 
     meaning: str = ""
@@ -45,8 +44,6 @@ class RowKind:
     column: str = "hand"
     unsettled: str = ""
     settled: str = ""
-    of_messages: Mapping[str, str] | None = None
-    about: str = ""
 
     @property
     def guaranteed(self) -> bool:
@@ -59,14 +56,6 @@ class RowKind:
         With what refutes more they are those of frames that vary, which are proved in balls.
         """
         return "checked" if self.checked and "fails_from" not in columns else "certified"
-
-    def worded_for(self, numbers: Mapping[str, Any]) -> RowKind:
-        """The kind with its words for the spec of a summary."""
-        return (
-            replace(self, **self.of_messages)
-            if self.of_messages and numbers["of_messages"]
-            else self
-        )
 
     def name_beside(self, kinds: Collection[str], rows: Columns) -> str:
         """The name of its rows in a legend beside rows of these kinds."""

@@ -33,11 +33,8 @@ OWN = (
     "and felt stiffnesses are computed in double precision."
 )
 MODEL = (
-    "The proof is about the linear loop of the spec with its numbers as they are written, sampled and held at exactly its "
-    "rates. Friction, saturation, the steps of an encoder and ticks that come late are not part of it."
-)
-VARYING = (
-    "Numbers and frames in [for_all] may be any of those named there; all others are as written."
+    "All else is as the spec writes it, in a linear loop that is sampled and held at its rates; friction and the steps of an "
+    "encoder are not part of it."
 )
 BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
@@ -230,7 +227,7 @@ def _answer(
     own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
-    assumed = [MODEL, *([VARYING] if spec.for_all else [])]
+    assumed = [MODEL]
     title, *others = judged.lines(_own_place(spec))
     lines = [(line, True) for line in others]
     good = judged.status > Status.UNKNOWN
@@ -256,7 +253,10 @@ def _answer(
         facts = intervals.table.facts
         assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
-        assumed += filter(None, (row_kind(word).about for word in facts["methods"]))
+        claims = facts["claims"]
+        words = {word: row_kind(word).legend for word in claims}
+        said = [f"Rows of {words[word]}: {claims[word]['said']}." for word in claims]
+        assumed = [*(said if len(said) > 1 or spec.for_all else []), *assumed]
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
 

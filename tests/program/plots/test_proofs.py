@@ -11,8 +11,11 @@ from .conftest import table_of_intervals
 SPEC, PROVED, REFUTED = 1000.0, 400.0, 600.0
 
 
-def table(axis, values, *, proved=True):
-    """A table of one axis along K_VE from 0 to 2000: proved up to 400 of 1000 N/m, refuted from 600 on, or nothing proved."""
+def table(axis, values, *, proved=True, none=False):
+    """A table of one axis along K_VE from 0 to 2000: proved up to 400 of 1000 N/m, refuted from 600 on, or nothing proved.
+
+    none: it is certified that nothing is stable.
+    """
     own = [((value,), [(0.0, SPEC, np.nan, 40.0, True)]) for value in values]
     every = [((value,), [(0.0, PROVED, np.nan, np.nan, True)] if proved else []) for value in values]
     both = [table_of_intervals([axis], "K_VE", rows) for rows in (own, every)]
@@ -22,7 +25,8 @@ def table(axis, values, *, proved=True):
     known = (guarantee == "for_all") & proved
     more = {"fails_below": np.full(rows, np.nan), "fails_from": np.where(known, REFUTED, np.nan)}
     more |= {"settled": guarantee == "spec", "counterexample": np.full(rows, "", object)}
-    return columns | {"guarantee": guarantee} | more
+    certified = (guarantee == "spec") | proved | none
+    return columns | {"guarantee": guarantee, "certified": certified} | more
 
 
 def hatched(axes):
@@ -79,3 +83,8 @@ def test_a_bar_shows_the_same_and_nothing_proved_is_said():
     (whole,) = hatched(axes)
     assert {x for x, _ in whole} == {0.0, axes.get_xlim()[1]}
     assert "not known" in said(figure)
+    figure = plots.zwidth(table("b", [10.0], proved=False, none=True), {})
+    (axes,) = figure.axes
+    assert "nowhere stable" in [text.get_text() for text in axes.texts]
+    assert hatched(axes) == []  # since that is known
+    assert "not known" not in said(figure)

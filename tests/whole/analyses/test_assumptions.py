@@ -151,10 +151,10 @@ def test_a_run_of_a_controller_names_its_frames():
 @pytest.mark.asks("for_all")
 def test_rows_for_all_messages_are_called_so():
     for more, called in (
-        ({}, "that messages may do (for_all)"),
-        ({"for_all": {"w": [0.1, 0.2]}}, "numbers of [for_all] (for_all)"),
+        ({}, "messages of net lost up to 2 in a row (for_all)"),
+        ({"for_all": {"w": [0.1, 0.2]}}, "w of 0.1, 0.2, messages of net lost up to 2 in a row (for_all)"),
     ):
         table = intervals(load({**NETWORK, **more}))
         kind, tally = kind_named("stability-region"), kind_named("stability-region").tally(table)
         assert len(table.watched(tally.add).columns["along"]) > 1
-        assert f"proved for all {called}" in "; ".join(line for line, _ in kind.lines(tally.numbers(table.facts)))
+        assert f"stable for {called}" in "; ".join(line for line, _ in kind.lines(tally.numbers(table.facts)))

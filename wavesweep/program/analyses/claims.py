@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 RATIO, DELAY = "rates.ratio", "environment.delay"
 OPERATOR, LINEAR, PUSHES = "operator", "linear", "any wall that pushes and never pulls"
+PASSIVE_HANDS = "every passive hand"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
 LONGEST = (
     60  # letters of a scope that is named in full; of a longer one the table that has it is named
@@ -231,8 +232,19 @@ class Scope:
         walls = asked.walls in (self.walls, LINEAR)
         return self.frames.covers(asked.frames) and self.hands == asked.hands and walls
 
-    def in_words(self) -> str:
-        """The loops of the scope, beside the spec's own numbers; empty if there are none."""
+    def written(self) -> dict[str, Any]:
+        """The scope as JSON has it."""
+        scope = asdict(self)
+        frames = scope["frames"]
+        frames["order"] = self.frames.order.name.lower()
+        for name in ("lengths", "delays"):
+            frames[name] = sorted(frames[name], key=str)
+        scope["numbers"] = [each._asdict() | {"values": [*each.values]} for each in self.numbers]
+        scope["messages"] = [each._asdict() for each in self.messages]
+        return scope
+
+    def loops(self) -> str:
+        """The numbers, frames and messages of the scope in words; empty of the spec's own."""
         said = [each.in_words() for each in self.numbers]
         said += self.frames.in_words()
         said += [each.in_words() for each in self.messages]
@@ -241,7 +253,14 @@ class Scope:
             at_random = self.frames.order is Order.AT_RANDOM
             at_random |= any(each.chances for each in self.messages)
             loops = f"all of [for_all]{', at random' if at_random else ''}"
+        return loops
+
+    def in_words(self) -> str:
+        """The loops of the scope, beside the spec's own numbers; empty if there are none."""
+        loops = self.loops()
         words = [f"for {loops}"] if loops else []
+        if self.hands != OPERATOR:
+            words.append(f"with {self.hands}")
         if self.walls != LINEAR:
             words.append(f"with {self.walls}")
         return " ".join(words)
@@ -277,15 +296,9 @@ class Claim:
 
     def written(self) -> dict[str, Any]:
         """The claim as JSON has it."""
-        scope = asdict(self.scope)
-        frames = scope["frames"]
-        frames["order"] = self.scope.frames.order.name.lower()
-        for name in ("lengths", "delays"):
-            frames[name] = sorted(frames[name], key=str)
-        scope["numbers"] = [each._asdict() for each in self.scope.numbers]
-        scope["messages"] = [each._asdict() for each in self.scope.messages]
         said = {"what": self.what.holds, "answer": self.status.answer}
-        return said | {"status": self.status.name.lower(), "reason": self.reason, "scope": scope}
+        known = {"status": self.status.name.lower(), "reason": self.reason}
+        return said | known | {"loops": self.scope.loops(), "scope": self.scope.written()}
 
 
 class Question(NamedTuple):

@@ -18,6 +18,7 @@ from wavesweep.engine.frames import FEW, open_loops
 from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, unanswered
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
+from wavesweep.program.analyses.claims import STABLE, Property, Scope, own_scope
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
@@ -84,6 +85,15 @@ class Guarantee:
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
         raise NotImplementedError
+
+    @property
+    def what(self) -> Property:
+        """What its rows say of their loops."""
+        return STABLE
+
+    def scope(self, spec: Spec) -> Scope:
+        """The loops that its rows are of, by the plan that they are proved by."""
+        return own_scope(spec)
 
     def notices(self, job: Job) -> Iterable[str]:  # noqa: ARG002
         """What a user should know beforehand about these rows of a job."""

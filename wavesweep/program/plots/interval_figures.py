@@ -251,7 +251,8 @@ def _draw_plane(
     high = shown.layout.points[-1]
     somewhere = bool((columns["intervals"] > 0).any())
     if not somewhere:
-        nothing = "nowhere stable at the swept values"
+        good = "as required" if "require" in shown.facts else "stable"
+        nothing = f"nowhere {good} at the swept values"
         if incomplete(columns).any():
             nothing = "nothing known to be stable"
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
@@ -343,7 +344,13 @@ def _assumption(shown: Shown) -> str:
         return assumption(shown.facts)
     said, _, _ = assumed(shown.facts).partition(":")  # usual engines follow
     kind = shown.facts.get("spec", {}).get("controller", {}).get("kind")
-    return f"{kind}, {said}" if kind and said else said
+    note = f"{kind}, {said}" if kind and said else said
+    claims = shown.facts.get("claims", {})
+    if shown.whose == "guarantee" and claims.get("spec"):
+        lengths = claims["spec"]["scope"]["frames"]["lengths"]
+        frames = f", frames of {lengths[0]:g} ticks" if len(lengths) == 1 else ""
+        note += f". Nominal numbers: the spec's own{frames}"
+    return note
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:

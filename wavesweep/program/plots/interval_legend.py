@@ -167,7 +167,8 @@ def _best_in_words(shown: Shown, certain: bool) -> str:
     vouched_for = ""
     if best["certified"] and not (certain or kind.proved):
         vouched_for = f" {kind.vouched_for(best)}"
-    of_hand = f", {kind.legend}" if shown.whose == "hand" else ""
+    named = shown.whose == "hand" or (shown.whose == "guarantee" and not kind.proved)
+    of_hand = f", {kind.legend}" if named else ""
     end = "low" if best["value"] == best["low"] else "high"
     at_range = best["value"] == shown.swept[end == "high"]
     inside = rounded_up if end == "low" else rounded_down

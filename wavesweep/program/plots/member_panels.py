@@ -226,10 +226,12 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         _draw_unknown_bars(axes, place, unknown)
         stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
-            if member.proved:
+            if member.proved and not rows["certified"].all():
                 said = "nothing proved"
             elif unknown:
                 said = "nothing known to be stable"
+            elif "require" in member.facts:
+                said = "nowhere as required"
             else:
                 said = "nowhere stable"
             at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}

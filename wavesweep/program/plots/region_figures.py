@@ -236,10 +236,11 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
 def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield both ends of what is neither proved nor refuted in each row: below what is proved, and above.
 
-    If nothing is proved, all is above.
+    If nothing is proved, all is above; where it is certified that there is nothing, nothing is open.
     """
     bottom, top = span
     stable = columns["intervals"] > 0
+    top = np.where(~stable & columns["certified"], bottom, top)
     refuted_below = np.fmax(columns["fails_below"], bottom)
     refuted_above = np.fmin(columns["fails_from"], top)
     yield np.where(stable, refuted_below, bottom), np.where(stable, columns["low"], bottom)

@@ -45,7 +45,7 @@ class Sentences:
         self._numbers = numbers
         self._hand = hand
         self._along = numbers["along"]
-        self._kind = row_kinds()[hand].worded_for(numbers)
+        self._kind = row_kinds()[hand]
         self._unit = self._unit_of(self._along)
         required = numbers["required"]
         if required:
@@ -124,7 +124,7 @@ class Sentences:
         """That there is no interval, or none that could be found."""
         if not self._numbers["doubts"] or self._kind.searched:
             nowhere = f"{self._kind.nowhere.format(such=self._such)} in the swept range"
-            reason = self._in_the_way()
+            reason = self._numbers.get("ruled_out") or self._in_the_way()
             return f"{nowhere}: {reason}" if reason else nowhere
         undecided = f"no {self._such} found, but part of the swept range could not be decided"
         if self._numbers.get("conserves") and not self._numbers["required"]:
@@ -215,7 +215,10 @@ class Sentences:
             certified, _ = self.certified()
             parts.append(certified)
         line = "; ".join(part for part in parts if part)
-        return f"{self._kind.title} ({self._hand}): {line}" if self._hand else line
+        if not self._hand:
+            return line
+        title = self._numbers.get("claim", self._kind.title)
+        return f"{title} ({self._hand}): {line}"
 
     def _doubtful(self, extreme: Numbers) -> str:
         return (

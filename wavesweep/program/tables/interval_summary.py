@@ -8,7 +8,6 @@ import numpy as np
 
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
-from wavesweep.program.reading.tables import members_of
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
@@ -78,6 +77,9 @@ class LoopSummary:
         self._open = 0  # slices with open places
         self._doubts: Counter[str] = Counter()
         self._vouched = "certified"
+        self._ruled_out = (
+            ""  # what rules out every value of a slice that is known to have no interval
+        )
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest = Extreme()
         self._without_gap = Extreme()
@@ -110,6 +112,9 @@ class LoopSummary:
         self._open += int(is_open.sum())
         self._vouched = self.kind.vouched_for(columns)
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
+        none = ~stable & columns["certified"]
+        if none.any() and "counterexample" in columns:
+            self._ruled_out = self._ruled_out or str(columns["counterexample"][none][0])
         self._largest.add(columns["high"], columns)
         self._least.add(-columns["low"], columns)
         self._ends_within |= bool((columns["high"] < self._range[1]).any())
@@ -161,7 +166,6 @@ class LoopSummary:
             "range": [end if np.isfinite(end) else None for end in self._range],
             "required": required_in_words(require, drawn=drawn) if require else "",
             "drawn": drawn,
-            "of_messages": not members_of(self._facts.get("spec", {})),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
             "slices_with_open_places": self._open,
@@ -175,6 +179,11 @@ class LoopSummary:
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
         }
+        claim = self._facts.get("claims", {}).get(self._hand or "spec", {})
+        if claim.get("loops"):
+            numbers["claim"] = claim["said"]
+        if self._ruled_out:
+            numbers["ruled_out"] = self._ruled_out
         lengths = self._lengths.numbers()
         if lengths:
             numbers["lengths"] = lengths

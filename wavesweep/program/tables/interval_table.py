@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
@@ -205,12 +205,31 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     job = stages[0].job
     swept = [job.asked.axis.path, *(axis.path for axis in job.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
+    facts["claims"] = _claims(spec, stages)
     if job.asked.require:
         facts["require"] = job.asked.require.written()
     facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
     if hands:
         facts |= hands.facts()
     return facts
+
+
+def _claims(spec: Spec, stages: Sequence[Stage]) -> dict[str, Any]:
+    """What the rows of each kind say, and of which loops: a fact of the run, by the word of the kind."""
+    from wavesweep.program.analyses.claims import own_scope, required
+
+    claims = {}
+    for stage in stages:
+        guarantee = stage.job.asked.guarantee
+        what = guarantee.what if guarantee else required(spec)
+        scope = guarantee.scope(spec) if guarantee else own_scope(stage.job.grid.spec)
+        of = scope.in_words() or "with the spec's own numbers"
+        claims[stage.hand or "spec"] = {
+            "said": f"{what.holds} {of}",
+            "loops": scope.loops(),
+            "scope": scope.written(),
+        }
+    return claims
 
 
 def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
