@@ -22,7 +22,8 @@ ROWS = {
         nowhere="nowhere stable with every hand of the box",
         searched=True,
         unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
-        settled="every row of the box is proved (settled 1), but for a thousandth next to an end that a hand sets",
+        settled="every row of the box is proved (settled 1), but for a thousandth next to an end that a hand sets, and a "
+        "ten-thousandth next to 0",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",
