@@ -228,6 +228,7 @@ def cost(checkout: Path, case: tuple[str, ...], out: Path) -> tuple[float, bytes
     done = subprocess.run(
         [sys.executable, "-m", "wavesweep", *words],
         env=os.environ | {"PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"},
+        cwd=checkout,
         capture_output=True,
         check=False,
     )

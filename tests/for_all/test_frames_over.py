@@ -3,17 +3,81 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.sets import UnresolvedError
-from wavesweep.for_all.frames_over import FramesOver
+from wavesweep.engine.sets import Side, UnresolvedError
+from wavesweep.for_all import ranges
+from wavesweep.for_all.frames_over import FramesOver, constant_frames
+from wavesweep.for_all.unknown import ALWAYS
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
 
 
-@pytest.mark.parametrize(("number", "side"), [(0, 1), (1, 3), (None, 3)])
+@pytest.mark.parametrize(("number", "side"), [(0, 1), (1, 3), (-1, 3)])
 def test_a_cell_without_a_bound_is_divided_along_a_side_that_is_wide(number, side, monkeypatch):
     """What has no bound names one of the wide sides; a side that is a point, here the first and the third, is none."""
 
     def no_bound(*_):
-        raise UnresolvedError(number)
+        raise UnresolvedError(np.ones(1, bool), number)
 
     monkeypatch.setattr(FramesOver, "_maps", no_bound)
     frames = object.__new__(FramesOver)
-    assert frames.at(np.array([[1.0, 0.0, 2.0, 0.0], [1.0, 1.0, 2.0, 3.0]])) == side
+    assert frames.over(np.array([[[1.0, 0.0, 2.0, 0.0], [1.0, 1.0, 2.0, 3.0]]])) == [side]
+
+
+SPRING = {
+    "rates": {"tick_hz": 100},
+    "numbers": {"m": 0.2, "k": 100.0},
+    "block": {"mass": {"type": "mass", "mass": "m", "damping": 4.0}, "h": {"type": "hold", "every": 2}},
+    "wire": {"h.u": "mass.x", "mass.f": "-k*mass.x - 20*h.y"},
+}
+SIDES = [Side("numbers.m"), Side("numbers.k")]
+BOX = np.array([[0.1, 50.0], [0.4, 200.0]])
+
+
+def frames_of_spring(order=8):
+    return constant_frames(own_loop(load(SPRING)), SIDES, BOX, order)
+
+
+def test_cells_that_are_enclosed_together_are_what_each_of_them_is_alone():
+    """One of them has no bound."""
+    frames, rng = frames_of_spring(), np.random.default_rng(4)
+    middles = rng.uniform([0.15, 60.0], [0.35, 190.0], (5, 1, 2))
+    half = np.array([0.02, 5.0])
+    cells = np.concatenate([middles - half, middles + half], 1)
+    cells[2] = [[-0.1, 50.0], [0.4, 200.0]]
+    together = frames.over(cells)
+    assert isinstance(together[2], int)
+    for cell, found in zip(cells, together, strict=True):
+        (alone,) = frames.over(cell[None])
+        if isinstance(found, int):
+            assert alone == found
+            continue
+        assert found.matrices.terms == pytest.approx(alone.matrices.terms, rel=1e-13, abs=1e-16)
+        assert found.matrices.rest == pytest.approx(alone.matrices.rest, rel=1e-6)
+        assert found.due == pytest.approx(alone.due, rel=1e-6)
+
+
+def test_what_is_proved_and_what_is_open_is_the_whole_box():
+    shares = []
+    found = ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e12, report=lambda _, share: shares.append(share))
+    assert not found.open
+    assert len(shares) > 2
+    assert shares == sorted(shares)
+    assert 0 < shares[-1] < 1
+    part = ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e8)
+    assert part.open
+
+
+def test_a_queue_that_drops_a_part_proves_nothing(monkeypatch):
+    halves = ranges._halves
+    dropped = []
+
+    def all_but_one(box, side):
+        lower, upper = halves(box, side)
+        if len(dropped) == 3:
+            upper[0] = upper[1] = lower[1]
+        dropped.append(side)
+        return [lower, upper]
+
+    monkeypatch.setattr(ranges, "_halves", all_but_one)
+    with pytest.raises(RuntimeError, match="neither proved nor open"):
+        ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e12)

@@ -250,7 +250,7 @@ def test_frames_over_a_range_grow_as_those_of_each_of_its_numbers_do(seed):
     spec, found = load(tables), family(tables, "g")
     box = np.array([[0.1, 0.99 * mass], [0.11, 1.01 * mass]])
     sides = [Side(path_of("g")), Side(path_of("m"))]
-    over = messages_over(spec.drawing, dict(spec.values), sides, box).at(box)
+    over = messages_over(spec.drawing, dict(spec.values), sides, box).over(box[None])[0].matrices
     word = next(filter(None, (random_word(found, source) for _ in range(60))))
     for s in ([-1, -1], [0.3, -0.5], [1, 1]):
         g, m = box.mean(0) + (box[1] - box[0]) / 2 * s

@@ -164,8 +164,8 @@ def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(s
     loop = load(tables)
     plan = plan_of(loop.drawing, loop.values, FramesInAnyOrder((2, 3)), SlowFrames.of(loop.drawing, loop.values))
     box = np.array([[0.0], [stop]])
-    found = plan.over([Side("numbers.p")], box).at(box)
-    assert found == 0 if stop == 1 else found.rest.max() < 1e-6
+    found = plan.over([Side("numbers.p")], box).over(box[None])[0]
+    assert found == 0 if stop == 1 else found.matrices.rest.max() < 1e-6
 
 
 def frames_of(kind, box):
@@ -192,10 +192,10 @@ def test_units_of_states_change_nothing_in_the_middle_of_a_layer():
     """A logarithm is far from 0, and units that are 1 there would differ by many decades here."""
     box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(155.0), 0.01, 0.1, 1.0]])
     frames = frames_of("pmw", box)
-    plain = frames.at(box)
+    plain = frames.over(box[None])[0].matrices
     units = np.zeros((4, plain.rest.shape[-1]))
     units[0] = 3 * np.random.default_rng(0).normal(size=units.shape[1])
-    moved = replace(frames, units=units, about=box.mean(0)).at(box)
+    moved = replace(frames, units=units, about=box.mean(0)).over(box[None])[0].matrices
     assert moved.terms[0] == pytest.approx(plain.terms[0], rel=1e-12, abs=1e-15)
     assert moved.terms[1] != pytest.approx(plain.terms[1], rel=1e-3)
 
@@ -217,9 +217,9 @@ def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
     box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
     ends = []
-    found = cover(frames_of("pmw", box), box, np.ones((2, 2), bool), 2e10, report=ends.append)
+    found = cover(frames_of("pmw", box), box, np.ones((2, 2), bool), 2e10, report=lambda end, _: ends.append(end))
     assert len(found.open)
-    assert ends == sorted({*ends})
+    assert ends == sorted(ends)
     assert ends[-1] == found.end
     assert found.end < np.log(800.0)
 
@@ -229,7 +229,7 @@ def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
 def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
     """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
     box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
-    frames = frames_of(kind, box).at(box)
+    frames = frames_of(kind, box).over(box[None])[0].matrices
     for s in product((-1.0, 0.3, 1.0), repeat=4):
         place = box.mean(0) + (box[1] - box[0]) / 2 * s
         marched = marched_frames(kind, np.exp(place[0]), place[1:], (18, 22))
@@ -278,7 +278,7 @@ def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path, caplo
     assert row["certified"]
     assert row["settled"]
     assert row["low"] < 0.3
-    assert caplog.messages[-1].endswith(f"to {row['high']:.4g} so far")
+    assert caplog.messages[-1].split(" so far")[0].endswith(f"to {row['high']:.4g}")
 
     def radius(k):
         move = expm(0.01 * np.array([[-2 / 1.1, 0, 1 / 1.1, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))

@@ -14,6 +14,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.engine.rows import distinct
+from wavesweep.for_all import ranges as ranges_module
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
@@ -591,8 +592,9 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     assert float(found[2]) == pytest.approx(row["high"], rel=1e-3)
     assert not row["settled"]
     assert row["high"] < row["fails_from"]
-    assert any(re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far", each) for each in caplog.messages)
-    monkeypatch.setattr(unknown_module, "WORK", 3e7)
+    assert any(re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far \(\d+ % of the box\)", each) for each in caplog.messages)
+    monkeypatch.setattr(unknown_module, "WORK", 6e7)
+    monkeypatch.setattr(ranges_module, "AT_ONCE", 1)
     said = for_all_module.reason_of(for_all_module.verdict(spec))
     part = re.search(r"proved for m 0.5 to ([0-9.]+), open from there \(100 %, within m \1 to 2, k 0 to 400\)", said)
     assert part

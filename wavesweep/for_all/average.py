@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.engine.sets import Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import SIZING, operator_of
+from wavesweep.for_all.norm_check import cholesky_of_each
 from wavesweep.for_all.norms import CALLS, Centre, packed, unpacked
 
 ALONE = Graph.least(np.ones((1, 1), bool))  # the graph of a single matrix
@@ -27,46 +28,48 @@ class OnAverage:
     weight: np.ndarray
 
 
-def forms_of_one(A: Polynomials) -> tuple[tuple[Centre, np.ndarray] | None, float]:
-    """Return a form for the middle of a cell of a single matrix, and its further terms `(monomials - 1, 1, n, n)`; None if it
-    does not decay there; and the work.
+def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None], float]:
+    """Return for each of some single matrices, `(cells, n, n)`, a form for the middle of its cell and its further terms
+    `(monomials - 1, 1, n, n)`, None if it does not decay there; and the work for each.
 
     They are the Taylor series of `P - A' P A = Q`, with Q in units of the states in which P and the moments that follow Q are
     alike in the middle. So the slack is Q but for terms of a higher order than that of A.
     """
-    M = A.terms[0, 0]
-    n = len(M)
+    cells, n = A.rest.shape[:2]
     degree = A.exponents.sum(1)
     work = DOUBLINGS * (2 + SIZING + len(degree)) * n**3 + CALLS
-    powers = _powers(M)
-    if powers is None:
-        return None, work
-    size = np.ones(n)
-    P = _summed(powers, np.eye(n))
-    for _ in range(SIZING):
-        moments = _summed([power.T for power in powers], np.diag(size**2))
-        size = (np.diagonal(moments) / np.diagonal(P)) ** 0.25
-        P = _summed(powers, np.diag(size**-2.0))
-    try:
-        to = np.swapaxes(np.linalg.cholesky(P), -1, -2)
-    except np.linalg.LinAlgError:
-        return None, work
-    basis = np.linalg.inv(to)
-    after = to @ A.terms[:, 0] @ basis
-    powers = [to @ power @ basis for power in powers]
-    forms = np.zeros_like(after)  # P
-    moved = np.zeros_like(after)  # P A
-    forms[0] = basis.T @ P @ basis
-    forms[0] = (forms[0] + forms[0].T) / 2
-    moved[0] = forms[0] @ after[0]
-    for order, pairs in enumerate(_pairs_by_order(A.numbers, A.order), 1):
-        here = degree == order
-        moved[here] = _products(forms, after, pairs)
-        forms[here] = _summed(powers, _products(np.swapaxes(after, -1, -2), moved, pairs))
-        moved[here] += forms[here] @ after[0]
-    if not np.isfinite(forms).all():
-        return None, work
-    return (Centre(forms[:1], ALONE, basis, to), forms[1:, None]), work
+    found: list[tuple[Centre, np.ndarray] | None] = [None] * cells
+    decaying, powers = _powers(A.terms[0])
+    if not decaying.size:
+        return found, work
+    one = np.eye(n)
+    back = [_transposed(power) for power in powers]
+    with np.errstate(all="ignore"):
+        size = np.ones((decaying.size, n))
+        P = _summed(powers, one)
+        for _ in range(SIZING):
+            moments = _summed(back, size[..., None] ** 2 * one)
+            size = (_diagonal(moments) / _diagonal(P)) ** 0.25
+            P = _summed(powers, size[..., None] ** -2.0 * one)
+        to = _transposed(cholesky_of_each(P))
+        basis = np.linalg.inv(to)
+        after = to @ A.terms[:, decaying] @ basis
+        powers = [to @ power @ basis for power in powers]
+        forms = np.zeros_like(after)  # P
+        moved = np.zeros_like(after)  # P A
+        forms[0] = _transposed(basis) @ P @ basis
+        forms[0] = (forms[0] + _transposed(forms[0])) / 2
+        moved[0] = forms[0] @ after[0]
+        for order, pairs in enumerate(_pairs_by_order(A.numbers, A.order), 1):
+            here = degree == order
+            moved[here] = _products(forms, after, pairs)
+            forms[here] = _summed(powers, _products(_transposed(after), moved, pairs))
+            moved[here] += forms[here] @ after[0]
+    for at, cell in enumerate(decaying.tolist()):
+        own = forms[:, at : at + 1]
+        if np.isfinite(own).all():
+            found[cell] = Centre(own[0], ALONE, basis[at], to[at]), own[1:]
+    return found, work
 
 
 @lru_cache(maxsize=16)
@@ -89,23 +92,33 @@ def _products(one, other, pairs):
 
 
 def _powers(M):
-    """The powers of a matrix by 1, 2, 4 and so on until nothing is left; None if it does not decay."""
+    """The matrices that decay, as indices, and their powers by 1, 2, 4 and so on until nothing is left."""
     powers = []
     with np.errstate(all="ignore"):
-        while len(powers) < DOUBLINGS and np.isfinite(M).all():
+        for _ in range(DOUBLINGS):
             powers.append(M)
-            if np.abs(M).max(initial=0.0) < CONVERGED:
-                return powers
+            size = np.abs(M).max((-1, -2), initial=0.0)
+            if not ((size >= CONVERGED) & np.isfinite(size)).any():
+                break
             M = M @ M
-    return None
+    decaying = np.flatnonzero(size < CONVERGED)
+    return decaying, [power[decaying] for power in powers]
 
 
 def _summed(powers, Q):
     """`sum_k M'^k Q M^k`, which solves `P - M' P M = Q`. powers: of M, see `_powers`."""
     total = Q
     for power in powers:
-        total = total + power.T @ total @ power
-    return (total + np.swapaxes(total, -1, -2)) / 2
+        total = total + _transposed(power) @ total @ power
+    return (total + _transposed(total)) / 2
+
+
+def _transposed(X):
+    return np.swapaxes(X, -1, -2)
+
+
+def _diagonal(X):
+    return np.diagonal(X, axis1=-2, axis2=-1)
 
 
 def forms_on_average(

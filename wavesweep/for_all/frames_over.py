@@ -16,6 +16,7 @@ from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import (
+    LEAST,
     UNIT,
     EnclosedLoop,
     Polynomials,
@@ -56,6 +57,29 @@ class TickPlace:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Enclosed:
+    """The matrices of all symbols in a box.
+
+    due: how much of what is left out of blocks and gains is due to each of the wide sides, `(sides,)`, relative to these.
+    """
+
+    box: np.ndarray
+    matrices: Polynomials
+    due: np.ndarray
+
+    def within(self, box: np.ndarray) -> Polynomials:
+        """The matrices in a part of the box."""
+        if np.array_equal(box, self.box):
+            return self.matrices
+        wide = np.flatnonzero(box[0] < box[1])
+        half = (self.box[1] - self.box[0])[wide] / 2
+        middle = (box.mean(0) - self.box.mean(0))[wide] / half
+        # Both middles are rounded: the part is taken wider by that, so that its ends are within.
+        rounding = 4 * UNIT * (1 + np.abs(self.box[:, wide]).max(0) / half)
+        return self.matrices.within(middle, (box[1] - box[0])[wide] / 2 / half + rounding)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FramesOver:
     """The frames of a loop over cells of a box of sides.
 
@@ -80,54 +104,65 @@ class FramesOver:
         """The number of states without drift, including those that every frame forgets."""
         return len(self.drift.remaining)
 
-    def at(self, cell: np.ndarray) -> Polynomials | int:
-        """Return the matrices of all symbols in a cell `(2, sides)`, or the side along which it has to be divided first."""
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                frames = self._frames(self._maps(cell))
-                if self.units is None:
-                    return frames
-                return frames.entrywise(self._ratios(cell, frames))
-        except UnresolvedError as error:
-            if error.number is None:
-                return int(np.argmax(np.ptp(cell, 0)))
-            wide = np.flatnonzero(cell[0] < cell[1])
-            return int(wide[error.number])
+    def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
+        """What encloses the frames in boxes; see `Frames`."""
+        found: list[Enclosed | int] = [0] * len(boxes)
+        left = np.arange(len(boxes))
+        while left.size:
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    frames = self._frames(self._maps(boxes[left]))
+                    if self.units is not None:
+                        frames = frames.entrywise(self._ratios(boxes[left], frames))
+            except UnresolvedError as error:
+                # Those without a bound are divided, and the others are tried again without them.
+                unbounded = np.broadcast_to(error.cells, left.shape)
+                numbers = np.broadcast_to(error.number, left.shape)
+                for i, number in zip(left[unbounded], numbers[unbounded], strict=True):
+                    found[i] = _side_of(boxes[i], int(number))
+                left = left[~unbounded]
+                continue
+            frames = frames.in_cells((len(self.symbols), left.size))
+            due = self._due(boxes[left])
+            for at, i in enumerate(left.tolist()):
+                terms, rest = frames.terms[:, :, at], frames.rest[:, at]
+                matrices = Polynomials(terms, rest, frames.numbers, frames.order)
+                found[i] = Enclosed(boxes[i], matrices, due[at])
+            break
+        return found
 
-    def unresolved(self, cell: np.ndarray) -> np.ndarray:
-        """Return how much of what is left out of blocks and gains in a cell is due to each of its wide sides, `(sides,)`,
-        relative to the blocks and gains themselves."""
-        due = np.zeros(int((cell[0] < cell[1]).sum()))
+    def _due(self, cells):
+        """How much of what is left out of blocks and gains is due to each of the wide sides, `(cells, sides)`."""
+        numbers = int((cells[0, 0] < cells[0, 1]).sum())
+        due = np.zeros((len(cells), numbers))
         for loop in dict.fromkeys(loop for loop, _ in self.ticks):
-            reads = monomials(due.size, loop.order)[0] > 0
-            for terms, rest in loop.over(cell).parts():
-                moves = terms @ reads
-                if moves.any():
-                    due += rest / terms.sum() * moves / moves.sum()
+            reads = monomials(numbers, loop.order)[0] > 0
+            for terms, rest in loop.over(cells).parts():
+                moves = np.moveaxis(terms, 0, -1) @ reads
+                size = np.maximum(terms.sum(0) * moves.sum(-1), LEAST)
+                due += (rest / size)[..., None] * moves
         return due
 
-    def _maps(self, cell):
-        """The maps of all kinds of ticks without drift, `(kinds, n, n)`."""
+    def _maps(self, cells):
+        """The maps of all kinds of ticks without drift, `(kinds, cells, n, n)`."""
         changes = []
         known = {}
         for loop, places in groupby(self.ticks, lambda pair: pair[0]):
-            model = loop.over(cell, known)
+            model = loop.over(cells, known)
             for _, each in places:
                 changes.append(model.tick(each.loop, each.place, each.held, each.exact))
         # "Every kind of tick is a Taylor model": those of all kinds as one.
         E = without_drift(_stacked(changes), self.drift, self.copies)
-        identity = np.broadcast_to(np.eye(self.states), E.rest.shape)
-        return E + Polynomials.constant(identity, E.numbers, E.order)
+        return E + E.identity()
 
-    def _ratios(self, cell, frames):
+    def _ratios(self, cells, frames):
         """By what the entries of frames change with the units of the states."""
-        wide = np.flatnonzero(cell[0] < cell[1])
+        wide = np.flatnonzero(cells[0, 0] < cells[0, 1])
         sides = []
-        for at in range(cell.shape[1]):
-            low = float(cell[0, at])
-            high = float(cell[1, at])
-            side = low
-            if low < high:
+        for at in range(cells.shape[-1]):
+            low, high = cells[:, 0, at], cells[:, 1, at]
+            side = float(low[0])
+            if at in wide:
                 index = int(np.searchsorted(wide, at))
                 side = TaylorModel.side(index, low, high, frames.numbers, frames.order)
             sides.append(side - float(self.about[at]))
@@ -142,16 +177,15 @@ class FramesOver:
         n = len(units)
         inverses = [1 / unit for unit in units]
         own = [[unit] for unit in units]
-        column = Polynomials.of_entries(own, (n, 1), frames.numbers, frames.order)
-        row = Polynomials.of_entries([inverses], (1, n), frames.numbers, frames.order)
+        column = Polynomials.of_entries(own, (n, 1), frames.numbers, frames.order, (1,))
+        row = Polynomials.of_entries([inverses], (1, n), frames.numbers, frames.order, (1,))
         ratio = column @ row
-        shape = frames.rest.shape
-        terms = np.broadcast_to(ratio.terms[:, None], (len(ratio.terms), *shape))
-        return Polynomials(terms, np.broadcast_to(ratio.rest, shape), frames.numbers, frames.order)
+        return Polynomials(ratio.terms[:, None], ratio.rest[None], frames.numbers, frames.order)
 
     def _frames(self, maps):
-        if not np.isfinite(maps.whole).all():
-            raise UnresolvedError(None)
+        unbounded = ~np.isfinite(maps.whole).all((0, -1, -2))
+        if unbounded.any():
+            raise UnresolvedError(unbounded)
         powers = {}
         joined_rows = {}
 
@@ -184,19 +218,19 @@ class FramesOver:
             return found
 
         # "Frames are products of ticks."
-        identity = Polynomials.constant(np.eye(self.states), maps.numbers, maps.order)
-        products = {(): identity}
+        products = {(): maps.of(0).identity()}
         for row in sorted(set(self.rows), key=len):
             if row:
                 products[row] = joined(row)
         before = _stacked([products[row] for row in self.rows])
         frames = maps.of(list(self.samples)) @ before
-        states = alive((frames.whole > 0).any(0), np.arange(self.states))
+        whole = np.moveaxis(frames.whole, 1, 0)
+        every = np.arange(self.states)
+        states = [set(alive((each > 0).any(0), every).tolist()) for each in whole]
         if not self.kept:
-            self.kept.extend(states.tolist())
-        known = set(states.tolist()) <= set(self.kept)
-        if not known or not np.isfinite(frames.whole).all():
-            raise UnresolvedError(frames.widest())
+            self.kept.extend(sorted(set.union(*states)))
+        known = np.array([each <= set(self.kept) for each in states])
+        _below(frames).refuse(~(known & np.isfinite(whole).all((1, 2, 3))))
         return frames.at(self.kept, self.kept)
 
 
@@ -235,13 +269,20 @@ def constant_frames(
     return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies)
 
 
+def _side_of(cell, number):
+    """The side of a cell that is the wide one of this index, the widest one for -1."""
+    if number < 0:
+        return int(np.argmax(np.ptp(cell, 0)))
+    return int(np.flatnonzero(cell[0] < cell[1])[number])
+
+
 def inside_of(box: np.ndarray) -> np.ndarray:
     """Return places in a box at which the structure of its loops is looked at, `(places, sides)`."""
     return np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
 
 
 def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> Polynomials:
-    """Return changes of all kinds of ticks, `(kinds, n, n)`, as changes of the states that remain without drift.
+    """Return changes of all kinds of ticks, `(kinds, cells, n, n)`, as changes of the states that remain without drift.
 
     A mode of a constant shape is kept by every tick: states that move with its lead by a factor are counted from it, and then
     nothing depends on the lead. Copies are counted from their source, since what both have in common would be cancelled. Modes
@@ -250,10 +291,10 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     """
     n = E.rest.shape[-1]
     for groups in (drift.constant, copies):
-        factors = np.zeros((1, n, n))
+        factors = np.zeros((1, 1, n, n))
         for lead, followers in groups:
             for state, factor in followers:
-                factors[0, state, lead] = factor
+                factors[..., state, lead] = factor
         if factors.any():
             rounding = UNIT * np.abs(factors)
             to = Polynomials.constant(np.eye(n) - factors, E.numbers, E.order)
@@ -271,10 +312,11 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     rounding = ROUNDINGS * UNIT * np.abs(E_R.terms[0]).sum(-1)
     unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
     weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
-    weighed = E_R.terms[0] * weight[:, None]
-    most = np.abs(weighed).max(0, initial=0.0)
+    weighed = E_R.terms[0] * weight[..., None]
+    most = np.abs(weighed).max(-2, initial=0.0)
     unit = np.divide(1.0, most, out=np.ones_like(most), where=most > 0)
-    inverse = unit[:, None] * np.linalg.pinv(weighed * unit) * weight
+    pseudoinverse = np.linalg.pinv(weighed * unit[..., None, :])
+    inverse = unit[..., None] * pseudoinverse * weight[..., None, :]
     J = Polynomials.constant(inverse, E.numbers, E.order)
     # "`V = -(J E_R)^-1 J E_S` with J near to an inverse"; the sign is left off.
     minus_V = (J @ E_R).inverse() @ (J @ E_S)
@@ -284,13 +326,17 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
 
 
 def _below(E):
-    """The rows of all kinds of ticks below each other."""
-    terms = E.terms.reshape(len(E.terms), -1, E.rest.shape[-1])
-    return Polynomials(terms, E.rest.reshape(-1, E.rest.shape[-1]), E.numbers, E.order)
+    """The rows of all kinds of ticks below each other, `(cells, kinds n, m)`."""
+    kinds, cells, n, m = E.rest.shape
+    terms = np.swapaxes(E.terms, 1, 2).reshape(len(E.terms), cells, kinds * n, m)
+    rest = np.swapaxes(E.rest, 0, 1).reshape(cells, kinds * n, m)
+    return Polynomials(terms, rest, E.numbers, E.order)
 
 
 def _stacked(models: Sequence[Polynomials]) -> Polynomials:
-    """Matrices in a row, `(models, n, n)`."""
+    """Matrices in a row, `(models, cells, n, n)`."""
+    cells = np.broadcast_shapes(*(each.rest.shape[:-2] for each in models))
+    models = [each.in_cells(cells) for each in models]
     terms = np.stack([each.terms for each in models], 1)
     rest = np.stack([each.rest for each in models])
     return Polynomials(terms, rest, models[0].numbers, models[0].order)

@@ -197,19 +197,41 @@ def shrink_over(
     # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
     if not (allowed and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
         return False, slack
+    return _exceeds(slack, A.numbers), slack
+
+
+def shrink_each(forms: Polynomials, A: Polynomials) -> tuple[list[bool], Slack]:
+    """Return for each of some single matrices, `(cells, n, n)`, whether its powers are proved to shrink in its own form, and what
+    the slack of each consists of: `shrink_over` for the graphs of one node that all of them have."""
+    own = np.arange(len(A.rest))
+    slack = _slack_over(forms, Graph(own, own, own), A, None)
+    P = forms.terms
+    shrinks = []
+    for cell in own.tolist():
+        # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
+        positive = _symmetric(P[:, cell]) and definite(P[0, cell], np.zeros_like(P[0, cell]))
+        of_cell = Slack(
+            slack.terms[:, cell], slack.errors[cell : cell + 1], slack.higher[cell : cell + 1]
+        )
+        shrinks.append(positive and _exceeds(of_cell, A.numbers))
+    return shrinks, slack
+
+
+def _exceeds(slack, numbers):
+    """Whether a slack is positive definite in all of a box."""
     # "Unknown numbers": terms up to degree two are a convex combination of control points.
-    low = slack.terms[: len(monomials(A.numbers, 2)[0])]
-    control = np.tensordot(_control(A.numbers), low, (1, 0))
+    low = slack.terms[: len(monomials(numbers, 2)[0])]
+    control = np.tensordot(_control(numbers), low, (1, 0))
     rounding = 4 * len(low) * UNIT * np.abs(low).sum(0)
     # "Unknown numbers": each exceeds all other terms and all errors, with rounding taken off.
     off = slack.errors + slack.higher
     if not np.isfinite(off).all():
-        return False, slack
-    return definite(control, np.broadcast_to(rounding, control.shape), off), slack
+        return False
+    return definite(control, np.broadcast_to(rounding, control.shape), off)
 
 
 def _slack_over(forms, graph, A, weight) -> Slack:
-    """The slack G. G(0) is about 1 if F(0) is positive definite; infinite bounds otherwise."""
+    """The slack G. G(0) is about 1 where F(0) is positive definite; infinite bounds otherwise."""
     n = A.terms.shape[-1]
     P_j = forms.of(graph.target)
     moved = A.of(graph.symbol)
@@ -236,11 +258,10 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     # "Unknown numbers": `W' F(0) W` is near 1.
     A_0 = moved.terms[0]
     F_0 = P_i.terms[0] - summed(_transposed(A_0) @ P_j.terms[0] @ A_0)
-    try:
-        W = _transposed(np.linalg.inv(np.linalg.cholesky(F_0)))
-    except np.linalg.LinAlgError:
-        unbounded = np.full(len(F_0), np.inf)
-        return Slack(np.zeros_like(P_i.terms), unbounded, np.zeros(len(F_0)))
+    roots = cholesky_of_each(F_0)
+    unbounded = ~np.isfinite(roots).all((-1, -2))
+    roots[unbounded] = np.eye(n)
+    W = _transposed(np.linalg.inv(roots))
     size = np.abs(W)
     # "Unknown numbers": `W' F(s) W`, multiplied out with B = A W.
     rounding = 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
@@ -254,7 +275,18 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     whole = size_of_first + summed(np.abs(after.terms).sum(0))
     errors = summed(after.rest) + (4 * n + added) * UNIT * whole
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
-    return Slack(terms, SURE * _norm(errors), SURE * _norm(higher).sum(0))
+    bounds = np.where(unbounded, np.inf, SURE * _norm(errors))
+    return Slack(terms, bounds, SURE * _norm(higher).sum(0))
+
+
+def cholesky_of_each(F: np.ndarray) -> np.ndarray:
+    """Return the Cholesky factors of matrices `(cells, n, n)`, NaN for those that are not positive definite."""
+    try:
+        return np.linalg.cholesky(F)
+    except np.linalg.LinAlgError:
+        if len(F) == 1:
+            return np.full_like(F, np.nan)
+        return np.concatenate([cholesky_of_each(each[None]) for each in F])
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:

@@ -8,15 +8,17 @@ A part that is not proved is divided along the side that moves the slack most.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from heapq import heappop, heappush
+from heapq import heapify, nsmallest
 from itertools import count
+from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets import LEAST, UNIT, Polynomials, monomials
-from wavesweep.for_all.average import OnAverage, forms_of_one, forms_on_average
-from wavesweep.for_all.norm_check import shrink_over
+from wavesweep.engine.sets import LEAST, Polynomials, monomials
+from wavesweep.for_all.average import ALONE, OnAverage, forms_of_each, forms_on_average
+from wavesweep.for_all.frames_over import Enclosed
+from wavesweep.for_all.norm_check import shrink_each, shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.for_all.patterns import Word, growing, growth
 
@@ -37,6 +39,8 @@ HOPELESS = 4  # times the number of sides: parts of parts without norms, after w
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
+AT_ONCE = 16  # parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the cache
+ROUNDED = 1e-13  # of a box: rounding of the share of each part, if the ends of a side are 500 times its width at most
 
 Box = np.ndarray
 
@@ -44,19 +48,17 @@ Box = np.ndarray
 class Frames(Protocol):
     """The frames of loops over boxes."""
 
-    def at(self, box: Box) -> Polynomials | int:
-        """Return the matrices of all symbols in a box, or the side along which it has to be divided first."""
-
-    def unresolved(self, box: Box) -> np.ndarray:
-        """Return how much of what is left out in a box is due to each of its wide sides, `(sides,)`, relative to all."""
+    def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
+        """Return what encloses the frames in boxes that are wide along the same sides, `(boxes, 2, sides)`; for those without a
+        bound the side along which they have to be divided first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covering:
     """What is known of a box, `(2, sides)`.
 
-    open: the parts that are not proved, as boxes. end: all is proved up to this value of the first side. used: operations.
-    point, word: a place at which the word grows, if one was met.
+    open: the parts that are not proved, as boxes, which are the box with what is proved. end: all is proved up to this value
+    of the first side. used: operations. point, word: a place at which the word grows, if one was met.
     """
 
     open: tuple[Box, ...]
@@ -67,15 +69,27 @@ class Covering:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Outcome:
+    """What a trial of a part gave.
+
+    parts: those of it that remain to be proved, None if it cannot be divided or a word grows. used: operations.
+    """
+
+    parts: list["_Part"] | None
+    used: float
+    word: Word = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Part:
     """A part of the box that is still to be proved.
 
-    known: polynomials of a box around it that are good enough, with that box; start: norms of that; barren: how often no norms
-    were found in a row, for it and for the boxes around it.
+    known: what encloses the frames in it, or in a box around it if that is good enough; start: norms of a box around it; barren:
+    how often no norms were found in a row, for it and for the boxes around it.
     """
 
     box: Box
-    known: tuple[Box, Polynomials] | None = None
+    known: Enclosed | None = None
     start: Centre | None = None
     barren: int = 0
 
@@ -87,132 +101,244 @@ def cover(
     work: float,
     up: bool = True,
     words: Sequence[Word] = (),
-    report: Callable[[float], None] | None = None,
+    report: Callable[[float, float], None] | None = None,
     gain: float = 0.0,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
     word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box. report: is
-    called with the value of the first side that the proof has reached. gain: of the first side, below which the proof ends at a
-    part without norms in its middle, since it can reach no further than that middle.
+    called with the value of the first side that the proof has reached, and the share of the box that is proved. gain: of the
+    first side, below which the proof ends at a part without norms in its middle, since it can reach no further than that middle.
+    Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
     number = count()
-    queue = [(0.0, 0, _Part(box))]
-    used = 0.0
-    word: Word = ()
+    queue = [(0.0, next(number), _Part(box))]
+    narrow = NARROW * (box[1] - box[0])
+    used = proved = 0.0
+    outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
+    enclosed: dict[int, Enclosed | int] = {}
     divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
     while queue and used < work:
-        part = queue[0][-1]
-        stretch = tuple(part.box[:, 0].tolist())
+        _, first, part = queue[0]
+        stretch = _stretch(part)
         if stretch in divided:
-            parts = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
-        else:
+            halves = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
+            outcomes[first] = _Outcome(halves, 0.0)
+        elif first not in outcomes:
+            ahead = {}
+            for _, at, next_part in nsmallest(AT_ONCE, queue):
+                if at not in outcomes and _stretch(next_part) not in divided:
+                    ahead[at] = next_part
+            used += _enclose(frames, ahead, enclosed)
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-                parts, spent, word = _tried(
-                    frames, part, follows, work - used, NARROW * (box[1] - box[0]), words
-                )
-            used += spent
-            if parts is None:
+                if _alone(follows):
+                    found = _tried_together(ahead, enclosed, narrow)
+                else:
+                    rest = work - used
+                    found = {first: _tried(part, enclosed.get(first), follows, rest, narrow, words)}
+            used += sum(outcome.used for outcome in found.values())
+            outcomes |= found
+        outcome = outcomes[first]
+        if outcome.parts is None:
+            break
+        if stretch not in divided and outcome.parts and outcome.parts[0].barren > 0:
+            if stretch[1] - stretch[0] < gain:
                 break
-            barren = bool(parts) and parts[0].barren > 0
-            if barren and stretch[1] - stretch[0] < gain:
-                break
-            if barren and parts[0].box[0, 0] > part.box[0, 0]:
+            if outcome.parts[0].box[0, 0] > part.box[0, 0]:
                 divided.add(stretch)
-        heappop(queue)
-        for half in parts:
-            heappush(queue, (half.box[0, 0] if up else -half.box[1, 0], -next(number), half))
-        if report and queue and queue[0][-1].box[1 - up, 0] != stretch[1 - up]:
-            report(float(queue[0][-1].box[1 - up, 0]))
-    end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
-    return Covering(
-        tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word
-    )
+        # Parts that are proved or divided leave the queue in any order; one that ends the proof waits until it is first.
+        waiting = []
+        for entry in queue:
+            outcome = outcomes.get(entry[1])
+            if outcome is None or outcome.parts is None:
+                waiting.append(entry)
+                continue
+            del outcomes[entry[1]]
+            enclosed.pop(entry[1], None)
+            if not outcome.parts:
+                proved += _share(entry[2].box, box)
+            for half in outcome.parts:
+                end = half.box[0, 0] if up else -half.box[1, 0]
+                waiting.append((end, -next(number), half))
+        queue = waiting
+        heapify(queue)
+        if report and queue:
+            report(float(queue[0][2].box[1 - up, 0]), proved)
+    open_ = tuple(rest.box for *_, rest in sorted(queue, key=itemgetter(0, 1)))
+    lost = 1 - proved - sum(_share(each, box) for each in open_)
+    if not abs(lost) <= ROUNDED * used / ENCLOSED:
+        raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
+    word = outcomes[first].word if queue and first in outcomes else ()
+    end = float(queue[0][2].box[1 - up, 0] if queue else box[int(up), 0])
+    return Covering(open_, end, used, part.box.mean(0) if word else None, word)
 
 
-def _tried(frames, part, follows, work, narrow, words):
-    """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
-    box = part.box
-    used = 0.0
-    wide = np.flatnonzero(box[0] < box[1])
-    if part.known is None:
-        A = frames.at(box)
-        used = ENCLOSED
-        if isinstance(A, int):
-            narrow = box[1, A] - box[0, A] <= narrow[A]
-            return (
-                None if narrow else [replace(part, box=half) for half in _halves(box, A)],
-                used,
-                (),
-            )
-    else:
-        around, A = part.known
-        half = (around[1] - around[0])[wide] / 2
-        middle = (box.mean(0) - around.mean(0))[wide] / half
-        # Both middles are rounded: the part is taken wider by that, so that its ends are within.
-        rounding = 4 * UNIT * (1 + np.abs(around[:, wide]).max(0) / half)
-        A = A.within(middle, (box[1] - box[0])[wide] / 2 / half + rounding)
+def _stretch(part):
+    return tuple(part.box[:, 0].tolist())
+
+
+def _alone(follows):
+    """Whether it is about a single matrix, whose powers decay."""
+    return isinstance(follows, OnAverage) and follows.graph is ALONE
+
+
+def _share(part, box):
+    """Which share of a box a part is."""
+    wide = box[0] < box[1]
+    return float(((part[1] - part[0])[wide] / (box[1] - box[0])[wide]).prod())
+
+
+def _enclose(frames, parts, enclosed):
+    """Enclose the parts, by their numbers, of which no box around is known well enough; return the operations."""
+    new = []
+    for at, part in parts.items():
+        if part.known is None and at not in enclosed:
+            new.append(at)
+    if new:
+        found = frames.over(np.array([parts[at].box for at in new]))
+        enclosed |= zip(new, found, strict=True)
+    return ENCLOSED * len(new)
+
+
+def _tried_together(parts, enclosed, narrow) -> dict[int, _Outcome]:
+    """The outcomes of parts of single matrices, by their numbers."""
+    outcomes = {}
+    around = {}
+    for at, part in parts.items():
+        known = part.known or enclosed[at]
+        if isinstance(known, int):
+            outcomes[at] = _without_bound(part, known, narrow)
+        else:
+            around[at] = known
+    if not around:
+        return outcomes
+    A = _side_by_side([known.within(parts[at].box) for at, known in around.items()])
+    found, spent = forms_of_each(A)
+    decaying = []
+    for i, (at, known) in enumerate(around.items()):
+        if found[i] is None:
+            outcomes[at] = _Outcome(None, spent, (0,))
+        else:
+            decaying.append((i, at, known, found[i]))
+    if not decaying:
+        return outcomes
+    seen = A.of([i for i, *_ in decaying])
+    judged = _judged_each(seen, [forms for *_, forms in decaying])
+    for (i, at, known, forms), verdict in zip(decaying, judged, strict=True):
+        own = A.of([i])
+        outcome = _judgement(parts[at], known, own, forms, verdict, narrow, alone=True)
+        outcomes[at] = replace(outcome, used=outcome.used + spent)
+    return outcomes
+
+
+def _without_bound(part, side, narrow):
+    """The outcome of a part that has to be divided along a side first."""
+    if part.box[1, side] - part.box[0, side] <= narrow[side]:
+        return _Outcome(None, 0.0)
+    return _Outcome([replace(part, box=half) for half in _halves(part.box, side)], 0.0)
+
+
+def _side_by_side(matrices):
+    """Single matrices `(1, n, n)` of several parts as one array of them, `(parts, n, n)`."""
+    terms = np.concatenate([each.terms for each in matrices], 1)
+    rest = np.concatenate([each.rest for each in matrices])
+    return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
+
+
+def _judged_each(A, found):
+    """`_judged` of single matrices `(parts, n, n)`, each with a form of its own."""
+    P = []
+    for centre, further in found:
+        P.append(np.concatenate([centre.P[None], further]))
+    P = np.concatenate(P, 1)
+    forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
+    basis = np.stack([centre.basis for centre, _ in found])
+    inverse = np.stack([centre.inverse for centre, _ in found])
+    shrinks, slack = shrink_each(forms, A.similar(basis, inverse))
+    pairs = monomials(A.numbers, A.order)[1].size
+    spent = 8 * CALLS + 3 * EACH * pairs * P.shape[-1] ** 2
+    judged = []
+    for part, proved in enumerate(shrinks):
+        size = np.sqrt(
+            _largest_sum(slack.terms[:, part], -1) * _largest_sum(slack.terms[:, part], -2)
+        )
+        moves = size @ (1 - 0.5**A.exponents)  # what is gone of the terms when a side is halved
+        judged.append((proved, moves, float(slack.errors[part]), spent))
+    return judged
+
+
+def _largest_sum(terms, axis):
+    """The largest sum of sizes along an axis of matrices."""
+    return np.abs(terms).sum(axis).max(-1)
+
+
+def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
+    """The outcome of a part of which several matrices occur."""
+    known = part.known or enclosed
+    if isinstance(known, int):
+        return _without_bound(part, known, narrow)
+    A = known.within(part.box)
+    wide = np.flatnonzero(part.box[0] < part.box[1])
     rule = (follows.graph, follows.weight) if isinstance(follows, OnAverage) else follows
     try:
-        found, spent = _forms(A, rule, part.start, work, words)
+        found, used = _forms(A, rule, part.start, work, words)
     except np.linalg.LinAlgError:  # singular to rounding
-        found, spent = None, CALLS
-    used += spent
-    if found is None:
-        if isinstance(follows, OnAverage):
-            return None, used, (0,)
-        basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
-        known = np.isfinite(A.terms).all()  # no pole was met on a rim
-        if known and (words := growing(A.terms[0], follows, basis)):
-            return None, used, words[0]
-        if part.barren > HOPELESS * wide.size:
-            return None, used, ()
-        moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
-        keep = part.known is not None
-        if (
-            part.barren % 2 == 0 and wide.size and wide[0] == 0
-        ):  # norms exist further from the end of the proof
-            moves[0] = np.inf
-        part = replace(part, barren=part.barren + 1)
-        left = 0.0, np.ones(wide.size)
-    else:
-        proved, moves, errors, spent = _judged(A, found, rule)
-        used += spent
-        if proved:
-            return (), used, ()
-        share, due = _left_out(A, found)
-        keep = errors * (1 - share) < SHARED
-        if errors > OF_ERRORS:
-            if share < 1 - OF_ERRORS:  # the rest is that of A itself
-                of_blocks = frames.unresolved(box)
-                due = share * due + (1 - share) * of_blocks / max(of_blocks.sum(), LEAST)
-            moves = moves + min(errors, 1 / LEAST) * due
-        left = errors, 1 - due
-        part = replace(part, start=found[0], barren=0)
+        found, used = None, CALLS
+    if found is not None:
+        outcome = _judgement(part, known, A, found, _judged(A, found, rule), narrow)
+        return replace(outcome, used=outcome.used + used)
+    if isinstance(follows, OnAverage):
+        return _Outcome(None, used, (0,))
+    basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
+    finite = np.isfinite(A.terms).all()  # no pole was met on a rim
+    if finite and (words := growing(A.terms[0], follows, basis)):
+        return _Outcome(None, used, words[0])
+    if part.barren > HOPELESS * wide.size:
+        return _Outcome(None, used)
+    moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
+    if part.barren % 2 == 0 and wide.size and wide[0] == 0:
+        moves[0] = np.inf  # norms exist further from the end of the proof
+    part = replace(part, barren=part.barren + 1)
+    left = 0.0, np.ones(wide.size)
+    return _Outcome(_parts_of(part, part.known, moves, left, narrow, None), used)
+
+
+def _judgement(part, known, A, found, judged, narrow, *, alone=False):
+    """The outcome of a part with forms, which were judged so. alone: whether they are those of a single matrix."""
+    proved, moves, errors, used = judged
+    if proved:
+        return _Outcome([], used)
+    share, due = _left_out(A, found)
+    keep = errors * (1 - share) < SHARED
+    if errors > OF_ERRORS:
+        if share < 1 - OF_ERRORS:  # the rest is that of A itself
+            due = share * due + (1 - share) * known.due / max(known.due.sum(), LEAST)
+        moves = moves + min(errors, 1 / LEAST) * due
+    part = replace(part, start=found[0], barren=0)
+    slopes = None if alone else found[1]
+    left = errors, 1 - due
+    return _Outcome(_parts_of(part, known if keep else None, moves, left, narrow, slopes), used)
+
+
+def _parts_of(part, known, moves, left, narrow, slopes):
+    """The parts into which a part is divided; None if it cannot be. slopes: of its norms, which lead to those of its halves."""
+    box = part.box
+    wide = np.flatnonzero(box[0] < box[1])
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
     if not wide.size or moves.max() < 0:
-        return None, used, ()
-    part = replace(part, known=(part.known or (box, A)) if keep else None)
-    pieces = [part]
+        return None
+    pieces = [replace(part, known=known)]
     for side in _divided(moves, left):
         halves = []
         for piece in pieces:
-            lower, upper = _halves(piece.box, int(wide[side]))
-            starts = piece.start, piece.start
-            if found is not None and not isinstance(
-                follows, OnAverage
-            ):  # where the slopes lead in the middles of the halves
-                starts = [
-                    replace(piece.start, P=piece.start.P + move * found[1][side])
-                    for move in (-0.5, 0.5)
-                ]
-            halves += [
-                replace(piece, box=lower, start=starts[0]),
-                replace(piece, box=upper, start=starts[1]),
-            ]
+            for half, move in zip(_halves(piece.box, int(wide[side])), (-0.5, 0.5), strict=True):
+                start = piece.start
+                if slopes is not None:
+                    start = replace(start, P=start.P + move * slopes[side])
+                halves.append(replace(piece, box=half, start=start))
         pieces = halves
-    return pieces[::-1], used, ()
+    return pieces[::-1]
 
 
 def _divided(moves, left):
@@ -242,9 +368,10 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
         for end in box[:, side]:
             place = box.mean(0)
             place[side] = end
-            A = frames.at(np.stack([place, place]))
-            if isinstance(A, int):
+            enclosed = frames.over(np.stack([place, place])[None])[0]
+            if isinstance(enclosed, int):
                 return None
+            A = enclosed.matrices
             if isinstance(follows, OnAverage):
                 found = forms_on_average(A, follows.graph, follows.weight)[0]
                 centre = found and found[0]
@@ -263,7 +390,7 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
 def _forms(A, follows, start, work, words=()):
     """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
     if isinstance(follows, tuple):
-        return forms_of_one(A) if A.terms.shape[1] == 1 else forms_on_average(A, *follows)
+        return forms_on_average(A, *follows)
     at_middle = A.terms[0]
     repeated = at_middle[
         np.diagonal(follows)

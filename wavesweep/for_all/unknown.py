@@ -24,6 +24,7 @@ from wavesweep.for_all.sides import WIDE, LeftOpen, as_numbers, as_sides, left_o
 from wavesweep.program.reading.axes import Axis
 
 LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
+SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
 CLIMBS = 8  # of the search for worse numbers within what the others leave
 ON_AN_EDGE = 40  # members on each edge of a box that are looked at once a climb finds nothing
 MET = 8  # unstable members that a climb has found, whose exact intervals are computed
@@ -313,9 +314,9 @@ class Case:
         first = sides[0]
         begun = float(first.number(box[1 - up, 0]))
 
-        def report(reached):
+        def report(reached, share):
             ends = sorted((begun, float(first.number(reached))))
-            LOGGER.info("%s proved from %.4g to %.4g so far", name_of(first.path), *ends)
+            LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share)
 
         found = cover(frames, box, ALWAYS, work, up, report=report)
         self.left -= found.used

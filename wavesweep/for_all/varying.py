@@ -54,6 +54,7 @@ from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
+from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
@@ -268,7 +269,7 @@ def bracketed_over(
     """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
     least = loops.sides[0].zero + FROM_ZERO * (about[1] - loops.sides[0].zero)
-    report = partial(LOGGER.info, "%s proved from %.4g to %.4g so far", name_of(along))
+    report = partial(LOGGER.info, SO_FAR, name_of(along))
     for share in STARTS:
         found = bracket_over(
             loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report

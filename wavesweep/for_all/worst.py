@@ -42,7 +42,7 @@ ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
 ROUNDS = 3  # of the search for refutations, after the proof has met one
 
-Report = Callable[[float, float], None]
+Report = Callable[[float, float, float], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +111,7 @@ def bracket_over(
     """Return the numbers around a start, within limits, at which all loops of the box decay in every order of frames.
 
     least: the lowest number that the proof aims at. work: operations of the proofs. report: is called with the lowest and the
-    highest number that are proved so far.
+    highest number that are proved so far, and the percentage of the way up or down at which the proof is.
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
@@ -121,9 +121,9 @@ def bracket_over(
     high = low = start
 
     def proved(bottom, top, most, up):
-        def reached(side):
+        def reached(side, share):
             end = float(first.number(side))
-            report(min(start, end), max(high, end))
+            report(min(start, end), max(high, end), 100 * share)
 
         ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
         units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)

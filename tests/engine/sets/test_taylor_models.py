@@ -92,6 +92,36 @@ def test_what_has_no_bound_in_a_cell_names_the_number_that_moves_it_most(name):
     assert caught.value.number == 1
 
 
+WIDE = {  # of x and y from 0 to 1, and -1 to 1: what a cell that is far too wide for a series is known to be within
+    "a Gaussian": (lambda x, y: (-(((x - y) * 40) ** 2)).exp(), 0.0, 1.0),
+    "a resonance": (lambda x, y: 1 / (1 + ((x - y) * 40) ** 2), 0.0, 1.0),
+    "a root at 0": (lambda x, y: x.sqrt() + 0 * y, 0.0, 1.0),
+    "a kink": (lambda x, y: (y * y).sqrt() + 0 * x, 0.0, 1.0),
+    "a sine": (lambda x, y: (30 * (x + y)).sin(), -1.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_what_holds_for_all_arguments_bounds_a_function_in_a_cell_that_is_too_wide_for_a_series(name):
+    function, low, high = WIDE[name]
+    x, y = TaylorModel.side(0, 0.0, 1.0, 2, 6), TaylorModel.side(1, -1.0, 1.0, 2, 6)
+    matrix = Polynomials.of_entries([[function(x, y)]], (1, 1), 2, 6)
+    assert matrix.whole[0, 0] <= max(high, -low) * 1.01
+    assert (np.abs(matrix.terms[[1, 2]]).sum() > 0) or name in ("a root at 0", "a kink")  # it says on what it depends
+    grid = np.linspace(-1, 1, 21)
+    for s in [(a, b) for a in grid for b in grid]:
+        own = [arb((1 + s[0]) / 2), arb(s[1])]
+        exact = float(function(*own).mid())
+        assert abs(exact - float(value_at(x._like(matrix.terms[:, 0, 0], 0.0), s))) <= matrix.rest[0, 0] + 1e-12
+
+
+@pytest.mark.parametrize("name", ["exp", "log", "inverse"])
+def test_a_number_that_is_only_wide_is_not_bounded_by_the_ends_of_a_function(name):
+    """Its cell is to be divided: half of it has a series."""
+    with pytest.raises(UnresolvedError):
+        getattr(TaylorModel.side(0, -9.0, 9.0, 1, 4), name)()
+
+
 def random_matrix(rng, n=3, order=4, size=0.1):
     """A matrix of two numbers."""
     terms = size * rng.normal(size=(len(monomials(2, order)[0]), n, n)) / 2.0 ** monomials(2, order)[0].sum(1)[:, None, None]

@@ -67,17 +67,17 @@ def beyond(loop, rng):
         for _ in range(CELLS):
             half = np.ptp(whole, axis=0) / 2 * 10 ** rng.uniform(*WIDTHS)
             middle = rng.uniform(whole[0] + half, whole[1] - half)
-            found = frames.at(np.array([middle - half, middle + half]))
-            if isinstance(found, int) or found.rest.max() > HUGE:
+            found = frames.over(np.array([[middle - half, middle + half]]))[0]
+            if isinstance(found, int) or found.matrices.rest.max() > HUGE:
                 continue
             units = rng.uniform(-1, 1, (POINTS, half.size))
             units[::2] = np.sign(units[::2])
             points = np.clip(as_numbers(middle + half * units, sides), *loop.box)
             members = loop.maps(points, loop.amplitude)
-            own, power = members, found
+            own, power = members, found.matrices
             for _ in range(POWERS):
                 far.append(off_trace(power, units, own))
-                own, power = own @ members, power @ found
+                own, power = own @ members, power @ found.matrices
     return far
 
 
@@ -113,12 +113,14 @@ def test_functions_of_a_side_are_off_by_more_than_a_tenth_of_the_remainder(funct
 @pytest.mark.slow
 @pytest.mark.parametrize("name", together.KINDS)
 def test_a_tenth_of_what_frames_leave_out_is_too_little(name, monkeypatch):
-    at = FramesOver.at
+    over = FramesOver.over
 
-    def with_a_tenth(self, cell):
-        found = at(self, cell)
-        return found if isinstance(found, int) else replace(found, rest=found.rest / 10)
+    def with_a_tenth(self, cells):
+        (found,) = over(self, cells)
+        if isinstance(found, int):
+            return [found]
+        return [replace(found, matrices=replace(found.matrices, rest=found.matrices.rest / 10))]
 
-    monkeypatch.setattr(FramesOver, "at", with_a_tenth)
+    monkeypatch.setattr(FramesOver, "over", with_a_tenth)
     rng = np.random.default_rng(1)
     assert any(max(beyond(loop, rng), default=0) > 1 for loop in loops(name, 8))

@@ -100,29 +100,29 @@ class EnclosedLoop:
         self.kept: dict[Any, Any] = {}
         self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
 
-    def over(self, cell: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
-        """Return the blocks and the gains of the wires in a cell `(2, sides)`.
+    def over(self, cells: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
+        """Return the blocks and the gains of the wires in cells that are wide along the same sides, `(*cells, 2, sides)`.
 
-        known: blocks in this cell, of loops with the same values and sides; those that are the same here are taken from there.
-        Errors: UnresolvedError if the cell is too wide for a bound; its number is that of one of the sides that are wide.
+        known: blocks in these cells, of loops with the same values and sides; those that are the same here are taken from
+        there. Errors: UnresolvedError if a cell is too wide for a bound; its numbers are those of the sides that are wide.
         """
-        if self.last is not None and np.array_equal(self.last[0], cell):
+        if self.last is not None and np.array_equal(self.last[0], cells):
             return self.last[1]
-        wide = np.flatnonzero(cell[0] < cell[1])
         with ctx.workprec(BITS):
-            model = _Evaluation(self, cell, wide, {} if known is None else known).model()
-        self.last = cell, model
+            model = _Evaluation(self, cells, {} if known is None else known).model()
+        self.last = cells, model
         return model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopModel:
-    """The blocks of a loop by name, and the gains of its junctions, in a cell."""
+    """The blocks of a loop by name, and the gains of its junctions, in cells of this shape."""
 
     blocks: Mapping[str, BlockModel]
     sums: Mapping[str, Mapping[str, Any]]
     numbers: int
     order: int
+    cells: tuple[int, ...]
 
     def tick(
         self,
@@ -131,7 +131,7 @@ class LoopModel:
         held: Mapping[str, Sequence[str]],
         exact: Collection[str] = (),
     ) -> Polynomials:
-        """Return the map of a tick less the identity, `(n, n)`, with the states of `Ticks.of`.
+        """Return the map of a tick less the identity, `(*cells, n, n)`, with the states of `Ticks.of`.
 
         loop: the same in doubles, whose blocks run as its schedule says. place: of the tick in its frame. held: the ports that
         each block holds. exact: blocks whose entries in doubles are what they are.
@@ -166,41 +166,34 @@ class LoopModel:
                     (B, model.B, (own, into)),
                     (C, model.C, (shown, own)),
                     (D, model.D, (shown, into)),
-                    (A, model.C.at(rows, range(model.C.rest.shape[1])), (holding, own)),
-                    (B, model.D.at(rows, range(model.D.rest.shape[1])), (holding, into)),
+                    (A, model.C.at(rows, range(model.C.rest.shape[-1])), (holding, own)),
+                    (B, model.D.at(rows, range(model.D.rest.shape[-1])), (holding, into)),
                 ):
-                    whole.terms[:, *place_of] = part.terms
-                    whole.rest[place_of] = part.rest
-                A.terms[0, holding, holding] = -1.0
+                    whole.terms[..., *place_of] = part.terms
+                    whole.rest[..., *place_of] = part.rest
+                A.terms[0, ..., holding, holding] = -1.0
             else:
-                C.terms[0, [out + row for row in rows], holding] = 1.0
+                C.terms[0, ..., [out + row for row in rows], holding] = 1.0
             state, entry, out = own.stop + len(rows), into.stop, shown.stop
         K = self._wires(loop, ports, made)
         return A + B @ self._closed(K @ D, K @ C)
 
-    def parts(self) -> Iterator[tuple[np.ndarray, float]]:
-        """Yield the sizes of the terms of each matrix of a block, and of each gain, and what is left out of it."""
+    def parts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield the sizes of the terms of each matrix of a block, and of each gain, `(monomials, *cells)`, and what is left out
+        of it."""
         for block in self.blocks.values():
             for matrix in block:
-                yield (
-                    np.abs(matrix.terms).reshape(len(matrix.terms), -1).sum(1),
-                    float(matrix.rest.sum()),
-                )
+                yield np.abs(matrix.terms).sum((-1, -2)), matrix.rest.sum((-1, -2))
         for terms in self.sums.values():
             for gain in terms.values():
                 if isinstance(gain, TaylorModel):
                     yield np.abs(gain.terms), gain.rest
 
     def _zeros(self, *shape):
-        return Polynomials.constant(np.zeros(shape), self.numbers, self.order)
+        return Polynomials.constant(np.zeros((*self.cells, *shape)), self.numbers, self.order)
 
     def _exactly(self, block):
-        return BlockModel(
-            *(
-                Polynomials.constant(getattr(block, name), self.numbers, self.order)
-                for name in "EBCD"
-            )
-        )
+        return exactly(block, self.numbers, self.order, len(self.cells))
 
     def _wires(self, loop, ports, made):
         """The gains from outputs to ports, those of other junctions put in."""
@@ -219,11 +212,12 @@ class LoopModel:
             return traced[signal]
 
         rows = [[trace(port).get(signal, 0) for signal in made] for port in ports]
-        return Polynomials.of_entries(rows, (len(ports), len(made)), self.numbers, self.order)
+        shape = len(ports), len(made)
+        return Polynomials.of_entries(rows, shape, self.numbers, self.order, self.cells)
 
     def _closed(self, L, R):
         """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
-        acts = L.whole > 0
+        acts = (L.whole > 0).reshape(-1, *L.rest.shape[-2:]).any(0)
         steps, reached = 0, np.eye(len(acts), dtype=bool)
         while reached.any() and steps <= len(acts):
             steps, reached = steps + 1, (reached.astype(float) @ acts) > 0
@@ -233,29 +227,42 @@ class LoopModel:
                 found = R + L @ found
             return found
         ring = np.flatnonzero((acts | acts.T).any(0))
-        one = Polynomials.constant(np.eye(ring.size), self.numbers, self.order)
-        solved = (one - L.at(ring, ring)).inverse() @ R.at(ring, range(R.rest.shape[1]))
+        own = L.at(ring, ring)
+        solved = (own.identity() - own).inverse() @ R.at(ring, range(R.rest.shape[-1]))
         found = Polynomials(R.terms.copy(), R.rest.copy(), self.numbers, self.order)
-        found.terms[:, ring], found.rest[ring] = solved.terms, solved.rest
+        found.terms[..., ring, :], found.rest[..., ring, :] = solved.terms, solved.rest
         return found
 
 
-class _Evaluation:
-    """One cell of a loop: the values of its expressions, and the blocks that these make."""
+def exactly(block: Any, numbers: int, order: int, axes: int) -> BlockModel:
+    """Return a block whose entries in doubles are what they are, the same in all cells. axes: of the cells."""
+    first = (1,) * axes
+    matrices = (getattr(block, name) for name in "EBCD")
+    return BlockModel(
+        *(
+            Polynomials.constant(each.reshape(*first, *each.shape), numbers, order)
+            for each in matrices
+        )
+    )
 
-    def __init__(
-        self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray, known: dict[Any, BlockModel]
-    ) -> None:
+
+class _Evaluation:
+    """Some cells of a loop: the values of its expressions, and the blocks that these make."""
+
+    def __init__(self, loop: EnclosedLoop, cells: np.ndarray, known: dict[Any, BlockModel]) -> None:
+        one = cells.reshape(-1, *cells.shape[-2:])[0]
+        wide = np.flatnonzero(one[0] < one[1])
         self.loop, self.numbers, self.order, self.known = loop, wide.size, loop.order, known
+        self.cells = cells.shape[:-2]
         self.values = {}
         for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
-            low, high = map(float, cell[:, at])
-            if low < high:
+            low, high = cells[..., 0, at], cells[..., 1, at]
+            if at in wide:
                 value = TaylorModel.side(
                     int(np.searchsorted(wide, at)), low, high, wide.size, loop.order
                 )
             else:
-                value = arb(low)
+                value = arb(float(low.flat[0]))
             self.values[name] = side.model(value)
         self.library = SimpleNamespace(
             **{name: _function(name) for name in FUNCTIONS},
@@ -287,7 +294,7 @@ class _Evaluation:
         }
         if drawing.dead_times:
             sums = dead_time.joined(sums, drawing.plants, inside, "", "")
-        return LoopModel(blocks, sums, self.numbers, self.order)
+        return LoopModel(blocks, sums, self.numbers, self.order, self.cells)
 
     def _shares(self, rate):
         """The share s of each dead time of `(m - s)` ticks.
@@ -303,10 +310,15 @@ class _Evaluation:
             total = sum(shares[name] for name in names)
             low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
             for beyond in (low - total, total - high):
-                if _largest(beyond) > dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"]):
-                    raise UnresolvedError(
-                        beyond.widest() if isinstance(beyond, TaylorModel) else None
-                    )
+                most = dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"])
+                if isinstance(beyond, TaylorModel):
+                    late = beyond.ends()[1] > most
+                    number = beyond.widest()
+                else:
+                    late = float(arb(beyond).upper()) > most
+                    number = -1
+                if np.any(late):
+                    raise UnresolvedError(late, number)
         return shares
 
     def _once(self, block, make, *arguments):
@@ -318,7 +330,7 @@ class _Evaluation:
         if any(self.reads(tree) for tree in trees):
             kept, key = self.known, block
         else:
-            kept, key = self.loop.kept, (block.name, self.numbers)
+            kept, key = self.loop.kept, (block.name, self.numbers, len(self.cells))
         if key not in kept:
             kept[key] = make(*arguments)
         return kept[key]
@@ -335,7 +347,7 @@ class _Evaluation:
         try:
             return evaluate(named(tree), numbers, self.library)
         except ZeroDivisionError:
-            raise UnresolvedError(None) from None
+            raise UnresolvedError(np.ones(self.cells, bool)) from None
 
     def _keys(self, block):
         keys = keys_with(block, self.value, lambda tree: value_of(tree, self.loop.known))
@@ -390,7 +402,7 @@ class _Evaluation:
         try:
             return evaluate(named(tree), {**numbers, **constants}, self.library)
         except ZeroDivisionError:
-            raise UnresolvedError(None) from None
+            raise UnresolvedError(np.ones(self.cells, bool)) from None
 
     def _arranged(self, equations):
         """The matrices of equations whose entries are models or numbers."""
@@ -402,7 +414,8 @@ class _Evaluation:
         )
 
     def _matrix(self, rows, shape):
-        return Polynomials.of_entries(rows, shape, self.numbers, self.order)
+        cells = (1,) * len(self.cells)
+        return Polynomials.of_entries(rows, shape, self.numbers, self.order, cells)
 
     def _discrete(self, num, den, written):
         """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of den that are plain numbers."""
@@ -437,14 +450,16 @@ class _Evaluation:
 
     def _held(self, A, B, period):
         """`exp(A T) - 1` and `int_0^T exp(A s) ds B`."""
-        n, m = B.rest.shape
-        both = Polynomials.constant(np.zeros((n + m, n + m)), self.numbers, self.order)
+        n, m = B.rest.shape[-2:]
+        cells = np.broadcast_shapes(A.rest.shape[:-2], B.rest.shape[:-2])
+        zeros = np.zeros((*cells, n + m, n + m))
+        both = Polynomials.constant(zeros, self.numbers, self.order)
         for part, columns in ((A, slice(n)), (B, slice(n, n + m))):
-            both.terms[:, :n, columns] = part.terms
-            both.rest[:n, columns] = part.rest
+            both.terms[..., :n, columns] = part.terms
+            both.rest[..., :n, columns] = part.rest
         moved = both.scaled(period).exponential()
-        E = moved.at(range(n), range(n)) - Polynomials.constant(np.eye(n), self.numbers, self.order)
-        return E, moved.at(range(n), range(n, n + m))
+        E = moved.at(range(n), range(n))
+        return E - E.identity(), moved.at(range(n), range(n, n + m))
 
     def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
         """Blocks that act on each other by `u = K y + e`, e held over the period; see `_loops.plant.plant_of`."""
@@ -462,19 +477,18 @@ class _Evaluation:
         L = D @ K
         back, shown, through = B @ K, C, D
         if L.whole.any():
-            M = (Polynomials.constant(np.eye(len(outputs)), self.numbers, self.order) - L).inverse()
+            M = (L.identity() - L).inverse()
             shown, through = M @ C, M @ D
         A, B = A + back @ shown, B + back @ through
         E, G = self._held(A, B, period)
-        states = range(len(A.rest))
+        states = range(A.rest.shape[-1])
         columns, rows_of_C, rows_of_D = [G], [shown], []
         for port, name in plant.arriving:
             columns.append(
                 self._held(A, B.at(states, [inputs.index(port)]), shares[name] * period)[1]
             )
-        nothing = Polynomials.constant(
-            np.zeros((len(outputs), len(plant.arriving))), self.numbers, self.order
-        )
+        shape = *(1,) * len(self.cells), len(outputs), len(plant.arriving)
+        nothing = Polynomials.constant(np.zeros(shape), self.numbers, self.order)
         rows_of_D.append(_joined([through, nothing], -1))
         for signal, name in plant.sensed:
             i = [outputs.index(signal)]
@@ -504,19 +518,7 @@ class _Evaluation:
         block = dead_time.block_of(
             name, ticks, sensed=bool(sensed), others=others, arriving=arriving
         )
-        return BlockModel(
-            *(
-                Polynomials.constant(getattr(block, name), self.numbers, self.order)
-                for name in "EBCD"
-            )
-        )
-
-
-def _largest(value):
-    """A bound on the largest value of a model or a ball."""
-    if isinstance(value, TaylorModel):
-        return value.terms[0] + float(np.abs(value.terms[1:]).sum()) + value.rest
-    return float(arb(value).upper())
+        return exactly(block, self.numbers, self.order, len(self.cells))
 
 
 def _function(name):
@@ -539,20 +541,23 @@ def _recentred(at, coefficients):
 
 def _diagonal(parts):
     """Matrices along a diagonal."""
-    height, width = (sum(part.rest.shape[axis] for part in parts) for axis in (0, 1))
-    whole = Polynomials.constant(np.zeros((height, width)), parts[0].numbers, parts[0].order)
+    height, width = (sum(part.rest.shape[axis] for part in parts) for axis in (-2, -1))
+    cells = np.broadcast_shapes(*(part.rest.shape[:-2] for part in parts))
+    zeros = np.zeros((*cells, height, width))
+    whole = Polynomials.constant(zeros, parts[0].numbers, parts[0].order)
     row = column = 0
     for part in parts:
-        below, right = row + part.rest.shape[0], column + part.rest.shape[1]
-        whole.terms[:, row:below, column:right] = part.terms
-        whole.rest[row:below, column:right] = part.rest
+        below, right = row + part.rest.shape[-2], column + part.rest.shape[-1]
+        whole.terms[..., row:below, column:right] = part.terms
+        whole.rest[..., row:below, column:right] = part.rest
         row, column = below, right
     return whole
 
 
 def _joined(parts, axis):
     """Matrices side by side (axis -1) or below each other (-2)."""
+    cells = np.broadcast_shapes(*(part.rest.shape[:-2] for part in parts))
+    parts = [part.in_cells(cells) for part in parts]
     terms = np.concatenate([part.terms for part in parts], axis)
-    return Polynomials(
-        terms, np.concatenate([part.rest for part in parts], axis), parts[0].numbers, parts[0].order
-    )
+    rest = np.concatenate([part.rest for part in parts], axis)
+    return Polynomials(terms, rest, parts[0].numbers, parts[0].order)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
-from math import factorial, isfinite, log2
+from math import factorial, log2
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +20,13 @@ from flint import arb
 UNIT = np.finfo(float).eps / 2
 BITS = 128  # of the balls that constants and derivatives are computed in
 OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above it
+LARGEST = np.finfo(float).max
 LEAST = 1e-300  # added to what is rounded outward: nothing underflows
 TERMS = 12  # of the series of an exponential
+BETTER = 0.125  # of the interval of all values: what a polynomial leaves out at most, or else the interval stands for it
+TIGHTER = 0.9  # of the interval of its polynomial: that of what it is made of, which then counts
 NOTHING = 1e-15  # an exponential that is smaller need not be known
+MARKED = 1e-3  # of that interval: the terms that say on what it depends
 BLOCK = 4  # of that series: powers above this one are products of its own
 OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
 SMALL = 0.25  # norm of a matrix, up to which that series is summed
@@ -32,11 +36,15 @@ PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays ar
 
 
 class UnresolvedError(Exception):
-    """A cell is too wide: something has no bound in it. number: the one that contributes most, None if it is not one."""
+    """Cells are too wide: something has no bound in them.
 
-    def __init__(self, number: int | None):
-        super().__init__(number)
-        self.number = number
+    cells: which of them, booleans in the shape of the batch. number: of each the one that contributes most, -1 if it is none.
+    """
+
+    def __init__(self, cells: Any, number: Any = -1):
+        super().__init__(cells, number)
+        self.cells = np.asarray(cells)
+        self.number = np.broadcast_to(number, self.cells.shape)
 
 
 @lru_cache(maxsize=32)
@@ -97,48 +105,69 @@ def midpoint(value: Any) -> tuple[float, float]:
 
 
 class TaylorModel:
-    """A number within `rest` of the polynomial `sum_k terms[k] s^exponents[k]` for all s in [-1, 1]^numbers.
+    """A number within `rest` of the polynomial `sum_k terms[k] s^exponents[k]` for all s in [-1, 1]^numbers, in each of some cells.
 
-    terms: `(monomials,)`, those of total degree up to `order`, see `monomials`. Sums and products with numbers, arbs and other
-    models enclose those of any two values at the same s. Rounding is in the rest, and that of the rest itself.
+    terms: `(monomials, *cells)`, those of total degree up to `order`, see `monomials`; rest: `(*cells)`. low, high: `(*cells)`,
+    bounds on the number that follow from those of what it is made of, such as 0 below a square: those of the polynomial are
+    wider where a cell is. Sums and products with numbers, arbs and other models enclose those of any two values at the same s.
+    Rounding is in the rest, and that of the rest itself.
     """
 
-    __slots__ = ("inverted", "numbers", "order", "rest", "terms")
+    __slots__ = ("high", "inverted", "low", "numbers", "order", "rest", "terms")
     __array_priority__ = 1000  # numpy's numbers leave arithmetic to it
 
-    def __init__(self, terms: np.ndarray, rest: float, numbers: int, order: int):
+    def __init__(
+        self,
+        terms: np.ndarray,
+        rest: Any,
+        numbers: int,
+        order: int,
+        bounds: tuple[Any, Any] = (-np.inf, np.inf),
+    ):
         self.terms, self.rest, self.numbers, self.order = terms, rest, numbers, order
+        self.low, self.high = bounds
         self.inverted: TaylorModel | None = None  # once it is known
 
     @staticmethod
-    def side(at: int, low: float, high: float, numbers: int, order: int) -> TaylorModel:
-        """Return the number with this index, from low to high as s goes from -1 to 1."""
-        terms = np.zeros(len(monomials(numbers, order)[0]))
+    def side(at: int, low: Any, high: Any, numbers: int, order: int) -> TaylorModel:
+        """Return the number with this index, from low to high as s goes from -1 to 1; low, high: of all cells."""
+        terms = np.zeros((len(monomials(numbers, order)[0]), *np.shape(low)))
         terms[0] = (low + high) / 2
-        terms[1 + at] = max(high - terms[0], terms[0] - low) * (1 + 4 * UNIT)
-        return TaylorModel(terms, 0.0, numbers, order)
+        terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT)
+        return TaylorModel(terms, np.zeros(np.shape(low)), numbers, order, (low, high))
 
-    def _like(self, terms, rest):
-        return TaylorModel(terms, rest * OUTWARD, self.numbers, self.order)
+    def _like(self, terms, rest, bounds=(-np.inf, np.inf)):
+        return TaylorModel(terms, rest * OUTWARD, self.numbers, self.order, bounds)
 
-    def _constant(self, value):
-        middle, radius = midpoint(value)
-        terms = np.zeros_like(self.terms)
+    def _constant(self, middle, radius=0.0):
+        """The same number in all cells, or one for each; as far as this radius from it."""
+        one = np.ones((1,) * np.ndim(self.rest))
+        terms = np.zeros((len(self.terms), *np.shape(middle * one)))
         terms[0] = middle
-        return self._like(terms, radius)
+        return self._like(terms, radius * one, _outward(middle - radius, middle + radius))
 
-    def size(self) -> float:
+    def size(self) -> Any:
         """Return a bound on its size."""
-        return float(np.abs(self.terms).sum() * OUTWARD + self.rest)
+        return np.abs(self.terms).sum(0) * OUTWARD + self.rest
+
+    def ends(self) -> tuple[Any, Any]:
+        """Return bounds on its values, by its polynomial and by what it is made of."""
+        away = (np.abs(self.terms[1:]).sum(0) + self.rest) * OUTWARD
+        low, high = _outward(self.terms[0] - away, self.terms[0] + away)
+        return np.maximum(low, self.low), np.minimum(high, self.high)
 
     def __neg__(self):
-        return self._like(-self.terms, self.rest)
+        return self._like(-self.terms, self.rest, (-self.high, -self.low))
 
     def __add__(self, other):
         if not isinstance(other, TaylorModel):
-            other = self._constant(other)
+            other = self._constant(*midpoint(other))
+        return self.plus(other, _outward(self.low + other.low, self.high + other.high))
+
+    def plus(self, other: TaylorModel, bounds: tuple[Any, Any] = (-np.inf, np.inf)) -> TaylorModel:
+        """Return the sum by its polynomial; bounds: what else is known of it."""
         terms = self.terms + other.terms
-        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum())
+        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum(0), bounds)
 
     def __sub__(self, other):
         return self + (-other)
@@ -147,25 +176,35 @@ class TaylorModel:
         return (-self) + other
 
     def __mul__(self, other):
-        if not isinstance(other, TaylorModel):
-            middle, radius = midpoint(other)
-            terms = self.terms * middle
-            rounding = UNIT * np.abs(terms).sum() + LEAST * (middle != 0)
-            return self._like(terms, abs(middle) * self.rest + radius * self.size() + rounding)
-        present = (self.terms != 0).tobytes(), (other.terms != 0).tobytes()
-        terms = np.zeros(len(self.terms))
-        for first, second, starts, target in _pairs(self.numbers, self.order, *present, PIECE):
-            terms[target] = np.add.reduceat(self.terms[first] * other.terms[second], starts)
-        degree, _ = _degrees(self.numbers, self.order)
-        one = np.bincount(degree, np.abs(self.terms), self.order + 1)
-        two = np.bincount(degree, np.abs(other.terms), self.order + 1)
-        all_one, all_two = one.sum(), two.sum()
-        above = (
-            np.maximum(all_two - np.cumsum(two), 0.0) + 4 * len(two) * UNIT * all_two
-        )  # of degrees above the index
-        rest = self.rest * (all_two + other.rest) + all_one * other.rest + one[1:] @ above[::-1][1:]
-        added = min(np.count_nonzero(self.terms), np.count_nonzero(other.terms))
-        return self._like(terms, rest + 2 * (added + 2) * UNIT * all_one * all_two + LEAST)
+        if isinstance(other, TaylorModel):
+            bounds = _squares(self.low, self.high) if other is self else _products_of(self, other)
+            return self.times(other, bounds)
+        middle, radius = midpoint(other)
+        bounds = _products_of(self, self._constant(middle, radius))
+        terms = self.terms * middle
+        rounding = UNIT * np.abs(terms).sum(0) + LEAST * (middle != 0)
+        rest = abs(middle) * self.rest + radius * self.size() + rounding
+        return self._like(terms, rest, bounds)
+
+    def times(self, other: TaylorModel, bounds: tuple[Any, Any] = (-np.inf, np.inf)) -> TaylorModel:
+        """Return the product by its polynomial; bounds: what else is known of it."""
+        shape = np.broadcast_shapes(np.shape(self.rest), np.shape(other.rest))
+        one, two = np.abs(self.terms), np.abs(other.terms)
+        present = [each.reshape(len(each), -1).any(1) for each in (one, two)]
+        at_once = max(1, PIECE // max(1, int(np.prod(shape))))
+        terms = np.zeros((len(self.terms), *shape))
+        plan = _pairs(self.numbers, self.order, *(each.tobytes() for each in present), at_once)
+        for first, second, starts, target in plan:
+            terms[target] = np.add.reduceat(self.terms[first] * other.terms[second], starts, axis=0)
+        one, two = (_by_degree(each, self.numbers, self.order) for each in (one, two))
+        all_one, all_two = one.sum(0), two.sum(0)
+        # of degrees above the index
+        above = np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT * all_two
+        beyond = (one[1:] * above[::-1][1:]).sum(0)
+        rest = self.rest * (all_two + other.rest) + all_one * other.rest + beyond
+        added = min(present[0].sum(), present[1].sum())
+        rounding = 2 * (added + 2) * UNIT * all_one * all_two + LEAST
+        return self._like(terms, rest + rounding, bounds)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -191,33 +230,76 @@ class TaylorModel:
         return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
 
     def _composed(self, coefficients, left_out) -> TaylorModel:
-        """Return the polynomial of `self - c` with these coefficients, the constant one first; left_out: bound on the rest."""
+        """Return the polynomial of `self - c` with these coefficients, of each cell, the constant one first; left_out: bounds on
+        the rest."""
         terms = self.terms.copy()
         terms[0] = 0.0
         difference = self._like(terms, self.rest)
-        total = self._constant(coefficients[-1])
-        for coefficient in coefficients[-2::-1]:
-            total = total * difference + coefficient
+        balls = np.array([[midpoint(each) for each in own] for own in coefficients])
+        balls = np.moveaxis(balls, 0, -1).reshape(balls.shape[1], 2, *np.shape(self.rest))
+        total = self._constant(*balls[-1])
+        for middle, radius in balls[-2::-1]:
+            total = total.times(difference).plus(self._constant(middle, radius))
         return self._like(total.terms, total.rest + left_out + LEAST)
 
-    def _about(self) -> tuple[float, float]:
+    def _informed(self) -> Any:
+        """Where what it is made of bounds it better than its terms do, of which it has nearly all: elsewhere a smaller cell helps
+        more."""
+        away = np.abs(self.terms[1:]).sum(0) + self.rest
+        with np.errstate(invalid="ignore"):
+            wide = self.high - self.low
+            return (wide < 2 * TIGHTER * away) & (self.rest <= BETTER * wide)
+
+    def _bounded(self, found, low, high, informed) -> TaylorModel:
+        """The model of a function of it: `found`, or where what that leaves out is no better the interval of all values, about
+        the value in the middle of the cell, or one that is nearer to 0 so that its size is not more than theirs.
+
+        low, high: of these, which hold for all arguments; informed: where the interval may stand for it. Errors:
+        UnresolvedError for cells in which there is neither.
+        """
+        with np.errstate(invalid="ignore"):
+            half = (low + high) / 2
+            nearer = np.clip(
+                np.nan_to_num(found.terms[0]), np.minimum(half, 0), np.maximum(half, 0)
+            )
+            middle = np.clip(nearer, low, high)
+            radius = np.maximum(high - middle, middle - low) * OUTWARD + LEAST
+        bounded = informed & np.isfinite(radius)
+        worse = ~(found.rest <= np.where(bounded, BETTER * radius, LARGEST))
+        if not np.any(worse):
+            return self._like(found.terms, found.rest, (low, high))
+        if np.any(worse & ~bounded):
+            raise UnresolvedError(worse & ~bounded, self.widest())
+        # Its terms are as small as to change nothing, and say on which numbers it depends.
+        moves = np.moveaxis(self._moves(), -1, 0)
+        share = MARKED * radius / np.maximum(moves.sum(0), LEAST) * moves
+        terms = np.zeros_like(found.terms)
+        terms[0] = middle
+        terms[1 : 1 + self.numbers] = share
+        rest = radius + share.sum(0) * OUTWARD
+        return self._like(
+            np.where(worse, terms, found.terms), np.where(worse, rest, found.rest), (low, high)
+        )
+
+    def _about(self) -> tuple[Any, Any]:
         """Return c, the constant term, and a bound on how far the model is from it. Errors: UnresolvedError for overflow."""
-        centre = float(self.terms[0])
-        radius = float((np.abs(self.terms[1:]).sum() + self.rest) * OUTWARD)
-        if not (isfinite(centre) and isfinite(radius)):
-            raise UnresolvedError(self.widest())
+        centre = self.terms[0]
+        radius = (np.abs(self.terms[1:]).sum(0) + self.rest) * OUTWARD
+        known = np.isfinite(centre) & np.isfinite(radius)
+        if not np.all(known):
+            raise UnresolvedError(~known, self.widest())
         return centre, radius
 
-    def _shares(self, positive=True) -> tuple[float, float, float]:
-        """Return c, `q = r/|c|` for the bound r on the distance from it, and a bound on `q^(order + 1)/(1 - q)`.
+    def _shares(self) -> tuple[Any, Any]:
+        """Return c, and a bound on `q^(order + 1)/(1 - q)` for `q = r/|c|` and the bound r on the distance from it.
 
-        Errors: UnresolvedError if the model may be 0, or negative where it has to be positive.
+        The bound is infinite if the model may be 0.
         """
         centre, radius = self._about()
-        if not radius * OUTWARD**3 < abs(centre) or (positive and centre < 0):
-            raise UnresolvedError(self.widest())
-        share = radius / abs(centre) * OUTWARD
-        return centre, share, share ** (self.order + 1) / (1 - share) * OUTWARD
+        with np.errstate(all="ignore"):
+            share = radius / np.abs(centre) * OUTWARD
+            tail = share ** (self.order + 1) / (1 - share) * OUTWARD
+        return centre, np.where(share * OUTWARD**2 < 1, tail, np.inf)
 
     def inverse(self) -> TaylorModel:
         """Return 1 over it: `1/(c + d) = sum_k (-d)^k/c^(k+1)`, a geometric series.
@@ -225,64 +307,101 @@ class TaylorModel:
         Errors: UnresolvedError if it may be 0.
         """
         if self.inverted is None:
-            centre, _, tail = self._shares(positive=False)
-            coefficients = [1 / arb(centre)]
-            for _ in range(self.order):
-                coefficients.append(-coefficients[-1] / centre)
-            self.inverted = self._composed(coefficients, tail / abs(centre) * OUTWARD)
+            centre, tail = self._shares()
+            coefficients = []
+            for c in _each(centre):
+                own = [1 / arb(c)]
+                for _ in range(self.order):
+                    own.append(-own[-1] / c)
+                coefficients.append(own)
+            low, high = self.ends()
+            sure = (low > 0) | (high < 0)
+            with np.errstate(all="ignore"):
+                found = self._composed(coefficients, tail / np.abs(centre) * OUTWARD)
+                ends = _outward(1 / high, 1 / low)
+            bounds = [
+                np.where(sure, end, far) for end, far in zip(ends, (-np.inf, np.inf), strict=True)
+            ]
+            self.inverted = self._bounded(found, *bounds, self._informed())
         return self.inverted
 
     def sqrt(self) -> TaylorModel:
         """Return the root: `sqrt(c) sum_k binomial(1/2, k) (d/c)^k`, whose coefficients get smaller."""
-        centre, _, tail = self._shares()
-        coefficients = [arb(centre).sqrt()]
-        for k in range(self.order + 1):
-            coefficients.append(coefficients[-1] * (0.5 - k) / (k + 1) / centre)
-        size = float((abs(coefficients.pop()) * arb(centre) ** (self.order + 1)).abs_upper())
-        return self._composed(coefficients, size * tail * OUTWARD)
+        centre, tail = self._shares()
+        coefficients, sizes = [], []
+        for c in _each(centre):
+            own = [arb(c).sqrt()]
+            for k in range(self.order + 1):
+                own.append(own[-1] * (0.5 - k) / (k + 1) / c)
+            sizes.append(float((abs(own.pop()) * arb(c) ** (self.order + 1)).abs_upper()))
+            coefficients.append(own)
+        size = np.reshape(sizes, np.shape(centre))
+        with np.errstate(all="ignore"):
+            found = self._composed(coefficients, size * tail * OUTWARD)
+        low, high = self._monotonic(lambda x: x.sqrt(), 0.0)
+        return self._bounded(found, low, high, self._informed() | np.isinf(tail))
 
     def log(self) -> TaylorModel:
         """Return the logarithm: `log(c) - sum_k (-d/c)^k/k`."""
-        centre, _, tail = self._shares()
-        coefficients = [arb(centre).log()]
-        coefficients += [(-1) ** (k + 1) / (k * arb(centre) ** k) for k in range(1, self.order + 1)]
-        return self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
+        centre, tail = self._shares()
+        coefficients = []
+        for c in _each(centre):
+            own = [arb(c).log()]
+            own += [(-1) ** (k + 1) / (k * arb(c) ** k) for k in range(1, self.order + 1)]
+            coefficients.append(own)
+        with np.errstate(all="ignore"):
+            found = self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
+        return self._bounded(found, *self._monotonic(lambda x: x.log(), LEAST), self._informed())
 
     def exp(self) -> TaylorModel:
         """Return the exponential: `exp(c) sum_k d^k/k!`; the rest is at most `exp(c + r) r^(order + 1)/(order + 1)!`."""
         centre, radius = self._about()
-        coefficients = [arb(centre).exp()]
-        for k in range(1, self.order + 1):
-            coefficients.append(coefficients[-1] / k)
-        largest = float((arb(centre) + arb(radius)).exp().abs_upper()) * OUTWARD
-        if not isfinite(largest):
-            raise UnresolvedError(self.widest())
-        left_out = largest * self._last(radius)
-        if left_out > largest:
-            if largest > NOTHING:
-                raise UnresolvedError(self.widest())
-            return self._constant(
-                arb(largest / 2, largest / 2)
-            )  # as far from the peak of a Gaussian
-        return self._composed(coefficients, left_out)
+        coefficients, largest = [], []
+        for c, r in zip(_each(centre), _each(radius), strict=True):
+            own = [arb(c).exp()]
+            for k in range(1, self.order + 1):
+                own.append(own[-1] / k)
+            coefficients.append(own)
+            largest.append(float((arb(c) + arb(r)).exp().abs_upper()) * OUTWARD)
+        largest = np.reshape(largest, np.shape(centre))
+        last = self._last(radius)
+        with np.errstate(all="ignore"):
+            found = self._composed(coefficients, np.where(last > 1, np.inf, largest * last))
+        low, high = self._monotonic(lambda x: x.exp(), -np.inf)
+        far = (last > 1) & (largest < NOTHING)  # from the peak of a Gaussian
+        return self._bounded(found, low, high, self._informed() | far)
+
+    def _monotonic(self, function, least) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds on an increasing function of it; infinite where an argument may be below the least one."""
+        low, high = np.broadcast_arrays(*self.ends(), self.rest)[:2]
+        bounds = []
+        for a, b in zip(_each(low), _each(high), strict=True):
+            if a >= least:
+                bounds.append((float(function(arb(a)).lower()), float(function(arb(b)).upper())))
+            else:
+                bounds.append((-np.inf, np.inf))
+        lower, upper = np.reshape(bounds, (-1, 2)).T
+        return _outward(lower.reshape(low.shape), upper.reshape(low.shape))
 
     def sin(self) -> TaylorModel:
         """Return the sine, of which no derivative exceeds 1."""
-        centre, radius = self._about()
-        return self._turned(centre, radius)
+        return self._turned(arb(0))
 
     def cos(self) -> TaylorModel:
         """Return the cosine, of which no derivative exceeds 1."""
-        centre, radius = self._about()
-        return self._turned(arb(centre) + arb.pi() / 2, radius)
+        return self._turned(arb.pi() / 2)
 
-    def _turned(self, angle, radius):
-        """The sine of an angle and the distance of the model from its constant term, which is at most the radius."""
-        left_out = self._last(radius)
-        if left_out > 1:
-            return self._constant(arb(0, 1))
-        sine, cosine = arb(angle).sin(), arb(angle).cos()
-        return self._composed(_derivatives((sine, cosine, -sine, -cosine), self.order), left_out)
+    def _turned(self, by):
+        """The sine of it and an angle."""
+        centre, radius = self._about()
+        coefficients = []
+        for c in _each(centre):
+            sine, cosine = (arb(c) + by).sin(), (arb(c) + by).cos()
+            coefficients.append(_derivatives((sine, cosine, -sine, -cosine), self.order))
+        last = self._last(radius)
+        found = self._composed(coefficients, last)
+        one = np.ones(np.shape(self.rest))
+        return self._bounded(found, -one, one, last > 1)
 
     def tan(self) -> TaylorModel:
         """Return the tangent. Errors: UnresolvedError if the cosine may be 0."""
@@ -291,14 +410,59 @@ class TaylorModel:
     def _last(self, radius):
         """A bound on `r^(order + 1)/(order + 1)!`."""
         with np.errstate(over="ignore"):
-            return float(
-                np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD
-            )
+            return np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD
 
-    def widest(self) -> int | None:
-        """Return the number on which it depends most; None if it is on none."""
-        moves = np.abs(self.terms) @ (monomials(self.numbers, self.order)[0] > 0)
-        return int(np.argmax(moves)) if moves.any() else None
+    def _moves(self):
+        """How much each number moves it, `(*cells, numbers)`."""
+        sizes = np.moveaxis(np.nan_to_num(np.abs(self.terms), posinf=1e300), 0, -1)
+        return sizes @ (monomials(self.numbers, self.order)[0] > 0)
+
+    def widest(self) -> Any:
+        """Return the number on which it depends most, of each cell; -1 if it is on none."""
+        return _most(self._moves())
+
+
+def _most(moves):
+    """The index of the largest of the last axis; -1 where all are 0."""
+    if not moves.shape[-1]:
+        return np.full(moves.shape[:-1], -1)
+    return np.where(moves.any(-1), moves.argmax(-1), -1)
+
+
+def _each(array) -> list[float]:
+    """The values of all cells."""
+    return np.ravel(array).tolist()
+
+
+def _outward(low, high):
+    """The ends of an interval after a rounded operation; a sum or a product of 0 is exact."""
+    return (
+        np.where(low == 0, 0.0, np.nextafter(low, -np.inf)),
+        np.where(high == 0, 0.0, np.nextafter(high, np.inf)),
+    )
+
+
+def _squares(low, high):
+    """Bounds on the squares of the numbers of an interval."""
+    with np.errstate(all="ignore"):
+        least = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(low * low, high * high))
+        return _outward(least, np.maximum(low * low, high * high))
+
+
+def _products_of(one, other):
+    """Bounds on the products of two numbers; an end that is not known, 0 times infinity, bounds nothing."""
+    with np.errstate(all="ignore"):
+        products = [a * b for a in (one.low, one.high) for b in (other.low, other.high)]
+    ends = np.array(np.broadcast_arrays(*products))
+    known = ~np.isnan(ends)
+    return _outward(np.where(known, ends, -np.inf).min(0), np.where(known, ends, np.inf).max(0))
+
+
+def _by_degree(size, numbers, order):
+    """The sums of sizes over the monomials of each degree."""
+    if len(size) == 1:  # without numbers there is no degree but 0
+        return np.concatenate([size, np.zeros((order, *size.shape[1:]))])
+    return np.add.reduceat(size, _degrees(numbers, order)[1], axis=0)
 
 
 def _derivatives(four, order):
@@ -338,17 +502,24 @@ class Polynomials:
 
     @staticmethod
     def of_entries(
-        rows: Sequence[Sequence[Any]], shape: tuple[int, int], numbers: int, order: int
+        rows: Sequence[Sequence[Any]],
+        shape: tuple[int, int],
+        numbers: int,
+        order: int,
+        cells: tuple[int, ...] = (),
     ) -> Polynomials:
-        """Return the matrix of these entries: models, arbs or numbers."""
-        terms = np.zeros((len(monomials(numbers, order)[0]), *shape))
-        rest = np.zeros(shape)
+        """Return the matrices of these entries, models, arbs or numbers: `(*cells, n, m)`, or more if the models have more."""
+        models = (each for row in rows for each in row if isinstance(each, TaylorModel))
+        shapes = [np.shape(model.rest) for model in models]
+        cells = np.broadcast_shapes(cells, *shapes)
+        terms = np.zeros((len(monomials(numbers, order)[0]), *cells, *shape))
+        rest = np.zeros((*cells, *shape))
         for i, row in enumerate(rows):
             for j, entry in enumerate(row):
                 if isinstance(entry, TaylorModel):
-                    terms[:, i, j], rest[i, j] = entry.terms, entry.rest
+                    terms[..., i, j], rest[..., i, j] = entry.terms, entry.rest
                 elif not (isinstance(entry, int) and entry == 0):
-                    terms[0, i, j], rest[i, j] = midpoint(entry)
+                    terms[0, ..., i, j], rest[..., i, j] = midpoint(entry)
         return Polynomials(terms, rest, numbers, order)
 
     @property
@@ -366,10 +537,7 @@ class Polynomials:
         """The sizes of the terms, which must not change any more."""
         size = np.abs(self.terms)
         present = size.reshape(len(size), -1).any(1)
-        if len(size) == 1:  # without numbers there is no degree but 0
-            by_degree = np.concatenate([size, np.zeros((self.order, *self.rest.shape))])
-        else:
-            by_degree = np.add.reduceat(size, _degrees(self.numbers, self.order)[1], axis=0)
+        by_degree = _by_degree(size, self.numbers, self.order)
         up_to = np.cumsum(by_degree, 0)
         return Sizes(by_degree, np.maximum(up_to[-1] - up_to, 0.0), up_to[-1], present)
 
@@ -418,13 +586,22 @@ class Polynomials:
 
     def scaled(self, model: TaylorModel | Any) -> Polynomials:
         """The matrices times a number."""
-        shape = self.rest.shape
-        one = Polynomials.of_entries([[model]], (1, 1), self.numbers, self.order)
+        cells = (1,) * (self.rest.ndim - 2)
         return self.entrywise(
-            self._like(
-                np.broadcast_to(one.terms, (len(one.terms), *shape)),
-                np.broadcast_to(one.rest, shape),
-            )
+            Polynomials.of_entries([[model]], (1, 1), self.numbers, self.order, cells)
+        )
+
+    def identity(self) -> Polynomials:
+        """The identities of the size of square matrices."""
+        one = np.broadcast_to(np.eye(self.rest.shape[-1]), self.rest.shape)
+        return Polynomials.constant(one, self.numbers, self.order)
+
+    def in_cells(self, cells: tuple[int, ...]) -> Polynomials:
+        """The same matrices in all cells of a batch of this shape."""
+        shape = *cells, *self.rest.shape[-2:]
+        return self._like(
+            np.broadcast_to(self.terms, (len(self.terms), *shape)),
+            np.broadcast_to(self.rest, shape),
         )
 
     def of(self, which: Any) -> Polynomials:
@@ -452,44 +629,48 @@ class Polynomials:
         return self._like(terms, self.rest + rounding)
 
     def similar(self, basis: np.ndarray, inverse: np.ndarray) -> Polynomials:
-        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B; `inverse` is nearly that.
+        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B, of all or of each; `inverse` is nearly that.
 
         With `inverse B = I + D` they are `(I + D)^-1 inverse A B`.
         """
-        size, n = np.abs(inverse), len(basis)
+        size, n = np.abs(inverse), basis.shape[-1]
         terms = inverse @ self.terms @ basis
         rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT * (
             size @ np.abs(self.terms).sum(0) @ np.abs(basis)
         )
         D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT * (size @ np.abs(basis))
-        share = D.sum(1).max()
-        off = D + share * D.max() / (1 - share) if share < 0.5 else np.full_like(D, np.inf)
+        share = D.sum(-1).max(-1)[..., None, None]
+        with np.errstate(divide="ignore"):
+            off = D + share * D.max((-1, -2), keepdims=True) / (1 - share)
+        off = np.where(share < 0.5, off, np.inf)
         return self._like(terms, rest + 2 * off @ (np.abs(terms).sum(0) + rest))
 
-    def widest(self) -> int | None:
-        """Return the number that moves the entries most; None if none does."""
-        sizes = np.abs(self.terms).reshape(len(self.terms), -1).sum(1)
-        moves = np.nan_to_num(sizes, posinf=1e300) @ (self.exponents > 0)
-        return int(np.argmax(moves)) if moves.any() else None
+    def widest(self) -> np.ndarray:
+        """Return the number that moves the entries of a matrix most, of each; -1 if none does."""
+        sizes = np.moveaxis(np.abs(self.terms).sum((-1, -2)), 0, -1)
+        return _most(np.nan_to_num(sizes, posinf=1e300) @ (self.exponents > 0))
+
+    def refuse(self, unbounded: np.ndarray) -> None:
+        """Raise UnresolvedError for some of the matrices, booleans."""
+        if np.any(unbounded):
+            raise UnresolvedError(unbounded, self.widest())
 
     def exponential(self) -> Polynomials:
-        """`exp(A)` of one square matrix: a series for `A/2^k`, then k squarings.
+        """`exp(A)` of square matrices: a series for `A/2^k`, then k squarings, as many for all.
 
         In units of powers of 2 in which rows and columns are alike. What the series leaves out is at most
         `X^13 (I - X)^-1/13!`, entry by entry, for the sizes X of the entries, whose norm is at most 1/4.
         """
-        n = len(self.rest)
-        if not np.isfinite(self.whole).all():
-            raise UnresolvedError(self.widest())
+        self.refuse(~np.isfinite(self.whole).all((-1, -2)))
         units = _units(self.whole)
-        ratio = units[None, :] / units[:, None]
+        ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
-        norm = scaled.whole.sum(1).max(initial=0.0)
-        halvings = max(0, int(np.ceil(log2(max(norm, LEAST) / SMALL))))
-        if halvings > BITS:
-            raise UnresolvedError(self.widest())
+        norm = scaled.whole.sum(-1).max(-1, initial=0.0)
+        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, LEAST) / SMALL)))
+        self.refuse(halvings > BITS)
+        halvings = int(halvings.max())
         scaled = scaled.times(0.5**halvings)
-        powers = [Polynomials.constant(np.eye(n), self.numbers, self.order), scaled]
+        powers = [scaled.identity(), scaled]
         while len(powers) <= BLOCK:
             powers.append(powers[-1] @ scaled)
         largest = powers.pop()
@@ -504,30 +685,24 @@ class Polynomials:
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(halvings):
                 total = total @ total
-        if not np.isfinite(total.whole).all():
-            raise UnresolvedError(self.widest())
+        self.refuse(~np.isfinite(total.whole).all((-1, -2)))
         return total.times(1 / ratio)
 
     def inverse(self) -> Polynomials:
-        """The inverse of one square matrix: with C near to that of its middle, `(I - D)^-1 C` for `D = I - C A`.
+        """The inverses of square matrices: with C near to that of its middle, `(I - D)^-1 C` for `D = I - C A`.
 
         The geometric series is `(I + D)(I + D^2)(I + D^4) ...`, up to a degree k - 1 above that of its polynomials; the rest is
         at most `X^k (I - X)^-1`, entry by entry, for the sizes X of D. Errors: UnresolvedError if these do not shrink.
         """
-        n = len(self.rest)
+        n = self.rest.shape[-1]
         with np.errstate(all="ignore"):
-            try:
-                near = np.linalg.inv(self.terms[0])
-            except np.linalg.LinAlgError:
-                raise UnresolvedError(self.widest()) from None
-            C = Polynomials.constant(near, self.numbers, self.order)
-            one = Polynomials.constant(np.eye(n), self.numbers, self.order)
+            C = Polynomials.constant(_inverses(self.terms[0]), self.numbers, self.order)
+            one = self.identity()
             D = one - C @ self
             size = D.whole
             units = _units(size)
-            scaled = D.times(units[None, :] / units[:, None])
-        if not scaled.whole.sum(1).max(initial=0.0) < SHRINKS:
-            raise UnresolvedError(scaled.widest())
+            scaled = D.times(units[..., None, :] / units[..., :, None])
+        scaled.refuse(~(scaled.whole.sum(-1).max(-1, initial=0.0) < SHRINKS))
         total = one
         for _ in range(self.order + 1):
             total = one + D @ total
@@ -542,8 +717,8 @@ class Polynomials:
 def _combined(matrices, factors):
     """The sum of matrices times positive factors, each of which is rounded."""
     roundings = (len(factors) + 2) * UNIT
-    terms = np.zeros_like(matrices[0].terms)
-    rest = np.zeros_like(matrices[0].rest)
+    terms = np.zeros_like(matrices[-1].terms)
+    rest = np.zeros_like(matrices[-1].rest)
     for each, factor in zip(matrices, factors, strict=True):
         terms += factor * each.terms
         rest += factor * (each.rest + roundings * each.whole)
@@ -558,7 +733,7 @@ def _series_of(X: np.ndarray) -> np.ndarray:
     walks that return to each of its at most n states: the weights of these add up to 4/3 at most. So
     the rest is at most `(4/3)^n X^N (I + ... + X^(N-1))`.
     """
-    n = len(X)
+    n = X.shape[-1]
     total = np.eye(n)
     power = X
     for _ in range(max(1, (n - 1).bit_length())):
@@ -568,15 +743,32 @@ def _series_of(X: np.ndarray) -> np.ndarray:
     return (total + rest) * (1 + OF_SUMS)
 
 
+def _inverses(matrices):
+    """The inverses of matrices, NaN for those that have none."""
+    try:
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        if matrices.ndim == 2:
+            return np.full_like(matrices, np.nan)
+        return np.stack([_inverses(each) for each in matrices])
+
+
 def _units(size):
-    """Powers of 2 for the states in which rows and columns of sizes are alike."""
-    units = np.ones(len(size))
-    for _ in range(BALANCED):
-        for i in range(len(size)):
-            column = size[:, i] @ (1 / units) * units[i] - size[i, i]
-            row = size[i] @ units / units[i] - size[i, i]
-            if column > 0 and row > 0 and isfinite(column) and isfinite(row):
-                units[i] *= 2.0 ** round(log2(row / column) / 2)
+    """Powers of 2 for the states in which rows and columns of sizes are alike, `(*cells, n)`."""
+    units = np.ones(size.shape[:-1])
+    own = np.diagonal(size, axis1=-2, axis2=-1)
+    with np.errstate(all="ignore"):
+        for _ in range(BALANCED):
+            before = units.copy()
+            for i in range(size.shape[-1]):
+                unit = units[..., i]
+                column = (size[..., :, i] / units).sum(-1) * unit - own[..., i]
+                row = (size[..., i, :] * units).sum(-1) / unit - own[..., i]
+                known = (column > 0) & (row > 0) & np.isfinite(column) & np.isfinite(row)
+                by = np.exp2(np.round(np.log2(row / column) / 2))
+                units[..., i] = np.where(known, unit * by, unit)
+            if (units == before).all():
+                break
     return units
 
 
