@@ -134,7 +134,14 @@ def _stable_where(limit: Facts, unit: str) -> str:
         span = span_in_words(limit["from"], limit["to"])
         return f"known to be stable from {span}{unit}, searched no further"
     factors = _factors(limit) if limit["value"] else ""
-    return f"stable {start} {end}{factors}{proved}"
+    return f"stable {start} {end}{factors}{_beyond(limit, unit)}{proved}"
+
+
+def _beyond(limit: Facts, unit: str) -> str:
+    """The stable intervals that the value does not lie in."""
+    others = [each for each in limit["intervals"] if not each[0] <= limit["value"] <= each[1]]
+    spans = [f"{_span(limit, *interval)}{unit}" for interval in others]
+    return f"; also in {' and '.join(spans)}" if spans else ""
 
 
 def _ends(limit: Facts, unit: str) -> tuple[str, str]:

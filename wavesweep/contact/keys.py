@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 PATH = "for_all.contact"
 LOSSES = "for_all.lost", "for_all.loss"
-COMMANDS = ("zwidth", "stability-region", "check", "report", "simulate")
+COMMANDS = ("zwidth", "stability-region", "check", "report")
 KEY = Key(
     PATH,
     "boolean",

@@ -18,7 +18,8 @@ class Word(NamedTuple):
 
 TERMS: Mapping[str, str] = MappingProxyType(
     {
-        "absolutely stable": "of a loop with two ports: stable with every pair of passive terminations, one at each port",
+        "absolutely stable": "of a loop with two ports: stable with every pair of passive terminations, one at each port, that hold "
+        "their force over a tick",
         "admittance": "displacement of the device over the force of the hand (m/N), at the frequency of that force",
         "alias, image": "a frequency that a sampler cannot tell from another one",
         "avatar": "the point that represents the device in the slow environment",

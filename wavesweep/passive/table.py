@@ -272,7 +272,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         if found["port_margin"]
         else ""
     )
-    yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
+    port = "hand's port, its force held over a tick"
+    yield f"{port}: passive in {found['port_passive']} of {rows}{reach}", False
     if found["margin_unknown"]:
         yield (
             f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}",

@@ -38,9 +38,9 @@ MODEL = (
 )
 BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
-    "wavesweep verify computes rows of the tables again, and proves certified intervals a second time, in ball arithmetic. The "
-    "last command gives this file. On a processor of another type, or with another version of numpy, last digits may differ, "
-    "and so may the hashes."
+    "wavesweep verify computes rows of the tables again, and proves certified intervals of the spec's own loop a second time, in "
+    "ball arithmetic; rows for more than one loop are not proved again. The last command gives this file. On a processor of "
+    "another type, or with another version of numpy, last digits may differ, and so may the hashes."
 )
 
 

@@ -33,8 +33,8 @@ _ADVICE = MappingProxyType(
     {
         "": "",
         "rounding": (
-            "Look for numbers of very different size (stiff springs on light masses, poles "
-            "within 1e-3 of each other, frames of many ticks), and describe that part with fewer "
+            "Look for rates that do not divide (their frames are of many ticks) and for numbers of "
+            "very different size (stiff springs on light masses, poles within 1e-3 of each other), and describe that part with fewer "
             "or slower states. The numbers of the row are good guesses."
         ),
         "counts": (
