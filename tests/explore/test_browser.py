@@ -379,7 +379,7 @@ def test_a_loop_without_a_hand_shows_step_and_margins_while_it_is_dragged(opened
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.focus("#route")
     page.keyboard.press("End")  # the last choice, by the keyboard
-    until(page, "route === null && answer.step.unit === '1' && document.querySelector('#l0 .title, #l0 text')")
+    until(page, "route === null && answer.step.unit === 'ratio' && document.querySelector('#l0 .title, #l0 text')")
     enter(page, "numbers.kp", 9)
     until(page, "margins?.key === marginsKey()")
     assert "No margins" in page.inner_text("#loopnote")
@@ -400,6 +400,14 @@ def test_a_saved_page_works_without_a_server(opened, tmp_path):
         )
         rows = table[table.b == b]
         assert_ends_of(page, rows)
+    slider = page.locator("[id='s-environment.B_VE']")  # a number of an axis of the plane
+    slider.focus()
+    for key in ("Home", "End"):
+        page.keyboard.press(key)
+        damping = page.evaluate("values['environment.B_VE']")
+        table = wavesweep.zwidth(HOLE | {"sweep": HOLE["sweep"] | {"B_VE": [damping], "b": [25]}})
+        assert_ends_of(page, table)
+    assert page.locator("[id='s-environment.K_VE']").count() == 1
     assert page.locator("#report section").count() == 2
     assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     facts = json.loads(page.locator("#report section pre").first.text_content())

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from math import prod
 
 import numpy as np
 import pytest
@@ -231,9 +232,16 @@ def data_of(text):
 def test_a_saved_page_has_the_sweep_in_it():
     heard = []
     data = data_of(saved_page(load(HOLE), lambda *report: heard.append(report)))
-    assert heard == [(done, 4) for done in range(5)]  # two designs and two tables
-    assert data["stops"] == {"controller.b": [20.0, 25.0]}
-    assert [design["values"]["controller.b"] for design in data["designs"]] == [20.0, 25.0]
+    stops, own = data["stops"], {"environment.K_VE": 500.0, "environment.B_VE": 1.0, "controller.b": 25.0}
+    assert stops.keys() == own.keys()  # every number of the sweep has a slider
+    assert stops["controller.b"] == [20.0, 25.0]
+    assert {0.0, 1.0, 5.0} <= set(stops["environment.B_VE"]) <= {*np.linspace(0, 5, 11)}
+    assert {0.0, 500.0, 6000.0} <= set(stops["environment.K_VE"])
+    count = prod(map(len, stops.values()))
+    assert len(data["designs"]) == count <= 100
+    assert len(data["planes"]) == 2  # one for each b: the other numbers are its axes
+    assert heard == [(done, count + 2) for done in range(count + 3)]  # the designs and two tables
+    (design,) = [each for each in data["designs"] if each["values"] == own]
     intervals, responses = data["report"]
     table = wavesweep.zwidth(HOLE)
     rows = intervals["csv"].split("\n")
@@ -243,8 +251,8 @@ def test_a_saved_page_has_the_sweep_in_it():
     assert intervals["facts"]["spec_sha256"] == load(HOLE).sha256
     assert responses["kind"] == "bode"
     assert intervals["figure"].startswith("data:image/svg+xml;base64,")
-    assert load(tomllib.loads(data["designs"][1]["toml"])).sha256 == load(HOLE).sha256
-    assert data["designs"][0]["ranges"][0]["certified"]
+    assert load(tomllib.loads(design["toml"])).sha256 == load(HOLE).sha256
+    assert all(each["ranges"][0]["certified"] for each in data["designs"])
 
 
 @pytest.mark.slow

@@ -197,3 +197,15 @@ def test_rows_of_messages_lost_at_random_have_their_words():
     assert question(spec) == "For which K from 0 to 3 is the loop stable, with messages that are late or lost?"
     _, rows = interval_rows(intervals(spec, jobs=1))
     assert [(row[0], row[-1]) for row in rows] == [("nominal numbers", "certified"), ("proved in mean square", "proved")]
+
+
+def test_a_figure_in_which_nothing_is_drawn_is_left_out():
+    """Of a range that ends before the limit: nothing moves an end, so there are no bars."""
+    spec = load({"controller": {"kind": "dc-slow"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "B_VE": [1.0]}})
+    page = content.report(spec, content.ReportRequest())
+    figures = re.findall(r"<figure>.*?</figure>", page, re.DOTALL)
+    assert figures
+    assert all('id="f' in each and "axes_" in each for each in figures)
+    numbers = [int(number) for number in re.findall(r"<figcaption>Figure (\d+)[.]", page)]
+    assert numbers == [*range(1, len(figures) + 1)]
+    assert "why" not in " ".join(re.findall(r"<figcaption>(.*?)</figcaption>", page))

@@ -133,7 +133,7 @@ function chosen() {
   const design = data.designs.find(d => Object.entries(d.values).every(([path, value]) => value === values[path]));
   if (refuse({error: design ? "" : "this combination of the sweep makes no loop"})) return;
   answer = design;
-  picture = design.plane ? {...design.plane, key: "saved"} : null;
+  picture = plane ? {...data.planes[design.plane], key: "saved"} : null;
   ranges = Object.fromEntries(design.ranges.map(r => [r.path, r]));
   draw();
 }

@@ -58,7 +58,7 @@ function show(path) {
   s.typed = false;
   if (!refused) calm(s.fault, [s.number]);
   s.box.classList.toggle("changed", v !== own[path]);
-  write(s.number, String(v));
+  write(s.number, exact(v));
   if (!s.range.isConnected) return;
   if (s.step && !s.stops) { s.range.min = s.low; s.range.max = s.high; }
   s.range.value = s.stops ? nearest(s.stops, v) : s.step ? v : toPlace(s, v);
@@ -133,7 +133,7 @@ function ranged(axis, end) {  // an end of an axis that is typed
 }
 function spans() {
   calm($("axesfault"), ["x0", "x1", "y0", "y1"].map($));
-  for (const axis of ["x", "y"]) { $(axis).value = plane[axis]; for (const end of [0, 1]) write($(axis + end), String(plane[axis + "_span"][end])); }
+  for (const axis of ["x", "y"]) { $(axis).value = plane[axis]; for (const end of [0, 1]) write($(axis + end), exact(plane[axis + "_span"][end])); }
 }
 function zoom(factor) {  // about the design if it is there
   for (const axis of ["x", "y"]) {

@@ -18,8 +18,11 @@ const scale = (low, high, from, to, log) => log ? v => from + (to - from) * Math
 const path = points => points.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)},${y.toFixed(1)}`).join("");
 function axes(r, X, Y, xs, ys, xName, yName) {
   const g = element("svg:g");
-  for (const v of xs) g.append(element("svg:path", {class: "grid", d: `M${X(v)},${r.top}V${r.bottom}`}), element("svg:text", {x: X(v), y: r.bottom + 15, "text-anchor": "middle"}, text(v, 4)));
-  for (const v of ys) g.append(element("svg:path", {class: "grid", d: `M${r.left},${Y(v)}H${r.right}`}), element("svg:text", {x: r.left - 6, y: Y(v) + 4, "text-anchor": "end"}, text(v, 4)));
+  for (const v of xs) {
+    const half = 3.6 * short(v).length, x = Math.min(Math.max(X(v), half), r.w - half);  // whole, at the edges too
+    g.append(element("svg:path", {class: "grid", d: `M${X(v)},${r.top}V${r.bottom}`}), element("svg:text", {x, y: r.bottom + 15, "text-anchor": "middle"}, short(v)));
+  }
+  for (const v of ys) g.append(element("svg:path", {class: "grid", d: `M${r.left},${Y(v)}H${r.right}`}), element("svg:text", {x: r.left - 6, y: Y(v) + 4, "text-anchor": "end"}, short(v)));
   g.append(element("svg:path", {class: "frame", d: `M${r.left},${r.top}H${r.right}V${r.bottom}H${r.left}Z`}));
   if (xName) g.append(element("svg:text", {class: "title", x: r.right, y: r.h - 4, "text-anchor": "end"}, xName));
   if (yName) g.append(element("svg:text", {class: "title", x: r.left, y: r.top - 7}, yName));

@@ -44,6 +44,9 @@ WIDEST = (
 )
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
+MOST_OF_PLANE = 100  # the same if numbers of the axes of its plane have sliders too
+LEAST_STOPS = 2  # of such a number, beside its own value; with fewer it has no slider
+ROUNDED = 1e-9  # of a root that is a whole number
 MOST_ROWS = 5000  # of its table
 NOTHING = MappingProxyType(
     {"measured": {}, "cuts": [], "routes": []}
@@ -231,26 +234,19 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
 
     progress: a function of (done, total), the designs and tables of the page.
 
-    If the sweep has other axes than those of the plane, each combination is a stop of their sliders, up to MOST_DESIGNS.
+    Each number of the sweep has a slider, whose places are values of the sweep, up to MOST_DESIGNS designs.
     """
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
-    other_sliders = [
-        slider
-        for slider in page.sliders
-        if slider.values and (not page.plane or slider.path not in (page.plane.x, page.plane.y))
-    ]
-    stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in other_sliders}
-    count = prod(map(len, stops.values()))
-    stops, left = ({}, count) if count > MOST_DESIGNS else (stops, 0)
-    combinations, designs = list(product(*stops.values())), []
+    stops, left = _stops(page)
+    combinations, designs, planes = list(product(*stops.values())), [], {}
     total = len(combinations) + len(TABLES)
     for done, values in enumerate(combinations):
         report(done, total)
         with suppress(
             WavesweepError
         ):  # a combination that makes no loop, such as a delay beyond the frame
-            designs.append(_design(page, dict(zip(stops, values, strict=True))))
+            designs.append(_design(page, dict(zip(stops, values, strict=True)), planes))
     data["first"], tables = None, []
     for done, (title, make) in enumerate(TABLES.items(), len(combinations)):
         report(done, total)
@@ -268,15 +264,55 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
             )  # the page leaves its folder
             tables.append({"title": title, "error": _sentence(text)})
     report(total, total)
-    return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
+    saved = {"designs": designs, "planes": [*planes.values()], "stops": stops, "left": left}
+    return page_text(data | saved | {"report": tables})
 
 
-def _design(page, values):
+def _stops(page):
+    """The places of the sliders of a saved page by path, and how many designs are left out since they are too many.
+
+    Numbers beside the plane have all of their values. Those of its axes share what is left of MOST_OF_PLANE: some of their
+    values or, of a range, places between its ends, and always the spec's own.
+    """
+    plane = (page.plane.x, page.plane.y) if page.plane else ()
+    axes = {axis.path: axis for axis in page.spec.sweep}
+    stops = {}
+    for slider in page.sliders:
+        if slider.values and slider.path not in plane:
+            stops[slider.path] = sorted({*slider.values, float(slider.value)})
+    count = prod(map(len, stops.values()))
+    if count > MOST_DESIGNS:
+        return {}, count
+    swept = [slider for slider in page.sliders if slider.path in plane and slider.path in axes]
+    each = (
+        int((MOST_OF_PLANE / count) ** (1 / max(1, len(swept))) + ROUNDED) - 1
+    )  # and the own value
+    if each < LEAST_STOPS:
+        return stops, 0
+    for slider in swept:
+        values = slider.values
+        if not values:
+            axis = axes[slider.path]
+            spaced = np.geomspace if axis.scale == "log" else np.linspace
+            low, high = max(axis.start, slider.low), min(axis.stop, slider.high)
+            values = [float(f"{value:.6g}") for value in spaced(low, high, each)]
+        places = np.unique(
+            np.linspace(0, len(values) - 1, min(each, len(values))).round().astype(int)
+        )
+        stops[slider.path] = sorted({*(values[at] for at in places), float(slider.value)})
+    return stops, 0
+
+
+def _design(page, values, planes):
+    """The answers about a design. planes: those of earlier designs, by the numbers beside their axes."""
     spec, plane = changed(page.spec, values), page.plane
     answer = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
     if plane:
-        answer["plane"] = certified_plane(spec, plane)
+        beside = tuple(item for item in values.items() if item[0] not in (plane.x, plane.y))
+        if beside not in planes:
+            planes[beside] = certified_plane(spec, plane)
+        answer["plane"] = [*planes].index(beside)
     along = [plane.x, plane.y] if plane else [path for path, span in search.items() if span][:1]
     return answer | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 

@@ -15,7 +15,7 @@ function report() {
     const units = t.units.map(u => u === "1" ? "" : u), cut = t.rows > rows.length ? `The first ${rows.length} of ${t.rows} rows.` : `${t.rows} rows.`;
     const table = element("table", {}, [element("thead", {}, element("tr", {}, head.map((name, i) => element("th", {}, name + (units[i] ? ` (${units[i]})` : ""))))), body]);
     const note = element("p", {class: "note"}, cut), wide = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": t.title}, table);
-    $("report").append(element("section", {class: "card", "data-kind": t.kind}, [element("h2", {}, t.title), element("img", {src: t.figure, alt: `Figure: ${t.title} of ${data.name}`}),
+    $("report").append(element("section", {class: "card", "data-kind": t.kind}, [element("h2", {}, t.title), element("div", {class: "scroll"}, element("img", {src: t.figure, alt: `Figure: ${t.title} of ${data.name}`})),
       note, wide, element("p", {class: "row"}, [all, copy]), element("details", {}, [element("summary", {}, "Facts of this run, with the resolved spec"), element("pre", {}, JSON.stringify(t.facts, null, 1))])]));
     if (wide.scrollWidth > wide.clientWidth) note.append(" The table scrolls sideways.");
   }

@@ -10,6 +10,8 @@ let answer = null, picture = null, ranges = {}, ghost = {plane: null, key: "", r
 
 // ---- texts and elements
 const text = (v, digits = 6) => v === null || v === undefined || Number.isNaN(v) ? "not known" : String(Number(Number(v).toPrecision(digits)));
+const exact = v => String(Number(Number(v).toPrecision(15)));  // without the rounding of a product, as in 0.000029999999999999997
+const short = v => { const said = text(v, 4); return said.length > 7 ? Number(Number(v).toPrecision(4)).toExponential() : said; };
 const unit = path => sliders.get(path).unit ? " " + sliders.get(path).unit : "";
 const title = path => sliders.get(path).name;
 const axisName = path => title(path) + (sliders.get(path).unit ? ` (${sliders.get(path).unit})` : "");

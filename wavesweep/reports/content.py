@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
+PANEL = 'id="axes_'  # is in the SVG of a figure with panels
 TIMING = "When it samples, computes and acts"
 BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
 CERTIFIED = "Certified: every value between the ends of an interval is stable, and every other one of the range is not."
@@ -122,8 +123,9 @@ def report(spec: Spec, asked: ReportRequest) -> str:
                 html.element("p", caption, "small"),
                 html.listing(section.lines),
             ]
-            body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
-            number += 1
+            if section.svg:
+                body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
+                number += 1
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
     return html.page(
         spec.name,
@@ -176,6 +178,8 @@ def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
     csv, svg = results.pictured(
         drawn(table, lambda text: notices.append((text, False))).watched(tally.add)
     )
+    if PANEL not in svg:  # nothing to be drawn, as of a limit that a range ends
+        svg = ""
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
     return ReportSection(title, known, table, lines, svg, command, sha256(csv).hexdigest())
 

@@ -48,7 +48,8 @@ pre { white-space: pre-wrap; padding: .6rem .8rem; background: #f6f6f4; }
   pre { background: #22262a; }
   figure svg { filter: invert(.93) hue-rotate(180deg) brightness(1.5); } /* light and dark change places, and colours stay */
 }
-@media screen and (max-width: 620px) { figure { overflow-x: auto; } figure svg { max-width: none; } }
+@media screen and (max-width: 620px) { figure { overflow-x: auto; } figure svg { max-width: none; }
+  td:last-child { min-width: 24rem; } } /* a table scrolls, and has no rows of eight lines */
 @media print { body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
   .wide { overflow: visible; } td:not(:last-child) { white-space: normal; } }
 </style>

@@ -1,6 +1,7 @@
 """The figure of elasticities: for each limit, bars of how much each number of the loop moves it."""
 
 from collections.abc import Mapping
+from math import ceil
 from textwrap import wrap
 from typing import Any
 
@@ -27,6 +28,7 @@ _BAR, _ROOM = (
     0.17,
     0.95,
 )  # inches of the figure's height for a number, and for the title and the axis of a panel
+LONGEST_NAME = 18  # letters of a name beside bars that is in one line
 _LETTERS = 46  # of a line above a panel
 _NARROW_LETTERS = 34  # the same of a narrow figure
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
@@ -143,12 +145,10 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
             for number in rows["number"][shown].tolist()
         ]
         axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
-    names = [symbol(number) + KEPT.get(number, "") for number in numbers]
-    if is_narrow():  # what they keep stands below, as there is no room beside the bars
-        kept = [name for name, number in zip(names, numbers, strict=True) if number in KEPT]
-        note = "; ".join([*kept, *([note] if note else [])])
-        names = [symbol(number) for number in numbers]
-    axes.set_yticks(range(len(numbers)), names)
+    # What they keep stands below, as there is no room beside the bars.
+    kept = [symbol(number) + KEPT[number] for number in numbers if number in KEPT]
+    note = "; ".join([*kept, *([note] if note else [])])
+    axes.set_yticks(range(len(numbers)), [_in_lines(symbol(number)) for number in numbers])
     axes.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axes.axvline(0, color="black", linewidth=0.6)
     axes.margins(x=0.08)
@@ -156,6 +156,11 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
     axes.set_axisbelow(True)
     axes.set_title("\n".join(_title(rows)), fontsize=7, loc="left")
     axes.set_xlabel("\n".join(wrap(note, _letters())), fontsize=7, color="0.3")
+
+
+def _in_lines(name: str) -> str:
+    """A name beside bars, in two lines if it is long."""
+    return "\n".join(wrap(name, max(LONGEST_NAME, ceil(len(name) / 2))))
 
 
 def _title(rows: Columns) -> list[str]:

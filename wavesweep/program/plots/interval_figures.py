@@ -180,13 +180,15 @@ def _panels_in_a_row(number: int, *, bars: bool) -> int:
 
 
 def _height(shown: Shown, across: int, down: int) -> float:
-    """The height of all panels, in inches, with room for many bars."""
+    """The height of all panels, in inches: that of a plot, or of its bars, few or many."""
     height = 2.5 if across == down == 1 else _PANEL_HEIGHT * down
     if shown.layout.x is not None:
         return height
     bars = len(shown.layout.bars)
     if is_narrow():  # names of bars have two lines
-        return max(height, down * (0.6 + 0.26 * bars))
+        return down * (0.75 + 0.3 * bars)
+    if bars <= MOST_BARS:
+        return min(height, down * (0.75 + 0.26 * bars))
     return height + 0.12 * down * max(0, bars - MOST_BARS)
 
 

@@ -21,7 +21,6 @@ from wavesweep.program.plots.labels import (
 )
 from wavesweep.program.plots.sampling import Blocks, shown_curves
 from wavesweep.program.plots.scales import (
-    add_decibels,
     by_factors,
     goes_by_factors,
     in_degrees,
@@ -82,7 +81,7 @@ class _Quantity:
 
 
 def bode(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
-    """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz, with decibels at the right.
+    """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
@@ -193,7 +192,6 @@ def draw_curves(
                 axes.set_ylabel(title)
                 if over_frequency:
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
-            add_decibels(above)
         for axes in pairs[: len(quantities)][-across:, 1]:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel("frequency (Hz)" if over_frequency else label(x, facts))

@@ -64,21 +64,8 @@ def in_degrees(axes: Any, continued: bool = False) -> None:
         steps += [180 * 2**power for power in range(20)]
     step = next((step for step in steps if high - low <= 6 * step), 90)
     axes.yaxis.set_major_locator(MultipleLocator(step))
-    if high - low > 180 and not continued:
-        axes.set_ylim(-190, 190)
-
-
-def add_decibels(axes: Any) -> None:
-    """An axis at the right in dB of the unit at the left, for magnitudes that have a scale of factors."""
-    if axes.get_yscale() != "log":
-        return
-    low, high = 20 * np.log10(axes.get_ylim())
-    step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
-    decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-    names = [f"{level:g} dB".replace("-", "\N{MINUS SIGN}") for level in decibels]
-    right = axes.secondary_yaxis("right")
-    right.set_yticks(10 ** (decibels / 20), names)
-    right.set_yticks([], minor=True)
+    if not continued:
+        axes.set_ylim(max(low, -190), min(high, 190))
 
 
 def is_logarithmic(values: np.ndarray) -> bool:

@@ -300,7 +300,9 @@ def _wrapped(axes: Any) -> bool:
 
     longer = False
     across = axes.bbox.width
-    texts = ((axes.title, across), (axes.xaxis.label, across), (axes.yaxis.label, axes.bbox.height))
+    at_left = axes._left_title  # noqa: SLF001 - matplotlib names the title in the middle alone
+    texts = [(text, across) for text in (axes.title, at_left, axes.xaxis.label)]
+    texts.append((axes.yaxis.label, axes.bbox.height))
     for text, room in texts:
         box = text.get_window_extent()
         length = box.height if text.get_rotation() == 90 else box.width
