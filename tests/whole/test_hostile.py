@@ -5,7 +5,9 @@ as many whole commands.
 """
 
 import os
+import pathlib
 import random
+import re
 import shutil
 import tomllib
 import warnings
@@ -14,7 +16,7 @@ from functools import partial
 
 import pytest
 
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.cli import main
 from wavesweep.program.spec import KEYS, load
 from wavesweep.simulation import inputs
@@ -154,6 +156,63 @@ def test_mutated_specs_overrides_and_records_are_answered(tmp_path):
                 attempt()
                 known += 1
     assert known  # not all of them are refused
+
+
+SHIPPED = sorted((pathlib.Path(__file__).parents[2] / "sweeps").rglob("*.toml"))
+NUMBER = re.compile(r"(?<![\w.'\"])[-+]?\d[\d_]*(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
+WRONG = [
+    *("-1", "0", "-0.0", "0.5", "1.5", "1e7", "1e308", "1e-320", "9007199254740993", f"1{'0' * 400}", "nan", "inf", "-inf"),
+    *("true", "1979-05-27", "[]", "[1, 2]", "{}", '{ value = "x" }', "{ start = 0 }"),
+    *('""', '"nope"', '"dt"', '"((("', '"1/0"', '"sqrt(-1)"', '"exp(1000)"', '"2**0.5"', '"1 + 1j"'),
+]
+
+
+def places_of_numbers(text):
+    """Start and end of each number in a spec, except for those in comments, texts and headers."""
+    for found in NUMBER.finditer(text):
+        before = text[text.rfind("\n", 0, found.start()) + 1 : found.start()]
+        if "#" not in before and before.count('"') % 2 == 0 and not before.lstrip().startswith("["):
+            yield found.span()
+
+
+@pytest.mark.slow
+def test_each_wrong_value_at_a_number_of_a_shipped_spec_is_a_mistake_or_taken(tmp_path):
+    rng, mistakes = random.Random(3), 0  # noqa: S311 - a fixed sample, no secret
+    texts = [path.read_text(encoding="utf-8") for path in SHIPPED]
+    numbers = [(text, span) for text in texts for span in places_of_numbers(text)]
+    for _ in range(TRIES or 40):
+        text, (start, end) = rng.choice(numbers)
+        (tmp_path / "a.toml").write_text(text[:start] + rng.choice(WRONG) + text[end:], encoding="utf-8")
+        try:
+            load(tmp_path / "a.toml")
+        except UsageError as error:
+            lines = str(error).splitlines()
+            assert len(set(lines)) == len(lines)  # each is told once
+            mistakes += 1
+    assert mistakes
+
+
+@pytest.mark.slow
+def test_a_wrong_number_of_a_drawing_is_told_once_at_its_place(tmp_path):
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in SHIPPED}
+    numbers = [(stem, name) for stem, text in texts.items() for name in tomllib.loads(text).get("numbers", {})]
+    counts = [("late-camera", "n"), ("two-channel", "late")]  # so many steps or messages a block has
+    assert set(counts) <= set(numbers)
+    for stem, name in counts + random.Random(4).sample(numbers, min(TRIES or 20, len(numbers))):  # noqa: S311 - a fixed sample
+        text = texts[stem]
+        found = re.search(rf"^{name} = (?:{{ value = )?([-+.\deE]+)", text, re.MULTILINE)
+        if found is None:  # an expression
+            continue
+        (tmp_path / "a.toml").write_text(text[: found.start(1)] + '"nope"' + text[found.end(1) :], encoding="utf-8")
+        with pytest.raises(SpecError) as error:
+            load(tmp_path / "a.toml")
+        # That a sweep cannot go along an expression is a mistake of its own.
+        mistake, *others = (mistake for mistake in error.value.mistakes if not mistake.key.startswith("sweep."))
+        assert not others, str(error.value)
+        assert mistake.key == f"numbers.{name}"
+        line = text.count("\n", 0, found.start(1)) + 1
+        column = found.start(1) - text.rfind("\n", 0, found.start(1))
+        assert mistake.location == f"{tmp_path / 'a.toml'}:{line}:{column + 1}"  # the name within its quotes
 
 
 NUMBERS = [0.0, 5e-324, 1e-60, 1e-30, 1e-12, 1e-3, 0.1, 1.0, 7.0, 25.0, 500.0, 1e6, 1e12, 1e30, 1e60, 1e308]

@@ -228,15 +228,11 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
     """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
-    every, numbers = (
-        {block.name: block.every for block in drawing.blocks if not block.plant},
-        scalars(values),
-    )
+    every = {block.name: block.every for block in drawing.blocks if not block.plant}
+    numbers = scalars(values)
     velocities = _velocities(drawing)
     for side, force, signal, gain in _displacements(drawing):
         period = every.get(signal.rpartition(".")[0] or signal, ONE)
-        if not numbers.keys() >= {name for tree in (gain, period) for name, _ in names_in(tree)}:
-            continue  # a number that has a mistake itself
         runs = finite_value(period, numbers) or 1
         reason = _no_position(signal, force, velocities, runs)
         if reason and finite_value(gain, numbers):
@@ -276,13 +272,17 @@ def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
 def finite_value(
     tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None
 ) -> float | None:
-    """Return the value of a tree, None if there is no finite one; shared: of trees at the same numbers."""
+    """Return the value of a tree, None if there is no finite one or one of its numbers has none, after a mistake in that.
+
+    shared: of trees at the same numbers.
+    """
     try:
         value = value_of(tree, numbers, shared)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
     except (
         ArithmeticError,
+        KeyError,
         ValueError,
         TypeError,
-    ):  # a TypeError is that of the root of a complex number
+    ):  # a KeyError is that of a number without a value, a TypeError that of the root of a complex number
         return None
