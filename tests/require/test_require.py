@@ -16,6 +16,7 @@ from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine._search.lines_of_loops import range_of_lines
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import near_rates
+from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
@@ -24,6 +25,7 @@ from wavesweep.program.tables.interval_table import intervals, rows_again
 from wavesweep.program.tables.specs import intervals_of_specs
 from wavesweep.require.disc_panels import OPEN
 from wavesweep.require.discs import Spiral
+from wavesweep.require.on_check import facts
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {
@@ -75,6 +77,24 @@ def test_a_time_is_the_radius_of_its_frame(kind):
     assert both.equals(other)
     constant = loop.stable_intervals(require={"time_constant": -FRAME / np.log(0.97)}, B_VE=[1.0, 5.0])
     assert np.allclose(one[["low", "high"]], constant[["low", "high"]], rtol=1e-9, equal_nan=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "vouched"), [("dc", "certified"), ("dc-slow", "checked")])
+def test_a_damping_ratio_of_several_rates_is_checked_and_not_certified(kind, vouched):
+    sweep = {"require": {"damping_ratio": 0.05}, "K_VE": {"start": 0, "stop": 100}}
+    spec = load({"controller": {"kind": kind}, "environment": {"K_VE": 50.0}, "sweep": sweep})
+    table = intervals(spec)
+    tally = TABLES[0].tally(table)
+    tally.add(table.columns)
+    numbers = tally.numbers(table.facts)
+    lines = [text for text, _ in TABLES[0].lines(numbers)]
+    said = [text for text in lines if text.startswith("the only row")]
+    assert said[0].startswith(f"the only row is {vouched}")
+    assert ("strongest" in said[0]) == (vouched == "checked")
+    (claim,) = facts(spec)["claims"]
+    assert claim.status is Status[vouched.upper()]
+    assert f", {vouched}" in claim.words()
 
 
 def slowest_of_wall(K, hz):

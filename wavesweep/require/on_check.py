@@ -35,13 +35,18 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     found: dict[str, Any] = {"along": name, "from": low, "to": high, "intervals": []}
     try:
         axis = Axis(name, path, (), low, high, False, "linear")
-        rows = in_memory(job_over(make_grid(spec, (), path), axis, require=spec.require))
+        job = job_over(make_grid(spec, (), path), axis, require=spec.require)
+        rows = in_memory(job)
     except WavesweepError as error:
         claim = Claim(what, own_scope(spec), Status.UNKNOWN, str(error))
         return {"required": found | {"certified": False}, "claims": [claim]}
     ends = [(float(a), float(b)) for a, b in zip(rows["low"], rows["high"], strict=True) if a <= b]
     found |= {"intervals": ends, "certified": bool(rows["certified"].all())}
     status = _status(rows, float(spec.values[path]))
+    checked = job.asked.checked
+    if status is Status.CERTIFIED and checked:
+        claim = Claim(what, own_scope(spec), Status.CHECKED, checked)
+        return {"required": found, "claims": [claim]}
     where = " and ".join(span_in_words(*interval) for interval in ends)
     met = f"met in {where}" if where else f"met nowhere in {span_in_words(low, high)}"
     reason = f"{name} = {spec.values[path]:g}, {met}"

@@ -39,8 +39,9 @@ class Status(IntEnum):
     REFUTED = 0
     UNKNOWN = 1
     COMPUTED = 2
-    CERTIFIED = 3
-    PROVED = 4
+    CHECKED = 3
+    CERTIFIED = 4
+    PROVED = 5
 
     @property
     def answer(self) -> str:
@@ -270,7 +271,7 @@ class Scope:
 class Claim:
     """What is known of the loops of a scope.
 
-    reason: what refutes it, or why it is not known, in words.
+    reason: what refutes it, why it is not known, or what of it is only checked, in words.
     """
 
     what: Property
@@ -292,6 +293,8 @@ class Claim:
                 return f"{self.what.proved}{about}"
             case Status.CERTIFIED:
                 return f"{self.what.holds}{about}, certified"
+            case Status.CHECKED:
+                return f"{self.what.holds}{about}, checked{because}"
         return f"{self.what.holds}{about}"
 
     def written(self) -> dict[str, Any]:

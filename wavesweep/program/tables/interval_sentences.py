@@ -88,10 +88,10 @@ class Sentences:
         rows = self._numbers["rows"]
         doubts = self._numbers["doubts"]
         vouched = self._numbers["vouched"]
-        if not doubts and rows == 1:
-            return f"the only row is {vouched}", False
         if not doubts:
-            return f"all {count(rows, 'row')} {vouched}", False
+            said = "the only row is" if rows == 1 else f"all {count(rows, 'row')}"
+            checked = self._numbers.get("checked")
+            return f"{said} {vouched}{f': {checked}' if checked else ''}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
         return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 
