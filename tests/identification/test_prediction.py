@@ -41,6 +41,15 @@ def test_innovations_are_those_of_a_kalman_filter_that_runs_row_by_row(load, mea
     assert found == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 
+def test_a_spring_of_no_stiffness_leaves_the_position_out_of_a_log_of_speeds():
+    """Nothing that is read depends on it then: the innovations are those without a spring."""
+    reading = np.random.default_rng(0).standard_normal(60)
+    loose = SHAPE | {"square": 0.0}
+    ticks = [tick_of(Model(spring=spring, measured="velocity"), loose, 1e-3) for spring in (True, False)]
+    with_spring, without = (Predictor(tick, WHITE, DRIFT, 57).innovations(reading, 3) for tick in ticks)
+    assert with_spring == pytest.approx(without, abs=1e-12)
+
+
 def covered(log):
     """Which intervals contain the truth: of mass, damping, friction if there is any, delay."""
     rubs = log.truth["friction"] > 0

@@ -10,7 +10,7 @@ from scipy.special import gammaincc
 
 from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
-from wavesweep.identification.prediction import Prediction, innovations_of, predicted
+from wavesweep.identification.prediction import ONE_WAY, Prediction, innovations_of, predicted
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
@@ -21,9 +21,6 @@ TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
 SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
-ONE_WAY = (
-    0.98  # share of the motion in one direction above which friction acts like a constant force
-)
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 TRIED = 3000  # samples at most to which a model with one more effect is fitted

@@ -21,11 +21,8 @@ from wavesweep.identification.model import (
     readings,
     sensitivities,
 )
-from wavesweep.identification.prediction import Prediction, StaticFriction, predicted
+from wavesweep.identification.prediction import ONE_WAY, Prediction, StaticFriction, predicted
 
-ONE_WAY = (
-    0.98  # share of the motion in one direction above which friction acts like a constant force
-)
 RESTING = 10  # equal readings at the start of a log show a device held by friction
 START = 5  # rows from which the initial velocity is guessed
 PART = 5000  # rows that show whether errors grow
@@ -193,15 +190,20 @@ def _encoder_alone(model, theta, rows, noise):
         return False
     end = rows.skip + PART
     rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end])
-    with np.errstate(all="ignore"):
-        left = rows.residual(model, theta)
-        slopes = rows.slopes(model, theta, STEP * scales(model, theta, rows))
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
-    if not np.isfinite([left.sum(), slopes.sum()]).all():
-        return False
-    left = left - slopes / size @ np.linalg.lstsq(slopes / size, left, rcond=1e-12)[0]
-    usual = float(np.median(np.abs(left))) / 0.6745
-    return usual < GROWN * max(noise, rows.resolution, EXACT * float(np.ptp(rows.reading)))
+    for _ in range(ROUNDS if model.friction else 1):  # where a device stops, it is not linear
+        with np.errstate(all="ignore"):
+            left = rows.residual(model, theta)
+            slopes = rows.slopes(model, theta, STEP * scales(model, theta, rows))
+        size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+        if not np.isfinite([left.sum(), slopes.sum()]).all():
+            return False
+        step = np.linalg.lstsq(slopes / size, left, rcond=1e-12)[0] / size
+        theta = theta + step
+        left = left - slopes @ step
+        usual = float(np.median(np.abs(left))) / 0.6745
+        if usual < GROWN * max(noise, rows.resolution, EXACT * float(np.ptp(rows.reading))):
+            return True
+    return False
 
 
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:

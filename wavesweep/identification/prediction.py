@@ -36,6 +36,7 @@ PART, PART_OF_TWO = (
     3000,
 )  # rows with the largest forces, from which a long log's numbers are found first; of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
+ONE_WAY = 0.98  # share of the motion one way above which friction is a constant force
 CLEAR = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
 SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
 FEWEST, MOST = -2.0, 20.0  # ticks of delay
@@ -111,6 +112,7 @@ class ScaledLog:
     """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
 
     speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
+    one_way: there is friction, and the device moves one way only, so that a constant force would do the same.
     The last values that `remembered` made are kept: a search asks for most of them again with one other number.
     """
 
@@ -123,6 +125,7 @@ class ScaledLog:
     moving: np.ndarray | float = 1.0
     speeds: np.ndarray | None = None
     slowest: float = 0.0
+    one_way: bool = False
     _kept: dict[Hashable, Any] = field(init=False, default_factory=dict, repr=False)
 
     def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -230,8 +233,13 @@ def scaled(
         near = max(2 * used + 1, 9)
         span = maximum_filter1d(log.reading, near) - minimum_filter1d(log.reading, near)
         moving[(span <= 1.01 * resolution / unit) & (np.abs(speeds) < noise)] = 0.0
+    one_way = not model.spring and abs(speeds.sum()) > ONE_WAY * np.abs(speeds).sum()
     return replace(
-        log, speeds=speeds, moving=moving, slowest=max(noise, SLOWEST * float(speeds.std()))
+        log,
+        speeds=speeds,
+        moving=moving,
+        slowest=max(noise, SLOWEST * float(speeds.std())),
+        one_way=bool(one_way),
     )
 
 
@@ -243,7 +251,8 @@ def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
 
     def filtered():
         tick = tick_of(log.model, found, log.period)
-        predictor = Predictor(tick, found["white"], found["drift"], len(log.reading) - skip)
+        rows = len(log.reading) - skip
+        predictor = Predictor(tick, found["white"], found["drift"], rows, log.one_way)
         return predictor, predictor.innovations(log.reading, skip)
 
     filter_numbers = tuple(found[name] for name in FILTERING if name in found)

@@ -72,8 +72,9 @@ def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     wide[:size, :size] = period * flow * units[None, :] / units[:, None]
     wide[1, size] = 1.0
     whole = expm(wide)
-    with_position = model.measured == "position" or model.spring
-    first = 0 if with_position else 1  # of a velocity nothing else depends on the position
+    # Of a velocity nothing else depends on the position, unless there is a spring.
+    with_position = model.measured == "position" or (model.spring and shape["square"] != 0.0)
+    first = 0 if with_position else 1
     speed = 1 - first
     A = whole[first:size, first:size]
     held = whole[first:size, size]
@@ -91,11 +92,15 @@ def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
 class Predictor:
     """The filter of a tick for white force and walk of variances `white` and `drift`, relative to that of the reading.
 
-    M: the matrix of the errors of its states; spread: the variance of an innovation, relative to that of the reading.
+    M: the matrix of the errors of its states; spread: the variance of an innovation, relative to that of the reading. from_zero:
+    the walk begins at 0, and not anywhere.
     """
 
-    def __init__(self, tick: Tick, white: float, drift: float, rows: int) -> None:
+    def __init__(
+        self, tick: Tick, white: float, drift: float, rows: int, from_zero: bool = False
+    ) -> None:
         self.tick = tick
+        self._open = len(tick.A) - from_zero  # states that may be anything at the first row
         noise = white * np.outer(tick.held, tick.held)
         noise[-1, -1] += drift
         self.covariance = _steady(tick.A, tick.C, noise)
@@ -107,7 +112,7 @@ class Predictor:
             self._triangle, self._basis = schur(self.M, "complex")
         self._past = np.poly(self.M).real
         self._ahead = np.poly(tick.A).real
-        free = _free(self.M, tick.C, rows)
+        free = _free(self.M, tick.C, rows)[:, : self._open]
         basis, sizes, _ = np.linalg.svd(free / np.linalg.norm(free, axis=0), full_matrices=False)
         self._initial = basis[:, sizes > 1e-8 * sizes[0]]
 
@@ -151,9 +156,9 @@ class Predictor:
         drive = np.zeros((len(self.M), len(reading)))
         drive[:, 1:] = (np.outer(self.gain, reading) + push)[:, :-1]
         error = reading - self.tick.C @ _run(self.M, drive)
-        free = _free(self.M, self.tick.C, len(reading))
+        free = _free(self.M, self.tick.C, len(reading))[:, : self._open]
         start = np.linalg.lstsq(free[skip:], error[skip : len(free)], rcond=1e-12)[0]
-        drive[:, 0] = start
+        drive[: self._open, 0] = start
         states = _run(self.M, drive)
         error = reading - self.tick.C @ states
         back = _run(self.M.T, np.outer(self.tick.C / self.spread, error[::-1]))[:, ::-1]

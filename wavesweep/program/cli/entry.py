@@ -286,7 +286,7 @@ def _line(error: BaseException) -> tuple[int, str]:
         case OSError():
             said = f"Error: {_os_error(error)}"
         case _ if type(error).__name__ in BEYOND_DOUBLES:
-            said = f"Error: numbers beyond double precision ({error}); are the spec's values as meant? (--debug shows where)"
+            said = f"Error: numbers beyond double precision ({error}); are the values given as meant? (--debug shows where)"
         case _:
             said = f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)"
     return 1, _with_notes(said, error)
