@@ -23,7 +23,7 @@ copybutton_line_continuation_character = "\\"
 SECTIONS = {
     "Start": "haptics drives first-drawing gallery",
     "Concepts": "concepts controllers",
-    "Guides": "check sweeps identify for-all frames margins drawn-loops design results",
+    "Guides": "check sweeps identify for-all frames timing margins drawn-loops design results",
     "Reference": "commands keys blocks tables library engine",
     "Background": "proof accuracy speed",
 }

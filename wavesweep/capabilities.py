@@ -46,7 +46,10 @@ class Capability(NamedTuple):
 
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
 CAPABILITIES = (
-    Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check")),
+    Capability(
+        "for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check", "switched")
+    ),
+    Capability("late_ticks", tables=("for_all.tick",), offers=("guarantee", "keys", "on_check")),
     Capability("contact", tables=("for_all.contact",), offers=("guarantee", "keys", "on_check")),
     Capability(
         "check",
@@ -167,6 +170,7 @@ TABLES = MappingProxyType(
     {
         "for_all": "for_all",
         "for_all.contact": "contact",
+        "for_all.tick": "late_ticks",
         "simulate": "simulation",
         "measured": "identification",
         "design": "designs",

@@ -59,6 +59,21 @@ class Graph:
         pairs, index = np.unique(self.source * self.nodes + self.target, return_inverse=True)
         return index, pairs // self.nodes, pairs % self.nodes
 
+    @cached_property
+    def along(self) -> tuple[np.ndarray, int]:
+        """Return an order of the nodes in which those that edges join are near, and how far apart
+        any of these are in it (E. Cuthill, J. McKee, ACM National Conference 1969)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+        shape = self.nodes, self.nodes
+        joined = coo_array((np.ones(self.source.size), (self.source, self.target)), shape).tocsr()
+        both_ways = (joined + joined.T).tocsr()
+        order = reverse_cuthill_mckee(both_ways, symmetric_mode=True).astype(int)
+        place = np.empty_like(order)
+        place[order] = np.arange(order.size)
+        return order, int(np.abs(place[self.source] - place[self.target]).max())
+
     def grouped(self, group: np.ndarray) -> tuple[np.ndarray, list[int]]:
         """Return the edges sorted by their group 0, 1, ..., and the bounds of the groups in that order."""
         order = np.argsort(group, kind="stable")

@@ -294,7 +294,8 @@ TABLE = SpecTable(
             "is not known, with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or "
             "the number in every of blocks); shares = [...] of these values, or next = [[...], ...], the shares after each, "
             "for what holds in mean square; lost = slow results in a row that may fail to come, or loss = the probability that "
-            "one never comes; the last one that came is held; contact = true for every wall that pushes and never pulls"
+            "one never comes; the last one that came is held; contact = true for every wall that pushes and never pulls; "
+            "tick = { late } for fast ticks that take another time each time"
         }
     },
     hint="What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.",

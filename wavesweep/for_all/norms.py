@@ -29,6 +29,7 @@ OF_REST = 0.2
 MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
 FARTHEST = 0.1  # known forms are of no use if the matrices must be scaled below this
 SMALLEST_STEP = 1e-7  # relative to the rest; below it the prediction has failed
+NARROW = 3  # nodes times more than are next to each other in a ring whose Hessian has a narrow band
 CALLS = 3e6  # operations that take as long as the overhead of a Newton step
 WORK = 2e11  # operations in Newton steps after which a search ends: about 20 s
 
@@ -307,46 +308,83 @@ def _gradient(P, A, graph):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Newton:
-    """The gradient of the barrier, and its Hessian as a Cholesky factor."""
+    """The gradient of the barrier, and its Hessian as a Cholesky factor.
+
+    If the graph is a long ring, as one of ticks is, the Hessian has a narrow band in the order of the nodes in which those
+    that edges join are near. order: of the unknowns then, or None. band: entries of the factor below its diagonal.
+    """
 
     gradient: np.ndarray
-    factor: tuple
+    factor: np.ndarray
+    order: np.ndarray | None
+    band: int
     shape: tuple[int, int]
 
     @staticmethod
     def of(P, A, graph) -> "_Newton":
-        from scipy.linalg import cho_factor
+        from scipy.linalg import cho_factor, cholesky_banded
 
         nodes, n, _ = P.shape
         gradient, edge_terms = _gradient(P, A, graph)
-        hessian = hessian_of(*edge_terms, graph, nodes)
-        return _Newton(gradient, cho_factor(hessian, lower=True, overwrite_a=True), (nodes, n))
+        own = n * (n + 1) // 2
+        nodes_in_order, apart = graph.along
+        if NARROW * (apart + 1) > nodes:
+            hessian = hessian_of(*edge_terms, graph, nodes)
+            factor, _ = cho_factor(hessian, lower=True, overwrite_a=True)
+            return _Newton(gradient, factor, None, nodes * own, (nodes, n))
+        order = (nodes_in_order[:, None] * own + np.arange(own)).ravel()
+        band = (apart + 1) * own - 1
+        place = np.empty_like(order)
+        place[order] = np.arange(order.size)
+        entries = np.zeros((band + 1, order.size))
+        for first, last, parts in _hessian_parts(*edge_terms, graph, nodes):
+            rows = place[first[:, None] * own + np.arange(own)][:, :, None]
+            columns = place[last[:, None] * own + np.arange(own)][:, None]
+            rows, columns = np.broadcast_arrays(rows, columns)
+            below = rows >= columns
+            entries[(rows - columns)[below], columns[below]] += parts[below]
+        factor = cholesky_banded(entries, lower=True, overwrite_ab=True)
+        return _Newton(gradient, factor, order, band, (nodes, n))
 
     @property
     def work(self) -> float:
         """Rough number of operations."""
-        return self.gradient.size**3 / 3 + CALLS
+        return self.gradient.size * min(self.band + 1, self.gradient.size) ** 2 / 3 + CALLS
 
     def solved(self, right) -> np.ndarray:
         """The changes of the forms that solve the equations for a right side."""
-        from scipy.linalg import cho_solve
+        from scipy.linalg import cho_solve, cho_solve_banded
 
         nodes, n = self.shape
-        return unpacked(cho_solve(self.factor, right).reshape(nodes, -1), n)
+        if self.order is None:
+            step = cho_solve((self.factor, True), right)
+        else:
+            step = np.empty_like(right)
+            step[self.order] = cho_solve_banded((self.factor, True), right[self.order])
+        return unpacked(step.reshape(nodes, -1), n)
+
+
+def _hessian_parts(inverse, moved, arriving, graph, nodes):
+    """Yield the parts of the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A F^-1 and A F^-1 A' on each
+    edge: nodes of the rows and of the columns, and blocks `(parts, m, m)`; those at the same place add up."""
+    n = inverse.shape[-1]
+    at = np.arange(nodes)
+    for end, terms in ((graph.source, inverse), (graph.target, arriving)):
+        yield at, at, acting(_products(terms, *graph.grouped(end)), n)
+    pairs, first, last = graph.pairs
+    mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+    yield first, last, -mixed  # each pair of nodes once
+    yield last, first, -_transposed(mixed)
 
 
 def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
-    """Return the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A F^-1 and A F^-1 A' on each edge."""
+    """Return the whole Hessian, see `_hessian_parts`."""
     n = inverse.shape[-1]
-    hessian = np.zeros((nodes, n * (n + 1) // 2, nodes, n * (n + 1) // 2))
-    at = np.arange(nodes)
-    ends = (graph.source, inverse), (graph.target, arriving)
-    hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
-    pairs, first, last = graph.pairs
-    mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
-    hessian[first, :, last] -= mixed  # each pair of nodes once
-    hessian[last, :, first] -= _transposed(mixed)
-    return hessian.reshape(nodes * n * (n + 1) // 2, -1)
+    own = n * (n + 1) // 2
+    hessian = np.zeros((nodes, own, nodes, own))
+    for first, last, parts in _hessian_parts(inverse, moved, arriving, graph, nodes):
+        hessian[first, :, last] += parts
+    return hessian.reshape(nodes * own, -1)
 
 
 @lru_cache(maxsize=64)

@@ -65,6 +65,8 @@ def question(spec: Spec) -> str:
         text += f", for each of {' and of '.join(several)}"
     if spec.for_all:
         text += f", {'; '.join(_ranges(spec))}"
+    if spec.tick:
+        text += f", for {spec.tick.in_words(spec.tick_hz)}"
     return f"{text}?"
 
 

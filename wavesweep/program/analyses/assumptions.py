@@ -63,6 +63,7 @@ def assumes(
         said = [*_continuous(spec)]
         said += [f"{name_of(path)} is {how} {order}" for path, how in varied.items()]
         if not in_run:
+            said += _ticks(spec)
             said += _unknown(spec, swept)
             said += _messages(spec, swept)
         else:
@@ -89,6 +90,7 @@ def assumes(
         exact = values[VELOCITY] == "exact"
         phrases.append("exact velocity" if exact else "velocity from differences of position")
     if not in_run:
+        phrases += _ticks(spec)
         phrases += _unknown(spec, swept)
     phrases += _amplifier(values, swept)
     assumed = ", ".join(phrases)
@@ -135,6 +137,11 @@ def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:
     if dead:
         times.append(f"{1e3 * dead:g} ms")
     return [f"amplifier late by {' and '.join(times)}"] if times else []
+
+
+def _ticks(spec: Spec) -> list[str]:
+    """Which ticks there are, if they are not all alike, and what the program counts with."""
+    return [f"{spec.tick.in_words(spec.tick_hz)}, nominal steps"] if spec.tick else []
 
 
 def losses(spec: Spec) -> list[str]:

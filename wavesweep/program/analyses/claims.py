@@ -199,13 +199,29 @@ class Messages(NamedTuple):
         return f"messages of {self.channel} {' or '.join(said) or 'all in time'}"
 
 
+class Tick(NamedTuple):
+    """The shortest and the longest time of a fast tick (s), each of which may come at any time; equal if all are alike."""
+
+    low: float
+    high: float
+
+    def covers(self, asked: Tick) -> bool:
+        """Whether all times of another interval are in this one."""
+        return self.low <= asked.low and asked.high <= self.high
+
+    def in_words(self) -> Iterator[str]:
+        """Yield which ticks these are, if they are not all alike."""
+        if self.low < self.high:
+            yield f"ticks of {1e3 * self.low:.6g} to {1e3 * self.high:.6g} ms in any order"
+
+
 @dataclass(frozen=True, slots=True)
 class Scope:
     """Which loops a claim is about.
 
     numbers: those that have ranges; all others have the spec's own values. messages: of channels that are not always in time.
     hands: the spec's own operator, or others in words. walls: LINEAR, PUSHES, or those of `curve_of`: each function with
-    slopes from 0 to 1 in place of the linear one.
+    slopes from 0 to 1 in place of the linear one. tick: None for ticks that are all the spec's own.
     """
 
     numbers: tuple[Range, ...] = ()
@@ -213,6 +229,7 @@ class Scope:
     messages: tuple[Messages, ...] = ()
     hands: str = OPERATOR
     walls: str = LINEAR
+    tick: Tick | None = None
 
     def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
         """Whether all loops of another scope are in this one; own: the spec's own values, by their paths."""
@@ -231,7 +248,9 @@ class Scope:
         if any(each.chances for each in channels.values()):
             return False
         walls = asked.walls in (self.walls, LINEAR)
-        return self.frames.covers(asked.frames) and self.hands == asked.hands and walls
+        # The spec's own tick is one of those of [for_all].
+        ticks = asked.tick is None or (self.tick is not None and self.tick.covers(asked.tick))
+        return self.frames.covers(asked.frames) and self.hands == asked.hands and walls and ticks
 
     def written(self) -> dict[str, Any]:
         """The scope as JSON has it."""
@@ -242,6 +261,7 @@ class Scope:
             frames[name] = sorted(frames[name], key=str)
         scope["numbers"] = [each._asdict() | {"values": [*each.values]} for each in self.numbers]
         scope["messages"] = [each._asdict() for each in self.messages]
+        scope["tick"] = self.tick and self.tick._asdict()
         return scope
 
     def loops(self) -> str:
@@ -249,6 +269,7 @@ class Scope:
         said = [each.in_words() for each in self.numbers]
         said += self.frames.in_words()
         said += [each.in_words() for each in self.messages]
+        said += self.tick.in_words() if self.tick else ()
         loops = ", ".join(said)
         if len(loops) > LONGEST:
             at_random = self.frames.order is Order.AT_RANDOM
@@ -387,7 +408,10 @@ def questions(spec: Spec) -> list[Question]:
     what = required(spec)
     asked = []
     table = spec.for_all
-    if not table:
+    if spec.tick:
+        tick = Tick(*spec.tick.interval(spec.tick_hz))
+        asked.append(Question(what, replace(own_scope(spec), tick=tick)))
+    elif not table:
         asked.append(Question(what, own_scope(spec)))
     else:
         alone = table.loss or (spec.drawing and spec.drawing.at_random)

@@ -1,0 +1,103 @@
+"""What late fast ticks cost a wall: proved and refuted ends for 0.05, 0.1 and 0.2 ms, and CPU seconds a slice.
+
+python benchmarks/late_ticks.py            the table of docs/timing.md
+python benchmarks/late_ticks.py fig4       all walls of the paper's Fig. 4, a line for each damping
+"""
+
+import sys
+import time
+
+import numpy as np
+
+from wavesweep.late_ticks.rows import records_for_ticks
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+WALL = "environment.K_VE"
+LATE = (5e-5, 1e-4, 2e-4)
+SPAN = (0.0, 20000.0)
+ENGINE = {"B_VE": 1.0, "integration": "explicit", "delay": "frame"}
+DEVICE = {"mass": 0.1, "damping": 1.5, "velocity": "difference"}
+LOOPS = {
+    "Fig. 4 of the paper, waves, a result one tick late": {
+        "device": DEVICE,
+        "environment": {**ENGINE, "delay": 1},
+        "controller": {"kind": "pmw", "b": 10.0},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+    },
+    "the same, a result a frame late": {
+        "device": DEVICE,
+        "environment": ENGINE,
+        "controller": {"kind": "pmw", "b": 10.0},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+    },
+    "direct coupling at the slow rate, a frame late": {
+        "device": DEVICE,
+        "environment": ENGINE,
+        "controller": {"kind": "dc-slow"},
+    },
+    "the same, one tick late": {
+        "device": DEVICE,
+        "environment": {**ENGINE, "delay": 1},
+        "controller": {"kind": "dc-slow"},
+    },
+    "direct coupling at 1 kHz": {
+        "device": DEVICE,
+        "environment": ENGINE,
+        "controller": {"kind": "dc"},
+    },
+}
+
+
+def bracketed(tables, late):
+    """What is proved, what is refuted, by what, and the CPU seconds."""
+    loop = own_loop(load(tables), WALL)
+    begin = time.process_time()
+    rows = records_for_ticks(loop, WALL, SPAN, (1e-3, 1e-3 + late))
+    row = rows[0]
+    return row["high"], row["fails_from"], row["counterexample"], time.process_time() - begin
+
+
+def on_time(tables, tick=None):
+    """The largest stable wall with ticks that are all alike; tick: their true length, by patterns of it alone."""
+    from wavesweep.engine.intervals import Search
+    from wavesweep.late_ticks.tick_curves import late_ticks
+
+    loop = own_loop(load(tables), WALL)
+    if tick is None:
+        search = Search(WALL, SPAN, ((np.zeros(1, int), loop),), lines=False, checked=True)
+        return float(search.records()["high"][0])
+    ticks = late_ticks(loop, WALL, (1e-3, tick))
+    low, high = 0.0, SPAN[1]
+    for _ in range(40):
+        middle = (low + high) / 2
+        A = ticks.at_ends.at(middle)[len(ticks.lengths) - 1 :: len(ticks.lengths)]
+        product = np.eye(A.shape[-1])
+        for each in A:
+            product = each @ product
+        stable = np.abs(np.linalg.eigvals(product)).max() < 1
+        low, high = (middle, high) if stable else (low, middle)
+    return low
+
+
+def main():
+    """Print the table."""
+    if "fig4" in sys.argv:
+        tables = LOOPS["Fig. 4 of the paper, waves, a result one tick late"]
+        for damping in range(16):
+            environment = {**tables["environment"], "B_VE": float(damping)}
+            for late in LATE:
+                proved, refuted, by, seconds = bracketed({**tables, "environment": environment}, late)
+                print(f"{damping} {1e3 * late:g} ms: {proved:.6g}, {refuted:.6g}, {by}, {seconds:.2g} s", flush=True)
+        return
+    for name, tables in LOOPS.items():
+        found = [bracketed(tables, late) for late in LATE]
+        proved = ", ".join(f"{each[0]:.4g}" for each in found)
+        refuted = ", ".join(f"{each[1]:.4g}" for each in found)
+        seconds = ", ".join(f"{each[3]:.2g}" for each in found)
+        both = f"{on_time(tables):.4g} | {on_time(tables, 1.2e-3):.4g}"
+        print(f"| {name} | {both} | {proved} | {refuted} | {found[-1][2]} | {seconds} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

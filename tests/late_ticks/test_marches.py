@@ -1,0 +1,114 @@
+"""Late ticks held against a march by hand: the matrices, the patterns that refute, and what is proved."""
+
+import numpy as np
+import pytest
+
+from tests.late_ticks.march import Program
+from wavesweep.late_ticks.bracket import bracket
+from wavesweep.late_ticks.patterns import growing, word_of
+from wavesweep.late_ticks.tick_curves import late_ticks
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+pytestmark = pytest.mark.asks("for_all")
+WALL = "environment.K_VE"
+ON = 1e-6  # of a spectral radius: the eigenvalue at 1 of what drifts
+
+
+def program(rng, most=8):
+    """A loop with numbers at random."""
+    ratio = int(rng.integers(1, most + 1))
+    return Program(
+        waves=bool(rng.random() < 0.5),
+        ratio=ratio,
+        delay=int(rng.integers(1, ratio + 1)),
+        mass=float(10 ** rng.uniform(-1.3, 0)),
+        damping=float(rng.uniform(0.5, 3)),
+        K=100.0,
+        B=float(rng.choice([0.0, rng.uniform(0, 3)])),
+        difference=bool(rng.random() < 0.5),
+        b=float(rng.uniform(3, 30)),
+        cutoff_hz=float(rng.uniform(5, 30)),
+        Kp=float(rng.choice([0.0, 20.0])),
+    )
+
+
+def ticks_of(tables, interval):
+    """The ticks of a spec along its wall, by the number of cells."""
+    loop = own_loop(load(tables), WALL)
+    return lambda cells: late_ticks(loop, WALL, interval, cells)
+
+
+def product_of(ticks, x, pattern):
+    """The matrix of a pattern of ticks at a stiffness."""
+    A = ticks.at_ends.at(x)
+    product = np.eye(A.shape[-1])
+    for symbol in word_of(ticks, pattern):
+        product = A[symbol] @ product
+    return product
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_patterns_grow_as_a_march_does(seed):
+    rng = np.random.default_rng(seed)
+    loop = program(rng)
+    interval = loop.tick, loop.tick * (1 + rng.uniform(0.02, 0.4))
+    ticks = ticks_of(loop.tables, interval)(1)
+    pattern = tuple(rng.integers(0, len(ticks.lengths), 2 * loop.ratio).tolist())
+    radius = np.abs(np.linalg.eigvals(product_of(ticks, loop.K, pattern))).max()
+    marched = loop.growth(ticks.lengths[list(pattern)])
+    drifts = marched[np.abs(marched - 1) > ON]
+    assert np.isclose(radius, drifts[0], rtol=1e-6) or np.isclose(radius, marched[0], rtol=1e-6)
+
+
+def test_every_length_of_a_cell_lies_within_its_control_points():
+    """A tick of any length is a convex combination of the control points, up to the bound."""
+    from scipy.special import comb
+
+    loop = Program(False, 3, 3, 0.1, 1.5, 80.0, 1.0, difference=True)
+    ticks = ticks_of(loop.tables, (0.9e-3, 1.4e-3))(1)
+    E, dE = ticks.family.enclosed(loop.K)
+    per_place = ticks.points
+    for t in (0.13, 0.5, 0.92):
+        length = ticks.lengths[0] + t * (ticks.lengths[1] - ticks.lengths[0])
+        (exact,) = np.split(ticks_of(loop.tables, (length, 1.4e-3))(1).at_ends.enclosed(loop.K)[0][:1], 1)
+        weights = [comb(2, j) * t**j * (1 - t) ** (2 - j) for j in range(3)]
+        between = np.tensordot(weights, E[:3], (0, 0))
+        assert (np.abs(between - exact[0]) <= dE[:3].max(0) * (1 + 1e-9)).all()
+    assert per_place == 3 * ticks.cells
+    assert dE.max() > 0
+
+
+def contradiction(seed, most=8):
+    """What a march says against a proof of a loop at random: the pattern, or None; and whether anything was proved."""
+    rng = np.random.default_rng(seed)
+    loop = program(rng, most)
+    interval = loop.tick, loop.tick * (1 + float(rng.choice([0.05, 0.1, 0.2, 0.4])))
+    ticks_with = ticks_of(loop.tables, interval)
+    found = bracket(ticks_with, (0.0, 500.0))
+    if found is None or not found.below.reached < found.above.reached:
+        return None, False
+    for share in (0.02, 0.5, 1.0):
+        K = found.below.reached + share * (found.above.reached - found.below.reached)
+        at = Program(**{**loop.__dict__, "K": float(K)})
+        patterns = [rng.uniform(*interval, int(rng.integers(1, 4)) * loop.ratio) for _ in range(6)]
+        ticks = ticks_with(1)
+        _, worst = growing(ticks, K)
+        patterns.append(ticks.lengths[list(worst)])
+        for lengths in patterns:
+            if at.growth(lengths)[0] > 1 + ON:
+                return lengths, True
+    if found.above.pattern:
+        beyond = Program(**{**loop.__dict__, "K": found.above.fails * (1 + 1e-6)})
+        lengths = ticks_with(1).lengths[list(found.above.pattern)]
+        if beyond.growth(lengths)[0] < 1 - ON:
+            return lengths, True
+    return None, True
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [*range(3), pytest.param(range(3, 40), marks=pytest.mark.thorough)])
+def test_no_march_contradicts_a_proof(seed):
+    for each in seed if isinstance(seed, range) else [seed]:
+        against, _ = contradiction(each, most=3)
+        assert against is None, each

@@ -1,0 +1,38 @@
+"""The rows of intervals that hold for fast ticks of all lengths, in whatever order these come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wavesweep.program.analyses.interval_jobs import Guarantee
+    from wavesweep.program.row_kinds import RowKind
+    from wavesweep.program.sweep.job import Job
+
+ROWS: dict[str, RowKind] = {}  # they are those of [for_all]
+HANDS: dict[str, str] = {}
+
+
+def of_word(kind: str, more: str | None) -> Guarantee | None:  # noqa: ARG001
+    """No word of --for-hands is read here; see `program.tables.hand_rows`."""
+    return None
+
+
+def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
+    """The guarantees of a run: that of late ticks after those that come before.
+
+    Errors: UsageError for hands, requirements, or a number, beside which it cannot be had.
+    """
+    spec = own.grid.spec
+    if not spec.tick:
+        return asked
+    from wavesweep.engine.errors import UsageError
+    from wavesweep.late_ticks.rows import LateTicksGuarantee, refuse
+
+    if hands := [each.word for each in asked if each.word]:
+        expected = "no --for-hands, since its rows are of the spec's own hand"
+        raise UsageError(f"[for_all] tick: expected {expected}, found {', '.join(hands)}")
+    spec.refuse_require("[for_all] tick")
+    refuse(spec, own.asked.axis.path)
+    return [*asked, LateTicksGuarantee(spec.tick.interval(spec.tick_hz))]

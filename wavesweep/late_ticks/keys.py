@@ -1,0 +1,128 @@
+"""The key `tick` of [for_all]: the times that a fast tick may take, another one each time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from wavesweep.engine.keys import Key, Leaf, show
+from wavesweep.program.reading.tables import SpecTable, TableValue
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.studies import Request
+
+PATH = "for_all.tick"
+COMMANDS = ("zwidth", "stability-region", "check", "report")
+LONGEST = 10.0  # s
+KEYS = Key.by_path(
+    [
+        Key.positive(
+            f"{PATH}.late",
+            None,
+            "s",
+            "by how much a fast tick may be late: each takes its own time to that much more, another time in each tick, in any "
+            "order; what is held is held as long, and the program counts with the nominal tick",
+            high=LONGEST,
+        ),
+        Key.positive(f"{PATH}.start", None, "s", "the shortest time of a fast tick", high=LONGEST),
+        Key.positive(f"{PATH}.stop", None, "s", "the longest time of a fast tick", high=LONGEST),
+    ]
+)
+KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
+EITHER = "either late, or start and stop"
+SAME = 1e-9  # relative: a spec's own tick is within an interval that ends there
+
+
+@dataclass(frozen=True, slots=True)
+class LateTick(TableValue):
+    """The times of a fast tick: from the spec's own one to `late` (s) more, or from start to stop (s)."""
+
+    late: float | None = None
+    start: float | None = None
+    stop: float | None = None
+    answered_by: ClassVar = COMMANDS
+    otherwise: ClassVar = "ticks that are all on time"
+
+    def interval(self, hz: float) -> tuple[float, float]:
+        """Return the shortest and the longest time of a tick (s); hz: the rate of the spec's own ticks."""
+        if self.late is not None:
+            return 1 / hz, 1 / hz + self.late
+        return float(self.start or 0.0), float(self.stop or 0.0)
+
+    def in_words(self, hz: float) -> str:
+        """Return which ticks these are."""
+        low, high = self.interval(hz)
+        return f"ticks of {1e3 * low:.6g} to {1e3 * high:.6g} ms in any order"
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        if self.late is not None:
+            return {"late": self.late}
+        return {"start": self.start, "stop": self.stop}
+
+
+def build(request: Request) -> LateTick | None:
+    """Return the times and add their mistakes, and those of what cannot be proved beside them; None if there are none."""
+    leaves = dict(request.belongs.below(PATH))
+    mistakes = request.mistakes
+    table = leaves.pop("", None)
+    if table is not None and isinstance(table.value, dict) and table.value:
+        leaves |= {name: Leaf(value, table.place) for name, value in table.value.items()}
+    elif table is not None:
+        return mistakes.refuse(
+            table, PATH, f"a table with {EITHER}", show(table.value), of_key=False
+        )
+    if not leaves:
+        return None
+    numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
+    if len(numbers) < len(leaves):
+        return None
+    place = next(iter(leaves.values()))
+    if numbers.keys() not in ({"late"}, {"start", "stop"}):
+        return mistakes.refuse(place, PATH, EITHER, ", ".join(numbers), of_key=False)
+    found = LateTick(**numbers)
+    if request.hz:
+        own = 1 / request.hz
+        low, high = found.interval(request.hz)
+        if not low <= own * (1 + SAME) or not own <= high * (1 + SAME) or not low < high:
+            expected = (
+                f"times from start up to stop, with the spec's own tick of {own:g} s among them"
+            )
+            mistakes.refuse(place, PATH, expected, f"{low:g} to {high:g} s", of_key=False)
+    for expected, problem in _beside(request):
+        mistakes.refuse(place, PATH, expected, problem, of_key=False)
+    return found
+
+
+def _beside(request: Request) -> Iterator[tuple[str, str]]:
+    """Yield what is expected beside late ticks and what is found, for all that is not proved beside them."""
+    for_all = request.asked.get("for_all")
+    if for_all and (for_all.axes or for_all.lost or for_all.loss):
+        names = [axis.name for axis in for_all.axes]
+        names += ["lost"] if for_all.lost else []
+        names += ["loss"] if for_all.loss else []
+        yield "tick alone in [for_all]", ", ".join(names)
+    if request.asked.get("contact"):
+        yield "tick alone in [for_all]", "contact"
+    drawing = request.drawing
+    if drawing and drawing.channels:
+        yield "a loop without channels", ", ".join(each.name for each in drawing.channels)
+    if drawing and drawing.dead_times:
+        names = ", ".join(drawing.dead_times)
+        yield "delays in whole ticks", f"a delay in seconds, {names}"
+    values = request.values or {}
+    if values.get("device.dead_time"):
+        yield "an amplifier that is late by whole ticks (device.delay)", "device.dead_time"
+    if isinstance(values.get("rates.ratio"), float):
+        yield "a whole number of ticks in a frame", f"{values['rates.ratio']:.6g}"
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the table."""
+    return shapes.table({name: shapes.value(key) for name, key in KEYS_BY_NAME.items()})
+
+
+TABLE = SpecTable(path=PATH, build=build, keys=KEYS, always=True, schema=schema)

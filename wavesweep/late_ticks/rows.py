@@ -1,0 +1,132 @@
+"""Intervals along a number in which a loop is stable for ticks of all lengths in any order, and the verdict on its own values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.capabilities import offered
+from wavesweep.engine.blocks import scalar_place
+from wavesweep.engine.drawing import name_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.intervals import Search
+from wavesweep.engine.loop import Loops
+from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, End, bracket, decided
+from wavesweep.late_ticks.tick_curves import ANY, late_ticks
+from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status, Tick, own_scope
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.tables.refuters import Refuters, in_a_sentence
+
+SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
+FROM_ZERO = 1e-3  # of the high end, from which on proved counts as proved from 0
+TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
+MOST_PLACES = 256  # ticks in a frame
+STATUS = {PROVED: Status.PROVED, REFUTED: Status.REFUTED}
+
+
+@dataclass(frozen=True, slots=True)
+class LateTicksGuarantee(Guarantee):
+    """Ticks that take any time of an interval (s), as `IntervalQuery.guarantee`."""
+
+    interval: tuple[float, float]
+    kind = "for_all"
+    own_ticks = True
+    dtype: np.dtype = field(
+        default_factory=lambda: offered("switched").FOR_ALL_RECORD, repr=False, compare=False
+    )
+    method = (
+        "quadratic norms at each tick of a frame, in which ticks of all lengths shrink, checked by Cholesky with bounds on all "
+        "errors; refuted by a pattern of short and long ticks that grows"
+    )
+
+    def scope(self, spec: Spec) -> Scope:
+        """The loops that its rows are about: those of the spec's own numbers, with these ticks."""
+        return replace(own_scope(spec), tick=Tick(*self.interval))
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop."""
+        return records_for_ticks(loop, along, span, self.interval)
+
+
+def refuse(spec: Spec, along: str) -> None:
+    """Raise UsageError for a number that intervals cannot be held for; along: empty for a design alone."""
+    own = own_loop(spec, along) if along else own_loop(spec)
+    drawn = own.drawn()
+    if drawn.ticks > MOST_PLACES:
+        expected = f"a frame of at most {MOST_PLACES} ticks"
+        raise UsageError(f"[for_all] tick: expected {expected}, found {drawn.ticks}")
+    if along and not scalar_place(own.drawing, name_of(along)):
+        expected = "intervals along a number that one wire or gain reads linearly, such as K_VE"
+        raise UsageError(f"[for_all] tick: expected {expected}, found {name_of(along)}")
+    varied = {**own.values, along: ANY} if along else own.values
+    if along and Loops(own.drawing, varied).drift().varying:
+        expected = f"a loop whose position at rest does not depend on {name_of(along)}"
+        found = "one that rests elsewhere with each value, as a wave line beside a spring at the hand; check is of one value"
+        raise UsageError(f"[for_all] tick: expected {expected}, found {found}")
+
+
+def records_for_ticks(
+    loop: Loops, along: str, span: tuple[float, float], interval: tuple[float, float]
+) -> np.ndarray:
+    """Intervals of a loop along a number within span = (low, high), for ticks of an interval (s) in any order, as records.
+
+    A row lies within an interval of the loop whose ticks are all on time.
+    """
+    switched = offered("switched")
+    ticks_with = lru_cache(lambda cells: late_ticks(loop, along, interval, cells))
+    search = Search(along, span, ((np.zeros(1, int), loop),), lines=False, checked=True)
+    nominal = search.records()
+    certified = bool(nominal["certified"].all())
+    rows = []
+    for own in nominal[nominal["intervals"] > 0]:
+        about = float(own["low"]), float(own["high"])
+        found = bracket(ticks_with, about)
+        if found is not None:
+            on_time = f"ticks of {1e3 / float(loop.rate):.6g} ms"
+            rows.append(_row(found, about, span, on_time if own["certified"] else ""))
+    return switched.recorded(
+        [row for row in rows if row.low < row.high],
+        certified,
+        agreed=True,
+        none=not nominal["intervals"].any(),
+    )
+
+
+def _row(found: Bracket, about, span, on_time: str):
+    """What is proved; on_time: what refutes the ends of the interval of ticks that are all on time, empty if it is not known."""
+    switched = offered("switched")
+    low, high = found.below, found.above
+    if not low.text and about[0] > span[0]:
+        low = replace(low, fails=about[0], text=on_time)
+    if not high.text and about[1] < span[1]:
+        high = replace(high, fails=about[1], text=on_time)
+    below = low.fails if low.text else low.reached
+    above = high.fails if high.text else high.reached
+    part = switched.Part(below, above, low.text or None, high.text or None)
+    from_zero = not low.text and low.reached <= FROM_ZERO * high.reached
+    near_low = from_zero or _is_near(low, span[0])
+    settled = near_low and _is_near(high, span[1])
+    return switched.Row(
+        low.reached, high.reached, part, settled, Refuters(low.text, high.text).written(TEXT)
+    )
+
+
+def _is_near(end: End, edge: float) -> bool:
+    """Whether proof and refutation are near to each other, or the proof reaches the edge of the range."""
+    if not end.text:
+        return end.reached == edge
+    return abs(end.reached - end.fails) <= SETTLED * max(abs(end.reached), abs(end.fails))
+
+
+def claim(spec: Spec) -> Claim:
+    """What is known of the spec's own loop for all ticks of its [for_all]."""
+    refuse(spec, "")
+    interval = spec.tick.interval(spec.tick_hz)
+    own = own_loop(spec)
+    verdict, pattern = decided(lambda cells: late_ticks(own, "", interval, cells))
+    scope = replace(own_scope(spec), tick=Tick(*interval))
+    return Claim(STABLE, scope, STATUS.get(verdict, Status.UNKNOWN), in_a_sentence(pattern))

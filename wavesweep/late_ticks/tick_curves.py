@@ -1,0 +1,228 @@
+"""The ticks of a loop for all lengths that they may have, between control points.
+
+What moves continuously does so for the true length h of a tick: `x[k+1] = x[k] + E(h) x[k] + B(h) u[k]` with u held. All that
+a program computes is that of its nominal tick, and does not depend on h. So a tick is affine in the entries of E and B of what
+moves, whatever number the loop is cut open at. In a cell of lengths these entries are within R of a Bezier curve,
+
+    E(h) = sum_j b_j(t) E_j,   b_j >= 0,   sum_j b_j = 1,
+
+with the same t from 0 to 1 for all of them. Each tick is then a convex combination of the ticks with E_j and B_j, the control
+points, up to what R does to it. A form decreases in all ticks of a cell if it does so in its control points.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from wavesweep.capabilities import offered
+from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop
+from wavesweep.engine.drawing import Drawing, name_of
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.frames import ENTRIES, OpenTicks, Ticks
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, UnresolvedError
+
+LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
+ORDER = 10  # of the Taylor models of a cell
+DEGREE = 2  # of the curves
+STRAIGHT = 1e-4  # of an entry: what a cell may leave out of its curve before it is divided
+MOST_CELLS = 64
+WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
+GONE = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
+ANY = np.array([0.5, 2.0])  # stands for a number that varies
+ROUNDINGS = 64.0  # of the terms of a curve in its control points
+
+Curve = tuple[np.ndarray, np.ndarray]
+"""Control points `(points, n, m)`, and how far the matrices may be from their curve, `(n, m)`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LateTicks:
+    """The ticks of a loop along a number, for lengths between two ends.
+
+    family: the matrix of each place of a tick in its frame with each control point of each cell, in this order, as
+    `LoopFrames`. at_ends: the same with the lengths at which cells meet, in place of control points. lengths: these (s).
+    places: of ticks in a frame. cells: of lengths.
+    """
+
+    family: Any
+    at_ends: Any
+    lengths: np.ndarray
+    places: int
+    cells: int
+
+    @property
+    def points(self) -> int:
+        """The number of control points at each place."""
+        return self.cells * (DEGREE + 1)
+
+
+def late_ticks(
+    loops: Loops, along: str, interval: tuple[float, float], least_cells: int = 1
+) -> LateTicks:
+    """Return the ticks of a loop along a number that is one gain of it; empty for the loop at its own values.
+
+    interval: the least and the largest length of a tick (s). least_cells: into which it is divided at least.
+    Errors: IllPosedLoopError for an algebraic loop without a solution.
+    """
+    cells = least_cells
+    while True:
+        lengths = np.geomspace(*interval, cells + 1)
+        try:
+            curves = [_curves(loops, *ends) for ends in itertools.pairwise(lengths)]
+            if 2 * cells > MOST_CELLS or all(map(_is_near, curves)):
+                break
+        except UnresolvedError as error:
+            if 2 * cells > MOST_CELLS:
+                raise IllPosedLoopError(WIDE) from error
+        cells *= 2
+    points = []
+    for cell in curves:
+        for j in range(DEGREE + 1):
+            points.append({name: _point(both, j) for name, both in cell.items()})
+    ends = []
+    for length in lengths:
+        at_length = _curves(loops, length, length)
+        ends.append({name: _point(both, 0) for name, both in at_length.items()})
+    family, places = _family(loops, along, points)
+    at_ends, _ = _family(loops, along, ends)
+    return LateTicks(family, at_ends, lengths, places, cells)
+
+
+def moving(drawing: Drawing) -> list[str]:
+    """Return the names of the blocks that move continuously, plants of several as one."""
+    return [plant.name for plant in drawing.plants] + [
+        block.name for block in drawing.alone if block.plant
+    ]
+
+
+def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
+    """The curves of E and of B of each block that moves, for ticks from low to high."""
+    drawing = loops.drawing
+    own = tuple(block for block in drawing.blocks if block.plant)
+    rate = ("/", ("number", 1.0, 0), ("name", LENGTH, 0), 0)
+    alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
+    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], ORDER)
+    model = enclosed.over(np.array([[low], [high]]))
+    names = moving(drawing)
+    return {name: (_curve(model.blocks[name].E), _curve(model.blocks[name].B)) for name in names}
+
+
+def _curve(matrix: Polynomials) -> Curve:
+    """The Bezier curve of a polynomial in s from -1 to 1, and what is left of it.
+
+    With s = 2 t - 1 the powers of t have coefficients p_j, and the control points are `sum_j binomial(i, j)/binomial(d, j) p_j`.
+    """
+    if matrix.numbers == 0:
+        return np.repeat(matrix.terms[:1], DEGREE + 1, axis=0), matrix.rest
+    kept = matrix.terms[: DEGREE + 1]
+    powers = np.zeros_like(kept)
+    for k in range(DEGREE + 1):
+        for j in range(k + 1):
+            powers[j] += comb(k, j) * 2.0**j * (-1.0) ** (k - j) * kept[k]
+    control = np.zeros_like(kept)
+    for i in range(DEGREE + 1):
+        for j in range(i + 1):
+            control[i] += comb(i, j) / comb(DEGREE, j) * powers[j]
+    left_out = np.abs(matrix.terms[DEGREE + 1 :]).sum(0)
+    rounding = ROUNDINGS * UNIT * (np.abs(kept).sum(0) + left_out)
+    return control, matrix.rest + left_out + rounding
+
+
+def _is_near(curves) -> bool:
+    """Whether little is left out of the curves of a cell."""
+    for both in curves.values():
+        for control, rest in both:
+            size = np.abs(control).max(0)
+            rounding = ROUNDINGS * UNIT * (1 + size.max(initial=0.0))
+            if (rest > STRAIGHT * size + rounding).any():
+                return False
+    return True
+
+
+def _point(curves, j):
+    """E and B at a control point, each with what may be left out."""
+    return [(control[j], rest) for control, rest in curves]
+
+
+def _family(loops, along, points):
+    """The matrices with each of these entries of what moves, and the number of ticks in a frame."""
+    own = dict(loops.values)
+    varied = own | ({along: ANY} if along else {})
+    whole = Loops(loops.drawing, varied).drawn()
+    cut_open = Loops(loops.drawing, own | {along: 0.0}).drawn(name_of(along)) if along else whole
+    drift = Loops(loops.drawing, varied).drift()
+
+    def ticks_of(left_out):
+        maps: list[Block] = []
+        kinds = np.zeros(0, int)
+        for entries in points:
+            moved = _moved(whole, entries, left_out)
+            if along:
+                opened = _moved(cut_open, entries, left_out)
+                ticks = OpenTicks.of(opened, moved, PRODUCT, FACTOR).ticks
+            else:
+                ticks = Ticks.of(moved, alone=True, terms=True)
+            kinds = ticks.kind
+            maps += ticks.maps
+        found, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
+        return found.maps, kinds
+
+    exact, kinds = ticks_of(0.0)
+    uncertain, _ = ticks_of(1.0)
+    maps = tuple(map(_with_sizes, exact, uncertain))
+    different = len(maps) // len(points)
+    symbols = [(place, point) for place in range(len(kinds)) for point in range(len(points))]
+    samples = [point * different + int(kinds[place]) for place, point in symbols]
+    places = np.array([place for place, _ in symbols])
+    follows = (places[:, None] + 1) % len(kinds) == places
+    found = offered("switched").LoopFrames.of(
+        Ticks(maps, np.arange(len(maps))),
+        drift.remaining,
+        [()] * len(symbols),
+        samples,
+        tuple(symbols),
+        follows,
+        drift if drift.varying else None,
+    )
+    return found, len(kinds)
+
+
+def _moved(
+    loop: MultirateLoop,
+    entries: Mapping[str, Sequence[tuple[np.ndarray, np.ndarray]]],
+    share: float,
+) -> MultirateLoop:
+    """Return a loop with other entries E and B of its blocks that move; an error of ENTRIES of the sizes of their terms is so
+    much of what may be left out."""
+    placed = []
+    for scheduled in loop.placed:
+        block = scheduled.block
+        if block.name in entries:
+            (E, of_E), (B, of_B) = entries[block.name]
+            sizes = block.terms[2:] if block.terms else (np.abs(block.C), np.abs(block.D))
+            of_moved = [np.abs(E) + share * of_E / ENTRIES, np.abs(B) + share * of_B / ENTRIES]
+            block = replace(block, E=E, B=B, terms=(*of_moved, *sizes))
+        placed.append(replace(scheduled, block=block))
+    return replace(loop, placed=tuple(placed))
+
+
+def _with_sizes(exact: Block, uncertain: Block) -> Block:
+    """Return a tick with the sizes of the terms of the same tick about which less is known.
+
+    Entries that what is left out could be are set to zero there, if they are small beside their row: here they stay, and are
+    uncertain by that much.
+    """
+    sizes = []
+    for name, size, own in zip("EBCD", uncertain.terms, exact.terms, strict=True):
+        entries = getattr(exact, name)
+        gone = (getattr(uncertain, name) == 0) & (entries != 0)
+        largest = np.abs(entries).max(-1, keepdims=True, initial=0.0)
+        sizes.append(np.where(gone, own + GONE * largest / ENTRIES, size))
+    return replace(exact, terms=tuple(sizes))
