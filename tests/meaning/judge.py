@@ -84,12 +84,12 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, ask_all: bool
     `whole`: with ends and responses; `ask_all`: also where the package is known to be wrong.
     """
     tables = tomllib.loads(text)
-    why = left_out(tables)
+    drift = drift_of(tables)
+    why = left_out(tables, drift)
     if why and not ask_all:
         return [Found(f"left out: {why}", True, None, None)]
     machine = machine_of(tables)
     monodromy = machine.monodromy()
-    drift = drift_of(tables)
     mine = radius(monodromy, drift)
     found = [judge_radius(tables, mine, loop)]
     if whole:

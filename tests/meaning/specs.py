@@ -68,14 +68,11 @@ def spec_text(number: int, quick: bool = False) -> str:
     return toml(drawing(number // 2) if number % 2 else controller(number // 2, quick))
 
 
-def left_out(tables: dict) -> str:
+def left_out(tables: dict, drift: int) -> str:
     """Why a spec is not asked about: faults of the package that are known and not mended. Empty if it is."""
-    blocks = tables.get("block", {}).values()
-    waves = any(block["type"] in {"wave", "avatar", "local_model"} for block in blocks)
-    for block in blocks:
-        unread = block["type"] in {"pi", "pid"} and not block.get("ki")
-        if waves and (unread or block["type"] == "impulse"):
-            return "of two drifts, a sum that nothing reads in the end and a line of waves, one is set aside"
+    types = {block["type"] for block in tables.get("block", {}).values()}
+    if drift > 1 and types & {"wave", "avatar", "local_model"}:
+        return "of two drifts, a sum that nothing reads in the end and a line of waves, one is set aside"
     return ""
 
 
