@@ -207,7 +207,7 @@ def judge_response(machine, loop, hand) -> list[Found]:
         for name, value in pairs:
             theirs = complex(row[f"{name}_re"], row[f"{name}_im"])
             what = f"{name} at {frequency} Hz"
-            if name == "admittance" and abs(value) > 1e4 * moved:  # nothing holds it
+            if name == "admittance" and not frequency and abs(value.imag) > 1e3 * abs(value.real):  # nothing holds it
                 found.append(Found(what, bool(np.isnan(theirs)), value, theirs))
                 continue
             least = 1e-5 * moved if name == "admittance" else 0.0  # what is 0 at rest, before an integrator
