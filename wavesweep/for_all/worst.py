@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.climb import Growth, climb, contradicted
+from wavesweep.for_all.climb import OPERATIONS, Growth, climb, contradicted
 from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
@@ -33,7 +33,9 @@ NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 CLIMBS = 6  # to points at which numbers closer to the start are refuted
 LOOKED_AT = 3  # points of a climb at which all words are searched
 MOVED = 1e-4  # relative: a gain of the search below this ends it
-ALIKE = 1e-3  # relative: frames that differ by less have the same words that grow first
+ALIKE = (
+    1e-3  # relative: frames, or growths, that differ by less have the same words that grow first
+)
 WORK = 7e11  # operations of the proofs: about a minute
 SOON = 4e9  # operations of a proof that is tried before members are searched, half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
@@ -190,7 +192,11 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     for _ in range(CLIMBS):
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
-        climbed = climb(loops.growth, box, np.insert(starts, 0, end, axis=1))
+        begun = np.insert(starts, 0, end, axis=1)
+        at_end = loops.growth.of(begun)
+        # Where all of a small box grows alike, its corners and a few members beside them do.
+        differ = not np.ptp(at_end) <= ALIKE * at_end.max()
+        climbed = climb(loops.growth, box, begun, OPERATIONS if differ else 0.0)
         before = best
         for point in dict.fromkeys(map(tuple, climbed.points[:LOOKED_AT, 1:].tolist())):
             if any(_alike(loops, point, other, end) for other in searched):

@@ -23,7 +23,8 @@ OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above i
 LARGEST = np.finfo(float).max
 LEAST = 1e-300  # added to what is rounded outward: nothing underflows
 TERMS = 12  # of the series of an exponential
-BETTER = 0.125  # of the interval of all values: what a polynomial leaves out at most, or else the interval stands for it
+WORSE = 2.0  # times half of the interval of all values: what a polynomial leaves out that is of no use beside that
+KNOWN = 0.1  # of that interval: what the terms of an argument may leave out, so that they say on what it depends
 TIGHTER = 0.9  # of the interval of its polynomial: that of what it is made of, which then counts
 NOTHING = 1e-15  # an exponential that is smaller need not be known
 MARKED = 1e-3  # of that interval: the terms that say on what it depends
@@ -248,7 +249,7 @@ class TaylorModel:
         away = np.abs(self.terms[1:]).sum(0) + self.rest
         with np.errstate(invalid="ignore"):
             wide = self.high - self.low
-            return (wide < 2 * TIGHTER * away) & (self.rest <= BETTER * wide)
+            return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN * wide)
 
     def _bounded(self, found, low, high, informed) -> TaylorModel:
         """The model of a function of it: `found`, or where what that leaves out is no better the interval of all values, about
@@ -265,9 +266,11 @@ class TaylorModel:
             middle = np.clip(nearer, low, high)
             radius = np.maximum(high - middle, middle - low) * OUTWARD + LEAST
         bounded = informed & np.isfinite(radius)
-        worse = ~(found.rest <= np.where(bounded, BETTER * radius, LARGEST))
+        worse = ~(found.rest <= np.where(bounded, WORSE * radius, LARGEST))
+        # Elsewhere they are those of the polynomial again, so that what only spans decades is divided.
+        bounds = np.where(informed, low, -np.inf), np.where(informed, high, np.inf)
         if not np.any(worse):
-            return self._like(found.terms, found.rest, (low, high))
+            return self._like(found.terms, found.rest, bounds)
         if np.any(worse & ~bounded):
             raise UnresolvedError(worse & ~bounded, self.widest())
         # Its terms are as small as to change nothing, and say on which numbers it depends.
@@ -278,7 +281,7 @@ class TaylorModel:
         terms[1 : 1 + self.numbers] = share
         rest = radius + share.sum(0) * OUTWARD
         return self._like(
-            np.where(worse, terms, found.terms), np.where(worse, rest, found.rest), (low, high)
+            np.where(worse, terms, found.terms), np.where(worse, rest, found.rest), bounds
         )
 
     def _about(self) -> tuple[Any, Any]:
