@@ -208,6 +208,7 @@ OTHER_COMMANDS = "Other commands"
 # own numbers with all messages in time, but for those that have late and lost messages of their own.
 FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
 FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
+THROUGH_CONTACT = ("zwidth", "stability-region", "check")
 WITH_MESSAGES = (*FOR_ALL_MESSAGES, "design", "simulate")
 OVER_AXES = (
     "zwidth",

@@ -132,14 +132,15 @@ def test_what_is_said_of_a_spec_is_so(seed, tmp_path, monkeypatch, capsys):
 
     # The summary: each line about rows is about rows of a kind with a claim, and holds bounds and doubts.
     _, lines = said_by(capsys, "stability-region", "mine.toml", "--no-plot", "--out", "t", "--overwrite")
-    own_limit = 2 / (T * tables["numbers"]["n"] * min(tables["sweep"].get("c", [1.0])))
+    softest = min(tables["sweep"].get("c", [1.0]))
+    limits = {"spec": 2 / (T * tables["numbers"]["n"] * softest), "for_all": limit / softest}
     for line in lines:
         kind = re.match(r".*? \((\w+)\): ", line)
         word = kind[1] if kind and kind[1] in claims else "spec"
         if kind and word == "for_all":
             assert line.startswith(claims[word]["said"]), line
         rows = table[table["guarantee"] == word] if "guarantee" in table else table
-        hold_bounds(line, rows.to_dict("records"), limit if word == "for_all" else own_limit)
+        hold_bounds(line, rows.to_dict("records"), limits[word])
         if kind and not rows["certified"].all():
             assert any(words in line for words in UNSURE), line
         if "nowhere stable" in line:
@@ -158,4 +159,4 @@ def test_what_is_said_of_a_spec_is_so(seed, tmp_path, monkeypatch, capsys):
     for text in re.findall(r"largest[^<]*", page):
         word = "for_all" if "proved" in text else "spec"
         rows = table[table["guarantee"] == word] if "guarantee" in table else table
-        hold_bounds(text, rows.to_dict("records"), limit if word == "for_all" else own_limit)
+        hold_bounds(text, rows.to_dict("records"), limits[word])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 PATH = "for_all.contact"
 LOSSES = "for_all.lost", "for_all.loss"
-COMMANDS = ("zwidth", "stability-region", "check", "report")
 KEY = Key(
     PATH,
     "boolean",
@@ -27,9 +26,6 @@ KEY = Key(
 @dataclass(frozen=True, slots=True)
 class Contact(TableValue):
     """That intervals are asked for through contact too."""
-
-    answered_by: ClassVar = COMMANDS
-    otherwise: ClassVar = "a wall that also pulls"
 
     def written(self) -> bool:
         """Return the key as a spec could give it."""

@@ -194,8 +194,10 @@ function numbers() {
   }
   if (o.channel_norm != null) rows.push(item("n-norm", "wave channel's norm (passive up to 1)", text(o.channel_norm, 7), o.channel_norm));
   fill($("own"), ...rows);
-  $("assumes").textContent = o.assumes ? "Assumes: " + o.assumes : "";
-  if (!refused) chip("state", o.stable ? "● stable" : "✕ unstable", o.stable ? "yes" : "no");
+  const more = data.asked.length ? `The spec asks ${data.asked.join(" and ")}: wavesweep check answers that; this page is of these numbers alone. ` : "";
+  $("assumes").textContent = more + (o.assumes ? "Assumes: " + o.assumes : "");
+  const these = data.asked.length ? " with these numbers" : "";
+  if (!refused) chip("state", (o.stable ? "● stable" : "✕ unstable") + these, o.stable ? "yes" : "no");
 }
 const HEADS = ["along", "from", "to", "oscillation there", "felt at the ends", "proof"];
 function intervals() {

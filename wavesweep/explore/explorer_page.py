@@ -32,6 +32,7 @@ from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.haptics.controllers import WALL
+from wavesweep.program.analyses.claims import asks_more, questions
 from wavesweep.program.plots.figure_marks import facts_of_marks
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Spec
@@ -94,9 +95,11 @@ class Page:
         from wavesweep import __version__
 
         spec = self.spec
+        asked = questions(spec) if asks_more(spec) else []
         return {
             "name": spec.name,
             "kind": spec.kind,
+            "asked": [f"{each.what.question} {each.scope.in_words()}".strip() for each in asked],
             "version": __version__,
             "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,

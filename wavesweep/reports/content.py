@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.analyses.claims import Status
+from wavesweep.program.analyses.claims import LINEAR, Status
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
@@ -36,6 +36,10 @@ OWN = (
 MODEL = (
     "All else is as the spec writes it, in a linear loop that is sampled and held at its rates; friction and the steps of an "
     "encoder are not part of it."
+)
+THROUGH_CONTACT = (
+    "Rows through contact hold for every wall that is a function of K x + B v with slopes from 0 to 1, such as one that "
+    "pushes and never pulls."
 )
 BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
@@ -260,6 +264,8 @@ def _answer(
         claims = facts["claims"]
         words = {word: row_kind(word).legend for word in claims}
         said = [f"Rows of {words[word]}: {claims[word]['said']}." for word in claims]
+        if any(claim["scope"]["walls"] != LINEAR for claim in claims.values()):
+            said.append(THROUGH_CONTACT)
         assumed = [*(said if len(said) > 1 or spec.for_all else []), *assumed]
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)

@@ -19,6 +19,7 @@ from wavesweep.capabilities import (
     FOR_ALL_MESSAGES,
     FOR_ALL_NUMBERS,
     OVER_AXES,
+    THROUGH_CONTACT,
     WITH_MESSAGES,
     listed,
 )
@@ -176,6 +177,8 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
 
 def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
     """Yield a notice if a command analyses one case of the messages or numbers of a spec that has more."""
+    from wavesweep.program.analyses.claims import LINEAR, questions
+
     # Margins hold for all numbers that are constant, and are of the spec's own frames.
     able = [each for each in FOR_ALL_NUMBERS if each != "margins" or not spec.changing]
     if spec.drawing and spec.drawing.channels:
@@ -184,9 +187,10 @@ def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
             yield f"{spec.name}: {command} has all messages in time; {commands} say what holds if some are late or lost"
     elif spec.members and command not in able:
         yield f"{spec.name}: {command} is of the spec's own numbers; {listed(able)} look at all of {spec.members}"
-    for name, value in spec.asked.items():
-        if value is not None and value.answered_by and command not in value.answered_by:
-            yield f"{spec.name}: {command} is of {value.otherwise}; {listed(value.answered_by)} look at {name}"
+    walls = {each.scope.walls for each in questions(spec)} - {LINEAR}
+    if walls and command not in THROUGH_CONTACT:
+        able = listed(THROUGH_CONTACT)
+        yield f"{spec.name}: {command} is of the linear loop; {able} look at {' and at '.join(sorted(walls))}"
 
 
 def _report(

@@ -20,7 +20,6 @@ class TableValue:
     files: that it names, relative to the spec's folder. given: paths of keys that a device could have given. hardware: what it
     gives of the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. members: the name of a
     table that answers can hold for, beside the spec's own numbers. changing: axes of numbers that may change in every frame.
-    answered_by: the commands that look at it, if others may be taken to do so; otherwise: what these are about, in words.
     """
 
     __slots__ = ()
@@ -29,8 +28,6 @@ class TableValue:
     hardware: Mapping[str, Any] = MappingProxyType({})
     members: str = ""
     changing: Collection[Any] = ()
-    answered_by: Collection[str] = ()
-    otherwise: str = ""
 
     def on(self, device: HapticDevice | None) -> TableValue:
         """Return the value with the numbers of a device, except for those that are given themselves."""
