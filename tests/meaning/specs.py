@@ -70,9 +70,8 @@ def spec_text(number: int, quick: bool = False) -> str:
 
 def left_out(tables: dict, drift: int) -> str:
     """Why a spec is not asked about: faults of the package that are known and not mended. Empty if it is."""
-    types = {block["type"] for block in tables.get("block", {}).values()}
-    if drift > 1 and types & {"wave", "avatar", "local_model"}:
-        return "of two drifts, a sum that nothing reads in the end and a line of waves, one is set aside"
+    if "block" in tables and drift > 1:
+        return "of two drifts one is set aside"
     return ""
 
 
@@ -418,7 +417,7 @@ def add_dead_time(made: Drawn, force: list[str]):
     which = draw.of(("command", "measured", "read", "both"))
     if which == "command":
         made.block("far", "hold", **made.clock()) if "far" not in made.tables["block"] else None
-        made.wire("late.u", "c0.y" if "c0.y" in str(made.tables["wire"]) else "2*arm.x")
+        made.wire("late.u", "2*arm.x" if "taps" in made.tables["block"]["c0"] else "c0.y")
         force.append("- 0.7*late.y")
         if made.tables["block"].get("far", {}).get("type") == "hold":
             made.wire("far.u", "arm.x")
