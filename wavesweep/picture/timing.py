@@ -347,16 +347,14 @@ def _notes(spec: Spec, frames: Sequence[Moments]) -> Iterator[str]:
             "No age is known: no number that these blocks give acts on a plant, or the frame is too long to be followed."
         )
         return
-    yield f"{said[0].upper()}{said[1:]}.".replace(" ms", "\N{NO-BREAK SPACE}ms")
-    yield (
-        "Outlined: on its way, computed and sent, from the measurement until the result is in place. Filled: in place, and "
-        "held. Other results are paler. Filters let the newest measurement through, and remember older ones too."
-    )
     last = frames[-1]
     frames_late = (last.shown.start - last.shown.measured + 1) // last.main.every
+    late = ""
     if frames_late:
         number = "one frame" if frames_late == 1 else f"{frames_late:.0f} frames"
-        yield f"{last.main.block} answers {number} late."
+        late = f": {last.main.block} answers {number} late"
+    yield f"{said[0].upper()}{said[1:]}{late}.".replace(" ms", "\N{NO-BREAK SPACE}ms")
+    yield "Outlined: on its way from the measurement. Filled: in place, and held. Paler: other results."
     hidden = len(frames[-1].lanes) - MOST_LANES
     if hidden > 0:
         yield f"{hidden} more rates are not shown."
