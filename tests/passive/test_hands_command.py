@@ -54,7 +54,7 @@ def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     box = table["hand"] == "box"
     assert table["high_hand_stiffness"][box].tolist() == [100]
     assert np.isnan(table["high_hand_mass"][~box]).all()
-    assert "stable with every hand of the box (box): " in err
+    assert " (box):\n" in err
     assert " ended by a hand of 0.1 kg, 2 N*s/m, 100 N/m" in err
     assert ("every row of the box is proved (settled 1), but for a thousandth next to" in err) == table["settled"][box].all()
     assert "not certified" not in err

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.analyses.claims import LINEAR, Status
+from wavesweep.program.columns import whose_column
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
@@ -249,7 +250,9 @@ def _answer(
         lines += [
             (text, warning)
             for text, warning in intervals.lines
-            if warning or not (rows and text.startswith("  "))
+            if warning
+            or whose_column(intervals.table.columns)
+            or not (rows and text.startswith("  "))
         ]
         known = _known(spec, intervals.table, doubtful=doubtful)
         yield html.verdict(good and not doubtful, title, known, [*lines, own])

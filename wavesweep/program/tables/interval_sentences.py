@@ -115,7 +115,9 @@ class Sentences:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += HAND.format(**largest["ended_by_hand"])
-        value = f"largest {self._such}: {rounded_down(largest['value'])}{self._unit}"
+        # An end that is exact may itself be refuted.
+        below = "just below " * (largest.get("refuted_from", np.inf) <= largest["value"])
+        value = f"largest {self._such}: {below}{rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
         gap = self._gap(largest["from"], open_places)
         return f"{value}{gap}{self._place(largest)}{ended}{self._doubtful(largest)}"
@@ -193,13 +195,17 @@ class Sentences:
         at_low = felt["with"] == felt["from"]
         return rounded_up(felt["with"]) if at_low else rounded_down(felt["with"])
 
-    def one_line(self) -> str:
-        """All of it but the slices, in a line; of rows for more than one loop with their title and their word."""
+    def title(self) -> str:
+        """What the rows of a kind say of which loops, with the word of the kind."""
+        return f"{self._numbers.get('claim', self._kind.title)} ({self._hand}):"
+
+    def parts(self) -> Iterator[Line]:
+        """Yield all of it but the slices, a line each."""
         felt = self._numbers["stiffest_felt"]
         largest = self._numbers["largest"]
-        parts = self.extremes()
+        texts = self.extremes()
         if "lengths" in self._numbers:
-            parts.append(lengths_in_words(self._numbers["lengths"]))
+            texts.append(lengths_in_words(self._numbers["lengths"]))
         # With direct coupling the stiffest wall and the stiffest felt are the same.
         same = (
             self._hand
@@ -208,17 +214,13 @@ class Sentences:
             and np.isclose(felt["value"], largest["value"], rtol=1e-9)
         )
         if not same:
-            parts.append(self.stiffest_felt())
+            texts.append(self.stiffest_felt())
+        yield from ((f"  {text}", False) for text in texts if text)
         if (
             not self._kind.searched
         ):  # of rows that are, none is certified: those of a box are proved or not
-            certified, _ = self.certified()
-            parts.append(certified)
-        line = "; ".join(part for part in parts if part)
-        if not self._hand:
-            return line
-        title = self._numbers.get("claim", self._kind.title)
-        return f"{title} ({self._hand}): {line}"
+            said, in_doubt = self.certified()
+            yield f"  {said}", in_doubt
 
     def _doubtful(self, extreme: Numbers) -> str:
         return (
@@ -271,11 +273,13 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
         yield from _lines_of_loop(numbers)
         return
     for spec, of_spec in numbers.get("specs", {}).items():
-        yield f"{spec}: {Sentences(of_spec).one_line()}", bool(of_spec["doubts"])
+        yield f"{spec}:", False
+        yield from Sentences(of_spec).parts()
     of_kinds = numbers.get("guarantees") or numbers.get("hands", {})
     for word, of_kind in of_kinds.items():
-        in_doubt = bool(of_kind["doubts"]) and not row_kinds()[word].searched
-        yield Sentences(of_kind, word).one_line(), in_doubt
+        sentences = Sentences(of_kind, word)
+        yield sentences.title(), False
+        yield from sentences.parts()
     words = [word for word in of_kinds if row_kinds()[word].unsettled]
     if words:
         kind = row_kinds()[words[0]]
