@@ -32,6 +32,7 @@ LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enc
 ORDER = 10  # of the Taylor models of a cell
 DEGREE = 2  # of the curves
 STRAIGHT = 1e-4  # of an entry: what a cell may leave out of its curve before it is divided
+ROUNDED = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
 MOST_CELLS = 64
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
 GONE = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
@@ -108,6 +109,8 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     own = tuple(block for block in drawing.blocks if block.plant)
     rate = ("/", ("number", 1.0, 0), ("name", LENGTH, 0), 0)
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
+    if low < high:  # both may be rounded: times and rates are given in decimals
+        low, high = low * (1 - ROUNDED), high * (1 + ROUNDED)
     enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], ORDER)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)

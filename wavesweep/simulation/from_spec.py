@@ -105,7 +105,8 @@ def run_in_words(spec: Spec) -> RunWords:
             messages.append(
                 f"messages of {block.name} lost at random, seed {spec.simulate['seed']}"
             )
-    return RunWords(_frames_in_words(spec.simulate), "; ".join(messages) or IN_TIME.messages)
+    said = filter(None, (_frames_in_words(spec.simulate), _ticks_in_words(spec.simulate)))
+    return RunWords(", ".join(said), "; ".join(messages) or IN_TIME.messages)
 
 
 def _late(ticks: int) -> str:
@@ -113,6 +114,14 @@ def _late(ticks: int) -> str:
     if ticks == 0:
         return "in time"
     return f"{ticks} tick{'s' * (ticks != 1)} late"
+
+
+def _ticks_in_words(experiment: Mapping[str, Any]) -> str:
+    """The lengths of ticks of an experiment in words; empty if they are those of the rates."""
+    ticks = experiment["ticks"] or ()
+    lengths = ", ".join(f"{1e3 * length:g}" for length in ticks[:MOST_SHOWN])
+    rest = ", ..." * (len(ticks) > MOST_SHOWN)
+    return f"ticks of {lengths}{rest} ms in turn" if ticks else ""
 
 
 def _frames_in_words(experiment: Mapping[str, Any]) -> str:

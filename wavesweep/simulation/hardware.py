@@ -32,6 +32,7 @@ class Effects:
     `friction` Coulomb's (N), the same at rest and in motion;
     `jitter` (part of a tick, at most 0.9): every fast tick is longer or shorter by up to that part, uniformly; the
     device moves for the real length, the controller uses the nominal one;
+    `ticks` the real lengths of fast ticks (s) in turn, repeated for ever, in place of jitter; None for none;
     `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
     `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
     `seed` of jitter, lateness and losses, also of the messages of channels and of frames at random, which have independent
@@ -46,13 +47,18 @@ class Effects:
     max_force: float | None = None
     friction: float = 0.0
     jitter: float = 0.0
+    ticks: tuple[float, ...] | None = None
     late: int = 0
     dropped: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Reject a value that its key in [simulate] would not have."""
+        if self.ticks is not None and not (self.ticks and min(self.ticks) > 0):
+            raise UsageError(f"option ticks: expected lengths > 0 in s, found {self.ticks!r}")
         for field in fields(self):
+            if field.name == "ticks":
+                continue
             value = getattr(self, field.name)
             if not (value is None and field.default is None):
                 try:
@@ -62,6 +68,11 @@ class Effects:
                     )
                 except Rejected as error:
                     raise UsageError(f"option {field.name}: {error}") from None
+
+    @property
+    def uneven(self) -> bool:
+        """Whether ticks have other lengths than the nominal one."""
+        return bool(self.jitter or self.ticks)
 
 
 def encoder(resolution: float) -> Callable[[float], float]:
@@ -74,7 +85,9 @@ def encoder(resolution: float) -> Callable[[float], float]:
 
 
 def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
-    """Return the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
+    """Return the length of every fast tick (s): those in turn, or ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
+    if effects.ticks:
+        return np.resize(effects.ticks, ticks)
     if effects.jitter == 0:
         return np.full(ticks, T)
     source = _source(effects, 0)

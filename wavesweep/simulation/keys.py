@@ -32,8 +32,8 @@ AT_A_TICK = 0.01  # of a tick: times rounded to a few digits pass, a clock that 
 MOST_COUNTED = 2.0**53  # ticks; more cannot be counted by doubles
 RANDOM = "random"  # as frames
 SECONDS = 10.0  # of an input that has no length of its own
-FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM = (
-    f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from")
+FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM, TICKS = (
+    f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from", "ticks")
 )
 INPUTS = {
     "sine": "one frequency",
@@ -161,8 +161,17 @@ KEYS = Key.by_path(
             'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" '
             "for so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
         ),
+        Key(
+            TICKS,
+            "list",
+            None,
+            "s",
+            "true lengths of the fast ticks, repeated for ever, the first of a frame first: the device moves for these, and the "
+            "program counts with the nominal one; absent: all as the rates have them",
+        ),
     ]
 )
+TICK = Key.positive(TICKS, None, "s", "", high=10.0)
 IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
     "ticks": Key.whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
@@ -331,7 +340,7 @@ class Experiment(TableValue):
         frames = (
             {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}
         )
-        shown = {"show": list(present["show"])} if "show" in present else {}
+        shown = {name: list(present[name]) for name in ("show", "ticks") if name in present}
         messages = {
             name: written_messages(late) for name, late in present.get("messages", {}).items()
         }
@@ -441,11 +450,13 @@ def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict
     leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
     checked = mistakes.read(
-        KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)}
+        KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW, TICKS)}
     )
     checked[MESSAGES] = build_messages(of_messages, mistakes) or None
     if FRAMES in leaves:
         checked[FRAMES] = build_frames(leaves[FRAMES], mistakes)
+    if TICKS in leaves:
+        checked[TICKS] = _lengths(leaves, mistakes)
     if SHOW in leaves:
         checked[SHOW] = names_in_list(leaves[SHOW]) or None
         if not checked[SHOW]:
@@ -457,6 +468,16 @@ def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict
                 of_key=False,
             )
     return leaves, checked
+
+
+def _lengths(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...] | None:
+    """The lengths of ticks in turn (s), None if they are wrong; adds their mistakes."""
+    expected = "a list of the lengths of ticks in s"
+    lengths = mistakes.check_list(TICK, leaves[TICKS], TICKS, expected)
+    if "simulate.jitter" in leaves and leaves["simulate.jitter"].value:
+        expected = "either lengths of ticks in turn, or jitter"
+        mistakes.refuse(leaves[TICKS], TICKS, expected, "both", of_key=False)
+    return tuple(lengths) if lengths and None not in lengths else None
 
 
 def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis | None:
@@ -577,6 +598,7 @@ def schema(shapes: Shapes) -> dict[str, Any]:
         "anyOf": [keys["frequency_hz"], shapes.axis(frequency), {"type": "array", "maxItems": 0}]
     }
     keys["show"]["items"] = {"type": "string"}
+    keys["ticks"]["items"] = shapes.value(TICK)
     frame = shapes.table(
         {name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"]
     )

@@ -338,7 +338,7 @@ class March:
         measure = encoder(self.effects.resolution)
         most = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
-        whole_ticks = _spans_of_ticks(body, self.effects.jitter, lengths, loop.tick)
+        whole_ticks = _spans_of_ticks(body, self.effects.uneven, lengths, loop.tick)
         late, gone_by = loop.late
         change = ticks.at(besides(f"{device}.f{AT}{late}"))
         of_motors = ticks.at(AT + late)
@@ -387,9 +387,9 @@ class March:
         return MarchedRows(rows, touched, x, "")
 
 
-def _spans_of_ticks(body, jitter, lengths, tick):
-    """The real length (s) of each tick, and how the device moves in it; without jitter all move alike."""
-    if jitter:
+def _spans_of_ticks(body, uneven, lengths, tick):
+    """The real length (s) of each tick, and how the device moves in it; unless they are uneven all move alike."""
+    if uneven:
         increments = zero_order_hold(*body[:3], lengths).tolist()
     else:
         increments = repeat(zero_order_hold(*body[:3], tick).tolist())
@@ -492,7 +492,9 @@ class Running:
 def refuse(loop: MarchedLoop, effects: Effects) -> None:
     """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
     effects_asked = [
-        name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)
+        name
+        for name in ("resolution", "max_force", "friction", "jitter", "ticks")
+        if getattr(effects, name)
     ]
     wall, late = (
         ["wall"] * (effects.wall is not None),
@@ -520,13 +522,13 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
             "none",
         ),
         (
-            ["jitter"] * bool(effects.jitter),
+            ["jitter" if effects.jitter else "ticks"] * effects.uneven,
             not plants,
             "no plant besides the device",
             ", ".join(plants),
         ),
         (
-            ["jitter"] * bool(effects.jitter),
+            ["jitter" if effects.jitter else "ticks"] * effects.uneven,
             not loop.late[0],
             "forces that change at ticks",
             f"the dead time {loop.late[0]}",
