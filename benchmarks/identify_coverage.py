@@ -4,7 +4,8 @@
     PYTHONPATH=. python benchmarks/identify_coverage.py LOGS SEED beside SECONDS [KIND...]
 
 The second form is of logs on which more acts than they say (`simulated_logs.py`): Coulomb friction, a Stribeck curve, a
-drift, a hand, two masses with and without a drift; of 1e-4 to 100 kg, with encoders of 1e-4 to 1e-8 m, 0 to 4 ticks late.
+drift, a hand, two masses with and without a drift, and curves of the motion ("drag, of velocity", "saturating, of position");
+of 1e-4 to 100 kg, with encoders of 1e-4 to 1e-8 m, 0 to 4 ticks late.
 
 Logs come from marches in this file, which share no code with the fit: mass, damping, force, delay (a fraction of a tick, too),
 the speed at the start, the encoder and the place of its steps are random, and so is the force before the first row. A line
@@ -18,8 +19,8 @@ import time
 from math import exp, log
 
 import numpy as np
+from simulated_logs import CURVES, of_curves, of_one_mass, of_two_masses
 from simulated_logs import KINDS as SIMULATED
-from simulated_logs import of_one_mass, of_two_masses
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
@@ -252,22 +253,33 @@ def study(kind, logs, seed=0):
 
 
 def of_simulated(kind, logs, seed, seconds):
-    """Of each simulated log: which intervals contain the truth, by name, the error of the mass, and CPU seconds."""
+    """Of each simulated log: which intervals contain the truth, by name, the error of the mass, and CPU seconds.
+
+    Of a log whose numbers have no intervals, what is missing in place of the first.
+    """
     two = kind.startswith("two masses")
-    if two:
+    curve, _, measured = kind.partition(", of ")
+    if curve in CURVES:
+        simulated = of_curves(curve, logs, seed, seconds, measured or "velocity")
+    elif two:
         simulated = of_two_masses(0.1 if kind.endswith("drift") else 0.0, logs, seed, seconds)
     else:
         simulated = of_one_mass(kind, logs, seed, seconds)
     for log_of_kind in simulated:
         truth = log_of_kind.truth
-        model = Model(friction=truth.get("friction", 0.0) > 0, load=two)
+        rubs = truth.get("friction", 0.0) > 0
+        model = Model(friction=rubs, load=two, measured=measured or "position")
         started = time.process_time()
         try:
-            fit, _ = identified(
-                model, log_of_kind.force, log_of_kind.reading - log_of_kind.reading[0], log_of_kind.period, log_of_kind.step
+            origin = 0.0 if measured == "velocity" else log_of_kind.reading[0]
+            fit, verdict = identified(
+                model, log_of_kind.force, log_of_kind.reading - origin, log_of_kind.period, log_of_kind.step
             )
         except UsageError:
-            yield None, np.nan, np.nan, time.process_time() - started
+            yield "refused", np.nan, np.nan, time.process_time() - started
+            continue
+        if verdict.withheld:
+            yield verdict.missing, np.nan, np.nan, time.process_time() - started
             continue
         reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
         found = dict(zip(fit.model.names, fit.theta, strict=True))
@@ -279,15 +291,22 @@ def of_simulated(kind, logs, seed, seconds):
 
 def beside(logs, seed, seconds, kinds):
     """Print a line for each kind of simulated log."""
-    for kind in kinds or [*SIMULATED, "two masses", "two masses, drift"]:
+    of_motion = [f"{curve}, of {measured}" for curve in CURVES for measured in ("velocity", "position")]
+    for kind in kinds or [*SIMULATED, "two masses", "two masses, drift", *of_motion]:
         inside, error, half, used = zip(*of_simulated(kind, logs, seed, seconds), strict=True)
-        answered = [each for each in inside if each]
+        answered = [each for each in inside if not isinstance(each, str)]
+        words = [each for each in inside if isinstance(each, str)]
+        without = ", ".join(f"{word} {words.count(word)}" for word in sorted({*words}))
         names = answered[0] if answered else ()
         shares = ", ".join(f"{name} {np.mean([each[name] for each in answered]):.3f}" for name in names)
-        errors = f"error {100 * np.nanmedian(error):.2g} % (largest {100 * np.nanmax(error):.2g})"
+        without = without or "all"
+        errors = "no error"
+        if answered:
+            errors = f"error {100 * np.nanmedian(error):.2g} % (largest {100 * np.nanmax(error):.2g})"
+        half = [0.0, *half] if not answered else half
         print(
-            f"{kind:18} {seconds:g} s: {len(answered)} of {logs} answered; {shares}; mass half-width "
-            f"{100 * np.nanmedian(half):.2g} %, {errors}; {np.median(used):.2f} CPU s (at most {max(used):.2f})",
+            f"{kind:18} {seconds:g} s: {len(answered)} of {logs} with intervals ({without}); {shares}; "
+            f"mass half-width {100 * np.nanmedian(half):.2g} %, {errors}; {np.median(used):.2f} CPU s (most {max(used):.2f})",
             flush=True,
         )
 

@@ -21,6 +21,16 @@ KINDS = {  # friction, hand over force; what else is special
     "hand": (0.0, 0.15, "hand"),
     "hand, Coulomb": (0.12, 0.15, "hand"),
 }
+CURVES = (
+    "saturating",
+    "sided friction",
+    "sided damping",
+    "drag",
+    "hardening",
+    "saturating force",
+    "resonance",
+    "drift of the sensor",
+)
 FORCES = {"chirp": 10.0, "noise": 60.0, "steps": 20.0, "sines": 10.0}  # accelerations (m/s^2)
 
 
@@ -175,3 +185,88 @@ def of_two_masses(hand: float, logs: int, seed: int, seconds: float, rate_hz: fl
         reading = step * np.round(places / step)
         found.append(SimulatedLog(truth, torque, reading, period, float(step), "noise"))
     return found
+
+
+def of_curves(kind: str, logs: int, seed: int, seconds: float, measured: str = "velocity") -> list[SimulatedLog]:
+    """Logs of random devices at 1 kHz with a force that is a curve of the motion, by Runge and Kutta in eighths of a tick.
+
+    The mass that "saturating" divides by 1 + 0.3 (v/v_0)^2, by 2.8 at most, is that of an inductance of which the speed is the
+    current. v_0 is the rms of the speed without the curve. A sensor drifts by 5 % of its rms.
+    """
+    source = np.random.default_rng([seed, *kind.encode(), len(measured)])
+    period, parts, ticks = 1e-3, 8, round(1e3 * seconds)
+    mass = 10 ** source.uniform(-3, 0, logs)
+    damping = mass * 10 ** source.uniform(0.3, 1.3, logs)
+    delay = source.integers(0, 3 * parts + 1, logs) / parts
+    kinds = [list(FORCES)[at % len(FORCES)] for at in range(logs)]
+    force = np.empty((ticks, logs))
+    for at, each in enumerate(kinds):
+        push = force_of(each, ticks, period, source)
+        if each in ("chirp", "sines"):  # from another phase the device would move one way only
+            push = np.gradient(push) / np.abs(np.gradient(push)).max()
+        force[:, at] = FORCES[each] * mass[at] * push
+    usual = _usual_speed(mass, damping, force, period)
+    pushed = force.std(axis=0)
+    hung = 0.25 * mass * (kind == "resonance")
+    turn = 2 * np.pi * source.uniform(15, 60, logs)
+    spring = turn**2 * hung * 0.75
+    losses = 2 * 0.03 * turn * hung * 0.75
+
+    def slopes(state, push):
+        place, speed, place_two, speed_two = state
+        share = speed / usual
+        net = push - damping * speed
+        if kind == "saturating force":
+            most = 0.6 * np.abs(force).max(axis=0)
+            net = np.clip(push, -most, most) - damping * speed
+        if kind == "sided friction":
+            net = net - 0.2 * pushed * (np.tanh(200 * share) + 0.4 * np.abs(np.tanh(200 * share)))
+        if kind == "sided damping":
+            net = net - 0.4 * damping * np.abs(speed)
+        if kind == "drag":
+            net = net - damping * share * np.abs(speed)
+        if kind == "hardening":
+            net = net - 0.3 * pushed * (place / (0.1 * usual)) ** 3
+        if kind == "saturating":
+            net = net * (1 + 0.3 * np.minimum(share**2, 6.0))
+        pull = spring * (place - place_two) + losses * (speed - speed_two)
+        two = pull / hung if kind == "resonance" else 0.0 * pull
+        return np.stack([speed, (net - pull) / (mass - hung), speed_two, two])
+
+    state = np.zeros((4, logs))
+    states = np.empty((ticks, 2, logs))
+    step = period / parts
+    for tick in range(ticks):
+        states[tick] = state[:2]
+        for part in range(parts):
+            at = np.floor(tick + part / parts - delay + 1e-9).astype(int)
+            push = np.where(at < 0, 0.0, force[np.maximum(at, 0), np.arange(logs)])
+            one = slopes(state, push)
+            two = slopes(state + step / 2 * one, push)
+            three = slopes(state + step / 2 * two, push)
+            four = slopes(state + step * three, push)
+            state = state + step / 6 * (one + 2 * two + 2 * three + four)
+    places = states[:, int(measured == "velocity")]
+    if kind == "drift of the sensor":
+        walk = np.cumsum(source.standard_normal(places.shape), axis=0)
+        places = places + 0.05 * places.std(axis=0) * (walk - walk.mean(axis=0)) / walk.std(axis=0)
+    steps = np.ptp(places, axis=0) * 10 ** source.uniform(-4, -2.5, logs)
+    places = places + source.choice([0.0, 1.0], logs) * steps * source.standard_normal(places.shape)
+    reading = steps * np.round(places / steps)
+    named = zip(mass, damping, delay, strict=True)
+    truths = [dict(zip(("mass", "damping", "delay"), map(float, each), strict=True)) for each in named]
+    return [
+        SimulatedLog(truth, force[:, at], reading[:, at], period, float(steps[at]), kinds[at])
+        for at, truth in enumerate(truths)
+    ]
+
+
+def _usual_speed(mass, damping, force, period):
+    """The rms of the speed of a device with no more than its damping."""
+    decay = np.exp(-damping / mass * period)
+    speed = np.zeros_like(mass)
+    square = np.zeros_like(mass)
+    for push in force:
+        speed = speed * decay + push / damping * (1 - decay)
+        square += speed**2
+    return np.sqrt(square / len(force))

@@ -68,6 +68,23 @@ PROGRAMS = {
         "header.stamp.sec,header.stamp.nanosec,name",
         [f"{1_700_000_000 + int(t // 1000)},{round(1e6 * (t % 1000))},x" for t in 990 + np.cumsum([0, *SEEN])],
     ),
+    "MangoHud": (
+        "os,cpu,gpu,ram\nArch Linux,a cpu,a gpu,16\nfps,frametime,cpu_load,elapsed",
+        [f"{1e6 / ms:.1f},{1e3 * ms:.0f},7,{round(1e6 * t)}" for t, ms in zip(np.cumsum([0, *SEEN]), [9, *SEEN], strict=True)],
+    ),
+    "FRAPS": ("Frame, Time (ms)", [f"    {k + 1}, {t:11.3f}" for k, t in enumerate(np.cumsum([0, *SEEN]))]),
+    "framestats of Android": (
+        "Applications Graphics Acceleration Info:\n\n---PROFILEDATA---\nFlags,IntendedVsync,Vsync,FrameCompleted,",
+        [*(f"0,{10**14 + round(1e6 * t)},5,6," for t in np.cumsum([0, *SEEN])), "---PROFILEDATA---", "", "View hierarchy:"],
+    ),
+    "CapFrameX": (
+        '{"Info": {"AppVersion": "1.7"}, "Runs": [{"CaptureData":',
+        [json.dumps({"Dropped": [False] * 4, "MsBetweenPresents": SEEN.tolist(), "Empty": []}) + "}]}"],
+    ),
+    "OpenXR": (
+        "[",
+        [",".join(json.dumps({"predictedDisplayTime": round(1e6 * t), "layers": [1]}) for t in np.cumsum([0, *SEEN])) + "]"],
+    ),
 }
 
 

@@ -20,8 +20,9 @@ def with_row(text):
 
 
 LOGS = {
-    "semicolons": [line.replace(",", ";") for line in GOOD],
-    "spaces": [line.replace(",", " ") for line in GOOD],
+    "a stamp of a clock that runs back": [HEAD, *(f"{1.7e9 + (k if k != 30 else 9) / 1000:.6f},{k},{k}" for k in range(60))],
+    "a preamble, a blank line and no number": ["device,arm", "", HEAD, *GOOD[1:12], "", *GOOD[12:20], "0.02,x,0"],
+    "a name that a shell takes apart": [HEAD.replace("position", "the position (x)"), *GOOD[1:]],
     "decimal commas": [HEAD, *(line.replace(".", ",") for line in GOOD[1:])],
     "commas within numbers": [HEAD, *(f"{k},{k},1,0,5" for k in range(60))],
     "no header": GOOD[1:],
@@ -56,6 +57,7 @@ RESPONSES = {
     "friction": (SIZES, 60, {"rate_hz": 1e3, "friction": True}),
     "few frequencies": (SIZES, 5, {"rate_hz": 1e3}),
     "other columns": ("frequency_hz,abs,deg", 60, {"rate_hz": 1e3}),
+    "a column of none": (SIZES, 60, {"columns": {"frequency_hz": "w"}}),
     "a log with a rate": ("time,force,position", 60, {"rate_hz": 1e3}),
 }
 RESPONSE = f"{SIZES}\n1,0.002,-1\n2,0.003,-5\n"
@@ -73,7 +75,7 @@ POINTS = {
     "walls: too many": ("z_width", "B_VE,K_VE\n" + "1,2\n" * (MOST_POINTS + 1)),
     "walls: no text": ("z_width", b"B_VE,K_VE\n\xff\xfe"),
     "walls: no file": ("z_width", None),
-    "response: other columns": ("response", "hz,admittance_abs,admittance_deg\n1,1,1\n"),
+    "response: other columns": ("response", "nu,admittance_abs,admittance_deg\n1,1,1\n"),
     "response: a frequency twice": ("response", RESPONSE + "2,0.003,-5\n"),
     "response: an admittance of 0": ("response", RESPONSE + "3,0,-5\n"),
     "response: an infinite phase": ("response", RESPONSE.replace("-5", "inf")),

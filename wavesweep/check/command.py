@@ -51,7 +51,7 @@ STEPS = 3  # commands that are named, at most
     "--frames",
     metavar="TIMES",
     help="Say also whether the frames of a run are among those that the answers are for. A CSV file with a column time (s), "
-    "their stamps, or duration (s), or one of PresentMon or of ROS.",
+    "their stamps, or duration (s), or one of a program whose files are known.",
 )
 @click.option(
     "--column",

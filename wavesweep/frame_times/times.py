@@ -9,18 +9,24 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import read_csv
+from wavesweep.program.csv_files import Csv, option, read_csv
 
 MOST_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST = 10.0  # s, of most frames
 MOST_TICKS = 1e9  # of a frame
-KNOWN = {  # columns of PresentMon 2 and 1, of PlotJuggler and of rostopic: what they are, and the factor to s
+KNOWN = {  # columns of programs: what they are, and the factor to s
+    "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
+    "intendedvsync": ("time", 1e-9),  # framestats of Android
+    "predicteddisplaytime": ("time", 1e-9),  # OpenXR
+    "time (ms)": ("time", 1e-3),  # FRAPS
+    "time_ms": ("time", 1e-3),
+    "t": ("time", 1.0),
     "frametime": ("duration", 1e-3),
-    "msbetweenpresents": ("duration", 1e-3),
+    "msbetweenpresents": ("duration", 1e-3),  # PresentMon 1 and CapFrameX
     "timeinseconds": ("time", 1.0),
-    "__time": ("time", 1.0),
-    "%time": ("time", 1e-9),
+    "__time": ("time", 1.0),  # PlotJuggler
+    "%time": ("time", 1e-9),  # rostopic
 }
 SECONDS, NANOSECONDS = (
     "stamp.sec",
@@ -95,10 +101,10 @@ def read_run(
     columns = columns or {}
     scales = scales or {}
     file = read_csv(path, MOST_BYTES)
-    for option, readings in (("--column", columns), ("--scale", scales)):
+    for flag, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
             raise UsageError(
-                f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}"
+                f"{flag} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}"
             )
     column = _column(path, file, columns, options)
     name = column.name
@@ -123,7 +129,8 @@ def read_run(
             else "are they in ms?"
         )
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
-    _refuse_lengths(path, file.above, name, durations, fast_hz, most)
+    left_out = len(rows) - len(readings)
+    _refuse_lengths(path, file, left_out, name, durations, fast_hz, most)
     return MeasuredFrames(begins, durations * fast_hz, file.sha256)
 
 
@@ -153,7 +160,7 @@ def _column(path, file, columns, options) -> FrameColumn:
     ]
     meant = nearest("time", file.names) or (likely[0] if likely else "NAME")
     hint = (
-        f"--column time={meant} names that of stamps"
+        f"{option('time', meant)} names that of stamps"
         if options
         else "give the one of stamps (s) the name time"
     )
@@ -182,7 +189,7 @@ def _refuse_several(path, file) -> None:
         if name not in file.names:
             continue
         place = file.names.index(name)
-        values = {row[place] for row in csv.reader(file.body.splitlines()) if len(row) > place}
+        values = {row[place] for row in csv.reader(file.body.split("\n")) if len(row) > place}
         if len(values) > 1:
             shown = ", ".join(sorted(values)[:3])
             raise UsageError(
@@ -190,8 +197,8 @@ def _refuse_several(path, file) -> None:
             )
 
 
-def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
-    """Raise UsageError for frames shorter than a tick, or longer than the most ticks."""
+def _refuse_lengths(path, file: Csv, first, name, durations, fast_hz, most) -> None:
+    """Raise UsageError for frames shorter than a tick, or longer than the most ticks. first: row of the first frame."""
     ticks = durations * fast_hz
     tick = f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
@@ -204,7 +211,7 @@ def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
     ):
         if wrong.any():
             row = int(wrong.argmax())
-            place = f"{path}:{above + row + (3 if name == 'time' else 2)}: {name}"
+            place = f"{path}:{file.line(first + row + (name == 'time'))}: {name}"
             raise UsageError(
                 f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}"
             )

@@ -12,6 +12,7 @@ from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.frame_times.times import MeasuredFrames, read_run
+from wavesweep.program.csv_files import seconds
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import own_loop
 
@@ -162,7 +163,7 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         yield 1, f"{start} all {frames} are within {order}"
         return
     first = found["first"]
-    where = f"begins at {first['begins_s']:.6g} s and lasts {first['ticks']:.6g} ticks"
+    where = f"begins at {seconds(first['begins_s'])} s and lasts {first['ticks']:.6g} ticks"
     yield (
         1,
         f"{start} {found['left']} of {frames} are NOT within {order}, so no answer here is for this run",

@@ -32,7 +32,7 @@ OF_FRAMES = (
     "--frames",
     metavar="TIMES",
     help="In place of a log: a CSV file of the frames of a slow environment, with a column time (s), the stamp of each, or "
-    "duration (s), or one of PresentMon or of ROS. The lengths that occur, how often, and which follow which; and [for_all] "
+    "duration (s), or one of a program whose files are known. The lengths that occur, how often, and which follow which; and [for_all] "
     "with them.",
 )
 @click.option(

@@ -35,6 +35,8 @@ TOLD = 0.1  # ticks that a delay may differ from the one in the spec
 def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Sentences on numbers below 0."""
     delay = parameters["delay"]
+    if parameters["mass"]["low"] is None:
+        return
     unit = delay["unit"].replace("tick", "ticks")
     if delay["high"] < -EARLY:
         yield f"the position is {-delay['value']:.3g} {unit} ahead of its force: are the two columns of the same time?"
@@ -49,6 +51,8 @@ def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
 def spoken(each: Mapping[str, Any]) -> str:
     """A number with its interval, to the digits that it has."""
     value, low, high, unit = (each[name] for name in ("value", "low", "high", "unit"))
+    if low is None:
+        return f"{value:.2g} {unit} (no interval)"
     if low == high:
         return f"{value:g} {unit}, given"
     digits = min(
@@ -60,6 +64,8 @@ def spoken(each: Mapping[str, Any]) -> str:
 def whole(delay: Mapping[str, Any]) -> int | None:
     """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
     ticks = max(round(delay["value"]), 0)
+    if delay["low"] is None:
+        return ticks
     return (
         ticks
         if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD
@@ -95,7 +101,10 @@ def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, An
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:
-    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
+    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all].
+
+    It has no [for_all] if the numbers have no intervals.
+    """
     parameters = facts["parameters"]
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
@@ -121,8 +130,11 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     tables["for_all"] = {
         path: {"start": max(estimate["low"], 0.0), "stop": max(estimate["high"], 0.0)}
         for path, estimate in fitted.items()
+        if estimate["low"] is not None
     }
     tables["for_all"] |= ranges
+    if not tables["for_all"]:
+        del tables["for_all"]
     return "\n".join([*_comments(facts), as_toml(tables)])
 
 
@@ -158,6 +170,8 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     for turning, straight in STRAIGHT if not facts["turns"] else ():
         text = text.replace(turning, straight)
     sweep = {"along": "kp", "kp": {"start": 0.0, "stop": 20 * gain}}
+    if parameters["mass"]["low"] is None:
+        return text + as_toml({"sweep": sweep})
     ends = {
         name: [max(parameters[parameter][end], 0.0) for end in ("low", "high")]
         for parameter, name in DRAWN.items()
@@ -176,16 +190,17 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
         1e3 * facts["period_s"],
         "load_mass" in facts["parameters"],
     )
+    withheld = facts["parameters"]["mass"]["low"] is None
     place = "tau" if two else f"device.{late(facts)}" if late(facts) else "left out"
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
-        "# Intervals of 95 %, in [for_all]:",
+        "# Numbers without intervals:" if withheld else "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(estimate)}" for name, estimate in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {place}.",
     ]
     if _of_positions(facts) and not two:
         lines.append("# The log has positions, so the velocity is that of their differences.")
-    if two:
+    if two and not withheld:
         lines.append(
             "# A proof takes five ranges, so the load's damping Dl has the ends of its interval as values, and tau its own."
         )
@@ -196,7 +211,8 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        lines.append(
-            "# The model does NOT explain the log; the intervals are wider by what is left."
+        hint = (
+            "no number has an interval" if withheld else "the intervals are wider by what is left"
         )
+        lines.append(f"# The model does NOT explain the log; {hint}.")
     return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in negative(facts["parameters"]))]

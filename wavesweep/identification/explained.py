@@ -3,14 +3,22 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import dropwhile, takewhile
-from operator import itemgetter
+from operator import attrgetter, itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc
 
+from wavesweep.identification.curves import CURVES, alone, forceless, with_curve
 from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
-from wavesweep.identification.prediction import ONE_WAY, Prediction, innovations_of, predicted
+from wavesweep.identification.prediction import (
+    ONE_WAY,
+    Prediction,
+    estimated_at,
+    innovations_of,
+    predicted,
+)
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
@@ -21,6 +29,7 @@ TONES = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
 SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
+NEARLY = 0.95  # share of a force that a curve has to explain to be fitted beside the numbers
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 TRIED = 3000  # samples at most to which a model with one more effect is fitted
@@ -30,13 +39,15 @@ TRIED = 3000  # samples at most to which a model with one more effect is fitted
 class Verdict:
     """The judgement of a fit.
 
-    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", "force"
-    (one that the log does not have), "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no
-    resonance at all), or empty if it is explained.
+    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", one of
+    `CURVES`, "motion" (something else that depends on the motion), "force" (one that the log does not have), "noise" (of the
+    reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance
+    at all), or empty if it is explained.
     frequency_hz: of the resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that the
     effect would remove. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring residuals;
     correlation_expected: of the encoder alone. resonance_hz: the range in which a resonance with a quarter of the mass would be
-    seen.
+    seen. withheld: the numbers have no intervals, since they are those of a model that lacks something of the motion. lacking:
+    rms of the force that the model lacks (N).
     """
 
     explained: bool
@@ -48,6 +59,8 @@ class Verdict:
     correlation: float
     correlation_expected: float
     resonance_hz: tuple[float, float] | None
+    withheld: bool = False
+    lacking: float = 0.0
 
 
 def identified(
@@ -63,36 +76,102 @@ def identified(
     fit = fitted(model, *log, found)
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
-        fit = by_prediction(found, *log)
-        verdict = lacking(fit, found)
+        fit, verdict = lacking(by_prediction(found, *log), found)
     return (at_an_instant(fit) if model.measured == "acceleration" else fit), verdict
 
 
-def lacking(fit: Fit, found: Prediction) -> Verdict:
-    """What a fit by predictions lacks: the effect without which most is left of the innovations, or else a force."""
-    model, rows = fit.model, fit.rows
-    force, reading = rows.force, rows.reading
-    if len(force) > TRIED:
-        sizes = force[: len(force) // TRIED * TRIED].reshape(-1, TRIED).std(axis=1)
+class Effect(NamedTuple):
+    """An effect that a model lacks, with which a fit is `likelier` (logarithm of the odds). left: of the missing force (N)."""
+
+    name: str
+    likelier: float
+    left: float
+    tone_hz: float = float("nan")
+
+
+def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
+    """What a fit by predictions lacks: the effect without which most is left of the innovations, or else a force.
+
+    Where this is a curve of the motion that explains nearly all of the force, the numbers are those of the fit with it.
+    """
+    rows = fit.rows
+    first, end = 0, len(rows.force)
+    if end > TRIED:
+        sizes = rows.force[: end // TRIED * TRIED].reshape(-1, TRIED).std(axis=1)
         first = TRIED * int(np.argmax(sizes))
-        force, reading = force[first : first + TRIED], reading[first : first + TRIED]
-    log = (force, reading, rows.period, rows.resolution)
-    model = replace(model, without=())
-    missing, most = ("force", float("nan"), 0.0), LIKELIER
-    effects = list(_larger(model))
-    alone = innovations_of(model, found.searched, *log) if effects else None
-    for name, larger in effects:
-        left = innovations_of(larger, found.searched, *log)
-        if not np.isfinite(left.rms):
-            continue
-        likelier = len(force) * np.log(alone.rms / left.rms)
-        share = 1 - (left.walked / alone.walked) ** 2
-        if likelier > most and share > CLEAR:
-            missing, most = (name, left.tone_hz, share), likelier
+        end = first + TRIED
+    part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
+    force, effects = _with_models(replace(fit.model, without=()), found, part)
+    seen = True  # whether a force beside that of the log is seen at all
+    if fit.model.measured != "acceleration":
+        bare = alone(found.place, first, end)
+        force = bare.force
+        count = end - first
+        seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
+        for name in CURVES if seen and not fit.model.load else ():
+            beside = with_curve(name, bare.place)
+            effects.append(Effect(name, count * np.log(bare.rms / beside.rms), beside.force))
+    effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
+    best = _best(effects)
+    name, share, tone_hz = ("force" if seen else "noise"), 0.0, float("nan")
+    if best is not None:
+        share = 1 - best.left / force
+        name, tone_hz = (best.name, best.tone_hz) if share > CLEAR else ("motion", tone_hz)
+    withheld = best is not None
+    if name in CURVES and share > NEARLY:
+        curved = with_curve(name, found.place)
+        if curved.rms < np.inf:
+            fit = _beside(fit, found, curved)
+            withheld = False
     left = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
     rms = float(np.sqrt(np.mean(left**2)))
-    return Verdict(False, *missing, rms, expected, found.correlation, usual, None)
+    judged_so = Verdict(
+        False, name, tone_hz, share, rms, expected, found.correlation, usual, None, withheld, force
+    )
+    return fit, judged_so
+
+
+def _with_models(model, found, log):
+    """The force that a model lacks in some rows (N), and the effects of the models with one more number."""
+    effects = []
+    larger_models = list(_larger(model))
+    if not larger_models:
+        return found.walked, effects
+    bare = innovations_of(model, found.searched, *log)
+    for name, larger in larger_models:
+        left = innovations_of(larger, found.searched, *log)
+        if np.isfinite(left.rms):
+            likelier = len(log[0]) * np.log(bare.rms / left.rms)
+            effects.append(Effect(name, likelier, left.walked, left.tone_hz))
+    return bare.walked, effects
+
+
+def _best(effects):
+    """The likeliest effect; of those that are nearly as likely, one that an option fits."""
+    if not effects:
+        return None
+    best = max(effects, key=attrgetter("likelier"))
+    fitting = [
+        effect
+        for effect in effects
+        if effect.name not in CURVES and effect.likelier > best.likelier - LIKELIER
+    ]
+    return max(fitting, key=attrgetter("likelier")) if fitting else best
+
+
+def _beside(fit, found, curved):
+    """The fit with a curve.
+
+    Its intervals are wider by what the last pass of the smoother changed and, as the curve leaves a share of the force, by
+    this share of what it changed.
+    """
+    estimate = estimated_at(*curved.place, None, curved.moved)
+    open_share = min(curved.force / found.walked, 1.0)
+    half = estimate.half + open_share * np.abs(estimate.theta - found.theta)
+    estimate = replace(estimate, used=found.used, half=half)
+    rows = fit.rows
+    return by_prediction(estimate, rows.force, rows.reading, rows.period, rows.resolution)
 
 
 def _larger(model):

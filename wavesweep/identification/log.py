@@ -1,5 +1,6 @@
 """A log of what pushed a device and how it moved, read from a CSV file; one that cannot be used is refused with one message."""
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import LEAST, MOST, Csv, read_csv
+from wavesweep.program.csv_files import LEAST, MOST, Csv, option, read_csv, seconds
 
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
@@ -18,18 +19,42 @@ UNEVEN = 0.5  # of a period: deviation of a time above which the steps are not e
 GAP = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
-UNITS = (
-    "s",
-    "N",
-    "m",
-    "Nm",
-    "rad",
-    "A",
-    "m_s",
-    "rad_s",
-    "m_s2",
-    "rad_s2",
-)  # that a name of a column may end in
+NAMES = {  # of a column, in small letters, in place of those above
+    "time": ("time", "t", "timestamp", "seconds"),
+    "force": ("force", "f"),
+    "torque": ("torque", "tau", "moment"),
+    "current": ("current", "i"),
+    "position": ("position", "pos", "x", "displacement"),
+    "velocity": ("velocity", "vel", "v", "speed"),
+    "acceleration": ("acceleration", "accel", "acc", "a"),
+    "angle": ("angle", "theta", "phi"),
+    "speed": ("speed", "omega"),
+    "angular_acceleration": ("angular_acceleration", "alpha"),
+}
+_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
+_TURN = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi}
+_TORQUE = {"nm": 1.0, "n*m": 1.0, "n.m": 1.0, "mnm": 1e-3}
+
+
+def _rates(sizes: Mapping[str, float], ending: str) -> dict[str, float]:
+    """Units of a velocity or an acceleration, as `m/s` and `m_s`."""
+    marked = [(f"{unit}{mark}{ending}", size) for unit, size in sizes.items() for mark in "/_"]
+    return dict(marked)
+
+
+UNITS = {  # that a name of a column may end in, in small letters, and their factors
+    "time": _TIME,
+    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3},
+    "torque": _TORQUE,
+    "current": {"a": 1.0, "ma": 1e-3},
+    "position": _LENGTH,
+    "velocity": _rates(_LENGTH, "s"),
+    "acceleration": _rates(_LENGTH, "s2") | _rates(_LENGTH, "s^2") | _rates(_LENGTH, "s²"),
+    "angle": _TURN,
+    "speed": _rates(_TURN, "s") | {"rpm": 2 * np.pi / 60},
+    "angular_acceleration": _rates(_TURN, "s2") | _rates(_TURN, "s^2") | _rates(_TURN, "s²"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +63,8 @@ class Log:
 
     measured: what the reading is, a key of MOTIONS. period: s. start: time of the first row (s). turns: the force is a torque
     (N*m), and the reading one of an angle (rad), in place of N and m. jitter: the largest deviation of a time from equal steps,
-    in periods. sha256: of the file. scaled: names of the columns whose scale was given.
+    in periods. sha256: of the file. scaled: names of the columns whose scale was given. taken: sentences on columns that have
+    another unit in their names.
     """
 
     force: np.ndarray
@@ -50,6 +76,7 @@ class Log:
     jitter: float
     sha256: str
     scaled: tuple[str, ...]
+    taken: tuple[str, ...] = ()
 
     @property
     def times(self) -> np.ndarray:
@@ -61,35 +88,48 @@ def _refuse_unknown(
     columns: Mapping[str, str], scales: Mapping[str, float], names: Collection[str]
 ) -> None:
     """Refuse options for columns that no log has."""
-    for option, options in (("--column", columns), ("--scale", scales)):
+    for flag, options in (("--column", columns), ("--scale", scales)):
         for name in options:
             if name not in names:
-                raise UsageError(
-                    f"{option} {name}: expected one of {', '.join(names)}, found {name}"
-                )
+                raise UsageError(f"{flag} {name}: expected one of {', '.join(names)}, found {name}")
 
 
 def _places_in(
     file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]
-) -> dict[str, str | None]:
-    """Return the column of the file that has each name, or this name and a unit; None without."""
-    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in names}
-    wanted = {
-        name: [f"{columns.get(name, name)}{ending}" for ending in ending_set]
-        for name, ending_set in endings.items()
-    }
-    return {
-        name: next((candidate for candidate in candidates if candidate in file_names), None)
-        for name, candidates in wanted.items()
-    }
+) -> dict[str, tuple[str, float]]:
+    """Return the column of the file that has each name, or one of its other names, and a unit with its factor."""
+    found = {}
+    for name in names:
+        if name in columns:
+            if columns[name] in file_names:
+                found[name] = (columns[name], 1.0)
+            continue
+        for column in file_names:
+            factor = _factor(name, column)
+            if column == name or (factor and name not in found):
+                found[name] = (column, factor or 1.0)
+    return found
 
 
-def _turns(columns: Mapping[str, str], places: Mapping[str, str | None]) -> bool:
+def _factor(name: str, column: str) -> float | None:
+    """The factor of the unit of a column, 1 without one; None if the column has another name."""
+    base, unit = column.strip().lower(), ""
+    for other in NAMES[name]:
+        if base == other:
+            return 1.0
+        match = re.fullmatch(rf"{re.escape(other)}(?:_|\s*[\[(]|\s+in\s+)(.*?)[\])]?", base)
+        unit = match[1].strip() if match else ""
+        if unit in UNITS[name]:
+            return UNITS[name][unit]
+    return None
+
+
+def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
     """Whether the log is one of a device that turns."""
     straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
     turns = bool(turned & columns.keys())
-    if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
-        turns = any(places[name] for name in turned)
+    if not turns and not straight & columns.keys() and not {"force", "position"} & {*places}:
+        turns = bool(turned & {*places})
     return turns
 
 
@@ -97,7 +137,7 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
     """Refuse a file without a wanted column, and name the nearest one."""
     meant = nearest(wanted, file.names)
     hint = (
-        f"; did you mean --column {name}={meant}?"
+        f"; did you mean {option(name, meant)}?"
         if meant
         else f"; --column {name}=NAME gives its name"
     )
@@ -144,17 +184,18 @@ def read_log(
     for kind in (PUSHES, MOTIONS):
         names = list(dict.fromkeys(kind.values() if turns else kind))
         used[names[0]] = next(
-            (n for n in (*filter(columns.get, names), *names) if places[n]), names[0]
+            (n for n in (*filter(columns.get, names), *names) if n in places), names[0]
         )
     for name in used.values():
-        if not places[name]:
+        if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
     _, push, motion = used.values()
     _refuse_motor_constant(path, push, constant, turns)
-    rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
-    readings = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
+    rows = file.numbers([places[name][0] for name in used.values()], LEAST_ROWS)
+    factors = {name: scales.get(name, places[name][1]) for name in used.values()}
+    readings = {name: rows[:, at] * factors[name] for at, name in enumerate(used.values())}
     _refuse_constant(path, readings, motion)
-    period, jitter = _period(path, file.above, readings["time"])
+    period, jitter = _period(path, file, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
     force, first = (
         readings[push] * (1.0 if constant is None else constant),
@@ -170,6 +211,11 @@ def read_log(
         jitter,
         file.sha256,
         tuple(scales),
+        tuple(
+            f"{column} is taken as {name}, times {factors[name]:.6g}"
+            for name, (column, unit) in places.items()
+            if name in used.values() and unit != 1.0 and name not in scales
+        ),
     )
 
 
@@ -186,20 +232,21 @@ def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: 
             )
 
 
-def _period(path: str | Path, above: int, times: np.ndarray) -> tuple[float, float]:
-    """The period (s) and the largest deviation of a time from equal steps, in periods. above: blank lines above the header."""
+def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, float]:
+    """The period (s) and the largest deviation of a time from equal steps, in periods."""
     steps = np.diff(times)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax())
         raise UsageError(
-            f"{path}:{above + row + 3}: time: expected times that increase, found {times[row + 1]:.9g} after {times[row]:.9g}"
+            f"{path}:{file.line(row + 1)}: time: expected times that increase, "
+            f"found {seconds(times[row + 1])} after {seconds(times[row])}"
         )
     period = float(np.median(steps))
     if (steps > GAP * period).any():
         row = int((steps > GAP * period).argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
         raise UsageError(
-            f"{path}:{above + row + 3}: time: expected equal steps, found {problem}; take a part without gaps"
+            f"{path}:{file.line(row + 1)}: time: expected equal steps, found {problem}; take a part without gaps"
         )
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
@@ -213,7 +260,7 @@ def _period(path: str | Path, above: int, times: np.ndarray) -> tuple[float, flo
         row = int(off.argmax())
         problem = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
         raise UsageError(
-            f"{path}:{above + row + 2}: time: expected equal steps, found {problem}; resample the log, or take an even part"
+            f"{path}:{file.line(row)}: time: expected equal steps, found {problem}; resample the log, or take an even part"
         )
     return period, float(off.max())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -14,19 +14,18 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import SHOWN, read_csv
-from wavesweep.program.reading.reading import read_bytes
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
+FREQUENCIES = (FREQUENCY, "frequency (hz)", "frequency", "freq_hz", "freq (hz)", "freq", "hz")
 DERIVED = {
     NAME: 0,
     "mobility": 1,
     "accelerance": 2,
 }  # responses of position, velocity and acceleration
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
-BOM = b"\xef\xbb\xbf"  # of UTF-8, as some programs write it
 LEAST_ROWS = 8  # of a response that is fitted
 MOST_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
@@ -53,16 +52,14 @@ class MeasuredWalls:
     sha256: str
 
 
-def is_response(path: str | Path) -> bool:
-    """Whether a file contains a frequency response and not a log."""
-    header = (
-        read_bytes(path, MOST_BYTES * 10)
-        .removeprefix(BOM)
-        .lstrip(b"\r\n")
-        .partition(b"\n")[0]
-        .decode("utf-8", "replace")
-    )
-    return FREQUENCY in [name.strip() for name in header.split(",")]
+def is_response(path: str | Path, columns: Mapping[str, str] | None = None) -> bool:
+    """Whether a file contains a frequency response and not a log. columns: as of `read_response`."""
+    return FREQUENCY in (columns or {}) or _frequency(read_csv(path, MOST_BYTES * 10).names) != ""
+
+
+def _frequency(names: Sequence[str]) -> str:
+    """The name of the column with the frequencies (Hz); empty if there is none."""
+    return next((name for name in names if name.lower() in FREQUENCIES), "")
 
 
 def read_response(
@@ -70,29 +67,45 @@ def read_response(
     least: int = LEAST_ROWS,
     most: int = MOST_BYTES,
     scales: Mapping[str, float] | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> FrequencyResponse:
     """Read a frequency response with at least `least` rows and at most `most` bytes.
 
     scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and `admittance` (or `mobility`,
-    or `accelerance`). Errors: UsageError that names the file and the line or column.
+    or `accelerance`). columns: the names in the file of `frequency_hz`, `admittance_abs` and so on, where they differ.
+
+    Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
-    forms = product(DERIVED, (("abs", "deg"), ("re", "im")))
+    columns = dict(columns or {})
+    if FREQUENCY not in columns and _frequency(file.names):
+        columns[FREQUENCY] = _frequency(file.names)
+    forms = list(product(DERIVED, (("abs", "deg"), ("re", "im"))))
+    known = [f"{name}_{suffix}" for name, suffixes in forms for suffix in suffixes]
+    known = [FREQUENCY, COHERENCE, *known]
+    if unknown := [name for name in columns if name not in known]:
+        raise UsageError(
+            f"--column {unknown[0]}: expected one of {', '.join(known)}, found {unknown[0]}"
+        )
+    if missing := [name for name in columns if columns[name] not in file.names]:
+        raise UsageError(f"{path}: expected a column {columns[missing[0]]}, found {file.listed}")
+    there = {name: columns.get(name, name) for name in known}
+    there = {name: column for name, column in there.items() if column in file.names}
     readable = [
         (name, suffixes)
         for name, suffixes in forms
-        if {f"{name}_{suffix}" for suffix in suffixes} <= set(file.names)
+        if {f"{name}_{suffix}" for suffix in suffixes} <= {*there}
     ]
-    if not readable or FREQUENCY not in file.names:
+    if not readable or FREQUENCY not in there:
         expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
     name, suffix_pair = readable[0]
     names = [
         FREQUENCY,
         *(f"{name}_{suffix}" for suffix in suffix_pair),
-        *[COHERENCE] * (COHERENCE in file.names),
+        *[COHERENCE] * (COHERENCE in there),
     ]
-    hertz, first, two, *rest = file.numbers(names, least).T
+    hertz, first, two, *rest = file.numbers([there[name] for name in names], least).T
     scales = scales or {}
     if unknown := [scaled for scaled in scales if scaled not in ("frequency", name)]:
         raise UsageError(
@@ -147,7 +160,7 @@ def read_walls(path: str | Path) -> MeasuredWalls:
 
 def _stable_flags(file):
     """The column `stable` as booleans. Errors: UsageError that names the line."""
-    rows = enumerate(csv.reader(file.body.splitlines()), start=2)
+    rows = enumerate(csv.reader(file.body.split("\n")), start=file.above + 2)
     cells = [(line, row[file.names.index(STABLE)].strip()) for line, row in rows if row]
     flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
     if None in flags:

@@ -89,6 +89,7 @@ STARTS, APART = (
     0.3,
 )  # resonances from which two masses are searched, and the logarithm of their ratio at least
 LIKELIER = 15.0  # logarithm of the odds by which two masses have to explain the innovations better than one
+LARGEST = 1e150  # innovations that are squared
 SPIKE = (
     20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
 )
@@ -112,7 +113,8 @@ class ScaledLog:
     """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
 
     speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
-    one_way: there is friction, and the device moves one way only, so that a constant force would do the same.
+    one_way: there is friction, and the device moves one way only, so that a constant force would do the same. beside: forces
+    of unit size that act as well, held over each tick, whose gains are fitted.
     The last values that `remembered` made are kept: a search asks for most of them again with one other number.
     """
 
@@ -126,6 +128,7 @@ class ScaledLog:
     speeds: np.ndarray | None = None
     slowest: float = 0.0
     one_way: bool = False
+    beside: tuple[np.ndarray, ...] = ()
     _kept: dict[Hashable, Any] = field(init=False, default_factory=dict, repr=False)
 
     def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -141,6 +144,7 @@ class ScaledLog:
         few = replace(
             self, force=self.force[first:end], reading=self.reading[first:end] - self.reading[first]
         )
+        few = replace(few, beside=tuple(force[first:end] for force in self.beside))
         if self.speeds is not None:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
         return few
@@ -168,6 +172,15 @@ class ScaledLog:
         return self.moving * np.where(straight, mean, at_middle)
 
 
+class Place(NamedTuple):
+    """A point of a search in a log, of which the first `skip` rows are left out."""
+
+    log: ScaledLog
+    search: "Search"
+    point: np.ndarray
+    skip: int
+
+
 class StaticFriction(NamedTuple):
     """The friction at rest (N), which falls to that of the model as exp(-(v/speed)^2); speed: that of Stribeck (m/s)."""
 
@@ -181,7 +194,7 @@ class Prediction:
 
     left: innovations, in the unit of the reading, from row `skip` on; used: false for those of outliers. noise: of the reading
     alone. walked: the rms of the force that is not in the log (N), from a smoother. correlation: of neighbouring innovations.
-    searched: the numbers of the search by their names. static: None if friction is a line.
+    searched: the numbers of the search by their names. static: None if friction is a line. place: where the search ended.
     """
 
     model: Model
@@ -195,6 +208,7 @@ class Prediction:
     correlation: float
     searched: Mapping[str, float]
     static: StaticFriction | None
+    place: "Place"
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -243,7 +257,7 @@ def scaled(
     )
 
 
-def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
+def errors_of(log: ScaledLog, found: Mapping[str, float], skip: int):
     """The predictor of some numbers, the innovations of the readings alone, and what unit gains add to them.
 
     The last are `(gains, rows)`.
@@ -272,10 +286,11 @@ def _pushes(log, found, tick):
         pushes.append([(tick.held, -log.side(found["turning"]))])
         if "fading" in found:
             pushes.append([(tick.held, -log.side(found["turning"], found["fading"]))])
+    pushes += [[(tick.held, force)] for force in log.beside]
     return pushes
 
 
-def _projected(errors, effects):
+def projected(errors, effects):
     """The gains that leave least of the errors, and what they leave. effects: of unit gains, `(gains, rows)`."""
     products = effects @ effects.T
     size = np.maximum(np.sqrt(np.diag(products)), 1e-150)
@@ -287,7 +302,7 @@ def _projected(errors, effects):
     return gains, errors - gains @ effects
 
 
-class _Search:
+class Search:
     """The numbers that are searched: their names, a point, sizes and bounds, all of them arrays."""
 
     def __init__(self, log: ScaledLog, begun: Mapping[str, float]) -> None:
@@ -377,7 +392,7 @@ def predicted(
         log = whole.part(first, first + rows)
     search, point, skip = _near(log, whole)
     if log is not whole:
-        point = _least(whole, search, point, skip, 5)
+        point = least_of(whole, search, point, skip, 5)
     rounds = _Rounds(whole, point)
     if model.friction:
         rounds = _smoothing(rounds, search, skip)
@@ -391,7 +406,7 @@ def predicted(
             rounds = rounds._replace(
                 moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
             )
-    found = _estimated(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
+    found = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
     return replace(found, used=~wild[skip:])
 
 
@@ -408,19 +423,21 @@ def _smoothing(rounds, search, skip):
     """Rounds of a smoother that gives the velocity, and of a search with the friction at this velocity."""
     log, point, before, moved = rounds
     for _ in range(PASSES):
-        predictor, errors, effects = _errors(log, search.found(point), skip)
-        gains, _ = _projected(errors, effects)
+        predictor, errors, effects = errors_of(log, search.found(point), skip)
+        gains, _ = projected(errors, effects)
         if not gains[0] > 0:
             break
-        now = _theta(log, search.found(point), gains)
+        now = theta_of(log, search.found(point), gains)
         if before is not None:
             moved = np.abs(now - before)
         before = now
-        speeds = _smoothed(log, predictor, search.found(point), gains, skip)[predictor.tick.speed]
+        speeds = smoothed_states(log, predictor, search.found(point), gains, skip)[
+            predictor.tick.speed
+        ]
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
         log = replace(log, speeds=speeds)
-        point = _least(log, search, point, skip, 8)
+        point = least_of(log, search, point, skip, 8)
     return _Rounds(log, point, before, moved)
 
 
@@ -433,12 +450,12 @@ def _with_curve(log, search, point, skip):
     begun = search.found(point)
     tried = []
     for share in FADING:
-        curved = _Search(log, begun | {"fading": share * float(log.speeds.std())})
+        curved = Search(log, begun | {"fading": share * float(log.speeds.std())})
         tried.append((_square(log, curved, curved.begun, skip), curved))
     _, curved = min(tried, key=itemgetter(0))
-    point = _least(log, curved, curved.begun, skip, 8)
-    _, errors, effects = _errors(log, curved.found(point), skip)
-    _, sliding, fades = _projected(errors, effects)[0]
+    point = least_of(log, curved, curved.begun, skip, 8)
+    _, errors, effects = errors_of(log, curved.found(point), skip)
+    _, sliding, fades = projected(errors, effects)[0]
     falls = fades > FALLS * sliding
     enough = _square(log, curved, point, skip) < without * np.exp(-2 * LIKELIER / len(log.reading))
     return (curved, point) if falls and enough else None
@@ -484,12 +501,14 @@ def innovations_of(
     except UsageError:
         return Innovations(np.inf, np.inf, float("nan"))
     found = search.found(point)
-    _, errors, effects = _errors(log, found, skip)
-    left = _projected(errors, effects)[1]
+    _, errors, effects = errors_of(log, found, skip)
+    left = projected(errors, effects)[1]
     tone_hz = float("nan")
     if model.load:
         tone_hz = float(np.sqrt(found["square"] * (1 + 1 / found["share"]))) / (2 * np.pi)
-    return Innovations(float(left.std()) * log.unit, _walked(log, search, point, skip), tone_hz)
+    return Innovations(
+        float(left.std()) * log.unit, force_beside(log, search, point, skip), tone_hz
+    )
 
 
 def _near(log, whole, near=None):
@@ -500,25 +519,25 @@ def _near(log, whole, near=None):
     if not log.model.load:
         begun = _begun(log, near)
         skip = int(max(begun["delay"], 0.0)) + SPARE
-        search = _Search(whole, begun)
-        return search, _least(log, search, search.begun, skip, 20), skip
+        search = Search(whole, begun)
+        return search, least_of(log, search, search.begun, skip, 20), skip
     alone = replace(log, model=replace(log.model, load=False))
     begun = _begun(alone, near)
-    search = _Search(alone, begun)
+    search = Search(alone, begun)
     skip = int(max(begun["delay"], 0.0)) + SPARE
-    point = _least(alone, search, search.begun, skip, 20)
+    point = least_of(alone, search, search.begun, skip, 20)
     without = _square(alone, search, point, skip)
     skip = int(MOST) // 2 + SPARE
     found = search.found(point) | {"rate": RATES[0]}  # that of one mass is not that of two
     tried = []
     for begun in _resonances(alone, found, skip):
-        search = _Search(whole, begun)
-        point = _least(log, search, search.begun, skip, 10)
+        search = Search(whole, begun)
+        point = least_of(log, search, search.begun, skip, 10)
         tried.append((_square(log, search, point, skip), search, point))
     if not tried:
         raise UsageError(NO_RESONANCE)
     _, search, point = min(tried, key=itemgetter(0))
-    point = _least(log, search, point, skip, 30)
+    point = least_of(log, search, point, skip, 30)
     square = _square(log, search, point, skip)
     if not square < without * np.exp(-2 * LIKELIER / len(log.reading)):
         raise UsageError(NO_RESONANCE)
@@ -527,8 +546,8 @@ def _near(log, whole, near=None):
 
 def _square(log, search, point, skip):
     """The mean square of the innovations; infinite for a mass that is not positive."""
-    _, errors, effects = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, effects)
+    _, errors, effects = errors_of(log, search.found(point), skip)
+    gains, left = projected(errors, effects)
     return float(np.mean(left**2)) if gains[0] > 0 else np.inf
 
 
@@ -546,12 +565,12 @@ def _resonances(log, found, skip):
     pairs = []
     for delay, (white, drift) in product(delays, FILTERS):
         filtered = found | {"delay": delay, "white": white, "drift": drift}
-        predictor, errors, effects = _errors(log, filtered, skip)
-        alone = _projected(errors, effects)[1]
+        predictor, errors, effects = errors_of(log, filtered, skip)
+        alone = projected(errors, effects)[1]
         whole_ticks = round(delay)
         for tone, mode in zip(tones, modes, strict=True):
             both = np.stack([effects[0], predictor.innovations(late(mode, whole_ticks), skip)])
-            gains, left = _projected(errors, both)
+            gains, left = projected(errors, both)
             if (gains > 0).all():
                 share = float(left @ left) / float(alone @ alone)
                 pairs.append((share, tone, gains[1] / gains[0], filtered))
@@ -568,7 +587,7 @@ def _resonances(log, found, skip):
     return [begun for _, begun in starts]
 
 
-def _smoothed(log, predictor, found, gains, skip):
+def smoothed_states(log, predictor, found, gains, skip):
     """The states at each row, from all readings."""
     push = np.zeros((len(predictor.M), len(log.reading)))
     for gain, parts in zip(gains, _pushes(log, found, predictor.tick), strict=True):
@@ -577,12 +596,14 @@ def _smoothed(log, predictor, found, gains, skip):
     return predictor.smoothed(log.reading, push, skip)
 
 
-def _walked(log, search, point, skip):
-    """The rms of the force that is not in the log (N), from a smoother."""
-    predictor, errors, effects = _errors(log, search.found(point), skip)
-    gains, _ = _projected(errors, effects)
-    walk = _smoothed(log, predictor, search.found(point), gains, skip)[-1]
-    return float(walk.std()) / abs(gains[0]) * log.pushed
+def force_beside(log, search, point, skip):
+    """The rms of the force that is not in the log (N): of the walk, from a smoother, and of the white one."""
+    found = search.found(point)
+    predictor, errors, effects = errors_of(log, found, skip)
+    gains, left = projected(errors, effects)
+    walk = float(smoothed_states(log, predictor, found, gains, skip)[-1].std())
+    white = float(left.std()) * np.sqrt(found["white"] / predictor.spread)
+    return float(np.hypot(walk, white)) / abs(gains[0]) * log.pushed
 
 
 def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -612,8 +633,8 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
                 "turning": log.slowest,
             }
             with np.errstate(all="ignore"):
-                _, errors, effects = _errors(log, found, skip)
-                gains, left = _projected(errors, effects)
+                _, errors, effects = errors_of(log, found, skip)
+                gains, left = projected(errors, effects)
             # Errors are compared as those of predictions.
             error = float(left @ left)
             if not np.isfinite(error):
@@ -653,7 +674,7 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     return best[1]
 
 
-def _least(log, search, point, skip, most):
+def least_of(log, search, point, skip, most):
     """The point with the least sum of squares of innovations, from another one."""
     scale = None
 
@@ -661,12 +682,13 @@ def _least(log, search, point, skip, most):
         nonlocal scale
         with np.errstate(all="ignore"):
             try:
-                _, errors, effects = _errors(log, search.found(part * search.size), skip)
+                _, errors, effects = errors_of(log, search.found(part * search.size), skip)
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
-            if not (np.isfinite(errors).all() and np.isfinite(effects).all()):
+            # Squares of larger ones are no doubles.
+            if not max(np.abs(errors).max(), np.abs(effects).max()) < LARGEST:
                 return np.full(len(log.reading) - skip, 1e6)
-            gains, rest = _projected(errors, effects)
+            gains, rest = projected(errors, effects)
             if not gains[0] > 0:  # no mass is negative
                 rest = errors
         scale = scale or float(rest.std())
@@ -681,7 +703,7 @@ def _least(log, search, point, skip, most):
     )
 
 
-def _theta(log, found, gains):
+def theta_of(log, found, gains):
     """The numbers of the model in SI units."""
     model, period = log.model, log.period
     mass = log.pushed * period ** (2 - ORDER[model.measured]) / (gains[0] * log.unit)
@@ -700,19 +722,19 @@ def _theta(log, found, gains):
     return np.array([numbers[name] for name in model.names if name not in OWN])
 
 
-def _estimated(log, search, point, skip, before, moved):
+def estimated_at(log, search, point, skip, before, moved):
     """The numbers with their intervals."""
-    _, errors, effects = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, effects)
+    _, errors, effects = errors_of(log, search.found(point), skip)
+    gains, left = projected(errors, effects)
     if not gains[0] > 0:
         raise UsageError(NO_MASS)
-    theta = _theta(log, search.found(point), gains)
+    theta = theta_of(log, search.found(point), gains)
     if before is not None:
         moved = np.maximum(moved, np.abs(theta - before))
     count = len(gains)
     slopes = _slopes(log, search, point, gains, skip)
     to_theta = _differences(
-        lambda both: _theta(log, search.found(both[count:]), both[:count]),
+        lambda both: theta_of(log, search.found(both[count:]), both[:count]),
         np.append(gains, point),
         np.append(1e-3 * np.abs(gains), DIFFERENCE * search.size),
     )
@@ -732,8 +754,8 @@ def _estimated(log, search, point, skip, before, moved):
         if (other < search.low).any() or (other > search.high).any():
             continue
         with np.errstate(all="ignore"):
-            _, errors, effects = _errors(few, search.found(other), skip)
-            changed_gains, changed = _projected(errors, effects)
+            _, errors, effects = errors_of(few, search.found(other), skip)
+            changed_gains, changed = projected(errors, effects)
             if not (changed_gains[0] > 0 and np.isfinite(changed).all()):
                 continue
             changed_slopes = _slopes(few, search, other, changed_gains, skip)
@@ -743,7 +765,7 @@ def _estimated(log, search, point, skip, before, moved):
     extra[1] = (
         0.0  # how fast the walk is decides how much of the damping a log shows, and not which one
     )
-    predictor = _errors(log, search.found(point), skip)[0]
+    predictor = errors_of(log, search.found(point), skip)[0]
     names = tuple(name for name in log.model.names if name in OWN)
     spread = float(left.std())
     return Prediction(
@@ -754,10 +776,11 @@ def _estimated(log, search, point, skip, before, moved):
         np.ones(len(left), bool),
         skip,
         log.unit * spread / np.sqrt(predictor.spread),
-        _walked(log, search, point, skip),
+        force_beside(log, search, point, skip),
         float(left[1:] @ left[:-1] / (left @ left)),
         search.found(point),
         _static(log, search.found(point), gains),
+        Place(log, search, point, skip),
     )
 
 
@@ -772,8 +795,8 @@ def _static(log, found, gains):
 
 def _step(log, search, point, skip, free):
     """Gains and numbers of one step of Gauss and Newton from a point with its variances held, `(free,)`."""
-    _, errors, effects = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, effects)
+    _, errors, effects = errors_of(log, search.found(point), skip)
+    gains, left = projected(errors, effects)
     slopes = _slopes(log, search, point, gains, skip)[:, free]
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     step = -np.linalg.lstsq(slopes / size, left, rcond=1e-10)[0] / size
@@ -785,10 +808,10 @@ def _slopes(log, search, point, gains, skip):
     """Derivatives of the innovations with respect to gains and numbers, `(rows, gains + numbers)`."""
 
     def left(at):
-        _, errors, effects = _errors(log, search.found(at), skip)
+        _, errors, effects = errors_of(log, search.found(at), skip)
         return errors - gains @ effects
 
-    _, _, effects = _errors(log, search.found(point), skip)
+    _, _, effects = errors_of(log, search.found(point), skip)
     return np.hstack([-effects.T, _differences(left, point, DIFFERENCE * search.size)])
 
 

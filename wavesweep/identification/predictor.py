@@ -151,18 +151,21 @@ class Predictor:
     def smoothed(self, reading: np.ndarray, push: np.ndarray, skip: int) -> np.ndarray:
         """The states at each row from all readings and `push`, the effects of all forces, `(states, rows)` both.
 
-        The backward pass is that of Bryson and Frazier in the form of Durbin and Koopman (2012, section 4.4).
+        In the first `skip` rows, whose forces are not known, they are those of the next row. The backward pass is that of Bryson
+        and Frazier in the form of Durbin and Koopman (2012, section 4.4).
         """
+        reading, push = reading[skip:], push[:, skip:]
         drive = np.zeros((len(self.M), len(reading)))
         drive[:, 1:] = (np.outer(self.gain, reading) + push)[:, :-1]
         error = reading - self.tick.C @ _run(self.M, drive)
         free = _free(self.M, self.tick.C, len(reading))[:, : self._open]
-        start = np.linalg.lstsq(free[skip:], error[skip : len(free)], rcond=1e-12)[0]
+        start = np.linalg.lstsq(free, error[: len(free)], rcond=1e-12)[0]
         drive[: self._open, 0] = start
         states = _run(self.M, drive)
         error = reading - self.tick.C @ states
         back = _run(self.M.T, np.outer(self.tick.C / self.spread, error[::-1]))[:, ::-1]
-        return states + self.covariance @ back
+        states = states + self.covariance @ back
+        return np.concatenate([states[:, :1].repeat(skip, axis=1), states], axis=1)
 
     def _without_initial(self, errors):
         rows = len(self._initial)

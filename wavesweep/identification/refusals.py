@@ -8,6 +8,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.log import Log
 from wavesweep.identification.model import Model
 from wavesweep.identification.prediction import FEWEST, MOST, predicted
+from wavesweep.program.csv_files import seconds
 
 PIECES = (2, 4, 8)  # into how many equal pieces a log is cut
 ENOUGH = 3000  # rows with which a column is shifted
@@ -71,7 +72,7 @@ def _piece(model, log, resolution):
                     np.exp(found.theta[0] - found.half[0]),
                     np.exp(found.theta[0] + found.half[0]),
                 )
-                said = f"; the piece from {begins:.6g} to {ends:.6g} s alone gives {low:.3g} to {high:.3g}: cut it out"
+                said = f"; the piece from {seconds(begins)} to {seconds(ends)} s alone gives {low:.3g} to {high:.3g}: cut it out"
                 best = found.half[0], said
         if best[1]:
             return best[1]

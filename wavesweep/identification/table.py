@@ -17,7 +17,7 @@ from wavesweep.identification.columns import COLUMNS
 from wavesweep.identification.device_spec import PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL
 from wavesweep.program.columns import Columns
-from wavesweep.program.csv_files import LEAST, MOST
+from wavesweep.program.csv_files import LEAST, MOST, seconds
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
@@ -63,7 +63,15 @@ MISSING = {
     "spring": "a spring; --spring fits it",
     "delay": "a delay; without --delay it is fitted",
     "resonance": "a resonance near {frequency_hz:.3g} Hz; --two-masses fits a load on a spring",
-    "force": "a force of {walked:.3g} {newton} rms that it does not have, as of a drift, a cable, a hand, a friction curve",
+    "sided friction": "friction that depends on direction",
+    "sided damping": "damping that depends on direction",
+    "drag": "a drag that grows with the square of the speed",
+    "hardening": "a force that is a curve of the position, as of a spring that hardens",
+    "saturating mass": "a mass that changes with speed, as an inductance that saturates",
+    "saturating force": "a force that saturates",
+    "motion": "a force that depends on the motion, as none of the curves that are tried does",
+    "force": "a force that does not depend on the motion, as of a drift, a cable or a hand",
+    "noise": "noise of the reading that is not white; no force shows beside that of the log",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
@@ -121,20 +129,25 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
     model = Model(
         asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two
     )
-    if is_response(path):
-        if asked.get("columns") or asked.get("resolution") is not None or asked.get("friction"):
-            taken = "--rate, --spring, --two-masses, --delay and --scale"
+    columns = asked.get("columns", {})
+    if is_response(path, columns):
+        if asked.get("resolution") is not None or asked.get("friction"):
+            taken = "--rate, --spring, --two-masses, --delay, --column and --scale"
             raise UsageError(
                 f"{path}: a frequency response takes {taken}; leave the other options out"
             )
-        return _of_response(path, rate_hz, asked.get("scales", {}), model)
+        return _of_response(path, rate_hz, asked.get("scales", {}), columns, model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
     return _of_log(path, asked, model)
 
 
 def _of_response(
-    path: str, rate_hz: float | None, scales: Mapping[str, float], model: Any
+    path: str,
+    rate_hz: float | None,
+    scales: Mapping[str, float],
+    renamed: Mapping[str, str],
+    model: Any,
 ) -> Table:
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import Hold, fitted_response
@@ -142,7 +155,7 @@ def _of_response(
 
     period = MILLI if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
-    measured = read_response(path, scales=scales)
+    measured = read_response(path, scales=scales, columns=renamed)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
     parameters, unwidened = (
         _parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half)
@@ -163,6 +176,7 @@ def _of_response(
         {"two_masses": True} if model.load else {}
     )
     options |= {"scales": dict(scales)} if scales else {}
+    options |= {"columns": dict(renamed)} if renamed else {}
     if rate_hz is None:
         options |= {"analogue": True}
     facts = _facts(
@@ -254,9 +268,13 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
             parameters, unwidened = (
                 _parameters(fit, fit.model.names, half, log.turns, constants) for half in halves
             )
-            _refuse_unknown(unwidened)
+            if not verdict.withheld:
+                _refuse_unknown(unwidened)
         except UsageError as refused:
             raise UsageError(f"{path}: {refused}{help_for(model, log, step)}") from None
+    for number in parameters.values() if verdict.withheld else ():
+        if number["low"] < number["high"]:
+            number |= {"low": None, "high": None}
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {
         "resolution": resolution
     }
@@ -420,6 +438,9 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
         "white_noise": fit.noise,
         "walked": fit.walked,
+        "lacking": verdict.lacking,
+        "lacking_share": verdict.lacking / float(np.std(fit.rows.force)),
+        "withheld": verdict.withheld,
         "static_friction": fit.static.force if fit.static else None,
         "stribeck_speed": fit.static.speed if fit.static else None,
         "correlation": verdict.correlation,
@@ -433,6 +454,7 @@ def _residual(fit, verdict) -> dict[str, Any]:
 def _notices(log, resolution, step, wild) -> Iterator[str]:
     from wavesweep.identification.log import JITTER
 
+    yield from log.taken
     if log.jitter > JITTER:
         steps = f"the fit takes equal steps of {1e3 * log.period:.6g} ms"
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
@@ -445,7 +467,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         )
         yield f"{steps_text}; --resolution gives those of the encoder"
     if len(wild):
-        yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
+        yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {seconds(log.times[wild[0]])} s"
 
 
 JUDGED = (
@@ -540,18 +562,30 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
     )
     hertz = left["frequency_hz"] or 0.0
     newton = "N*m" if found.get("turns") else "N"
-    missing = missing_words[found["missing"]].format(
-        frequency_hz=hertz, walked=left.get("walked", 0.0), newton=newton
-    )
+    missing = missing_words[found["missing"]].format(frequency_hz=hertz)
     if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
         beyond = " beyond the steps of the encoder" * bool(found["resolution"])
         missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    yield (
-        f"the model does not explain the {what}, and the intervals are wider by what is left: it lacks {missing}",
-        True,
-    )
+    if not left.get("lacking") or found["missing"] == "noise":
+        said = "the intervals are wider by what is left: it lacks"
+        yield f"the model does not explain the {what}, and {said} {missing}", True
+        return
+    newton = "N*m" if found["turns"] else "N"
+    size = f"{left['lacking']:.3g} {newton} rms, {100 * left['lacking_share']:.2g} % of that of the log"
+    explains = f"which explains {100 * left['share_of_missing']:.2g} % of it"
+    if left["withheld"]:
+        said = "so no number has an interval"
+        if found["missing"] == "motion":
+            explains = "which the motion explains in part"
+    elif found["missing"] == "force":
+        said = "and the intervals are wider by it"
+        explains = ""
+    else:
+        said = "but the numbers above are those beside what it lacks"
+    yield f"the model does not explain the {what}, {said}: it lacks {missing}", True
+    yield f"the force that it lacks is of {size}{', ' * bool(explains)}{explains}", True
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

@@ -2,10 +2,15 @@
 
 import csv
 import hashlib
+import json
+import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,11 +20,16 @@ from wavesweep.program.reading.reading import read_bytes
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
 SHOWN = 60  # letters of a file that a message repeats
+MOST_ABOVE = 200  # lines above a header: what a program writes of itself
+ROWS_BELOW = 10  # rows of numbers by which a header is known
+LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell the row
+ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window
+MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 
 @dataclass(frozen=True, eq=False)
 class Csv:
-    """A CSV file: the names in its header, the text below it, its SHA-256, and the blank lines above the header."""
+    """A CSV file: the names in its header, the text below it with commas, its SHA-256, and the lines above the header."""
 
     path: str | Path
     names: list[str]
@@ -31,6 +41,11 @@ class Csv:
     def listed(self) -> str:
         """The names in the header, for a message."""
         return ", ".join(filter(None, self.names))[:SHOWN] or "nothing"
+
+    def line(self, row: int) -> int:
+        """The line of the file that has a row of numbers, counted from 0."""
+        filled = (at for at, text in enumerate(self.body.split("\n")) if text.strip())
+        return self.above + 2 + next(islice(filled, row, None))
 
     def numbers(self, columns: Sequence[str], least: int = 1) -> np.ndarray:
         """The finite numbers of some columns, `(rows, columns)`; other columns may hold texts.
@@ -76,9 +91,7 @@ class Csv:
     def _fault(self, columns):
         """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
-        for number, row in enumerate(
-            _rows(self.path, self.body.splitlines()), start=self.above + 2
-        ):
+        for number, row in enumerate(_rows(self.path, self.body.split("\n")), start=self.above + 2):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
@@ -107,31 +120,149 @@ _NONE = "expected rows of numbers below the header"
 
 
 def read_csv(path: str | Path, most: int) -> Csv:
-    """Read a CSV file of at most `most` bytes. Errors: UsageError that names the file."""
+    """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or JSON.
+
+    The header is the first line whose next ten lines are rows of numbers, with other columns or without; what is above it is
+    left out. Between semicolons and tabs a number may have a decimal comma.
+
+    Errors: UsageError that names the file.
+    """
     data = read_bytes(path, most)
     text = data.decode("utf-8-sig", "replace")
     if "\0" in text or "\ufffd" in text:
         raise UsageError(
             f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV"
         )
+    sha256 = hashlib.sha256(data).hexdigest()
+    if text.lstrip()[:1] in ("{", "["):
+        return _of_json(path, text, sha256)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    above = len(text) - len(text.lstrip("\n"))
-    header, _, body = text.lstrip("\n").partition("\n")
-    for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
-        if mark in header.strip() and "," not in header:
-            expected = "expected commas between columns and points in numbers"
-            raise UsageError(
-                f"{path}:{above + 1}: {expected}, found {word}; export it again with commas"
-            )
-    if (columns := header.count(",") + 1) > MOST_COLUMNS:
+    text = ANDROID.join(text.split(ANDROID)[:2])
+    above, mark = _header(text)
+    header, _, body = text.split("\n", above)[above].partition("\n")
+    if (columns := header.count(mark) + 1) > MOST_COLUMNS:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
+    header = _with_commas(header, mark)
     names = [name.strip() for name in next(_rows(path, [header]), [])]
-    if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
+    if names and all(_is_number(name) for name in names):
         raise UsageError(
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:SHOWN]}"
         )
-    return Csv(path, names, body, hashlib.sha256(data).hexdigest(), above)
+    return Csv(path, names, _with_commas(body, mark), sha256, above)
+
+
+def _header(text: str) -> tuple[int, str]:
+    """The number of lines above the header, and the mark between columns; the first line with text if none is a header."""
+    lines = text.split("\n", MOST_ABOVE + ROWS_BELOW)
+    for above, line in enumerate(lines[:MOST_ABOVE]):
+        if not line.strip():
+            continue
+        below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
+        for mark in (",", *MARKS):
+            names = _cells(line, mark)
+            if all(_is_number(name.replace(",", ".")) for name in names):
+                continue
+            rows = [_cells(each, mark) for each in below]
+            if rows and all(_fits(row, names, mark) for row in rows):
+                return above, mark
+    first = next((at for at, line in enumerate(lines) if line.strip()), 0)
+    # Without rows that are numbers, what is between the names of its columns.
+    header = lines[first]
+    marks = [mark for mark in MARKS if mark in header.strip()]
+    return first, "," if "," in header or not marks else marks[0]
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    """The cells of a line; a comma within quotes is none between columns."""
+    if mark == " ":
+        return line.split()
+    if '"' in line:
+        return next(csv.reader([line], delimiter=mark), [])
+    return line.split(mark)
+
+
+def _fits(row: Sequence[str], names: Sequence[str], mark: str) -> bool:
+    """Whether a row has as many cells as the header has names, and a number among them."""
+    cells = row if mark == "," else [cell.replace(",", ".") for cell in row]
+    return len(row) == len(names) and any(map(_is_number, cells))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _with_commas(text: str, mark: str) -> str:
+    """A text with commas between columns, and points in numbers."""
+    if mark == ",":
+        return text
+    text = text.replace(",", ".")
+    if mark == " ":
+        return re.sub(r"(?<=\S)[ \t]+(?=\S)", ",", text)
+    return text.replace(mark, ",")
+
+
+def _of_json(path: str | Path, text: str, sha256: str) -> Csv:
+    """The columns of a JSON file: the first lists of numbers with names, or the first list of objects with numbers.
+
+    Errors: UsageError for another file, and for one with several of them, as of several runs.
+    """
+    try:
+        found = list(_tables(json.loads(text)))
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{path}: expected JSON or CSV, found neither ({error})") from None
+    if len(found) != 1:
+        expected = "expected JSON with lists of numbers that have names, of one run"
+        raise UsageError(f"{path}: {expected}, found {len(found) or 'none'}")
+    names = list(found[0])
+    rows = zip(*found[0].values(), strict=True)
+    body = "\n".join(",".join(map(repr, row)) for row in rows)
+    return Csv(path, names, body + "\n", sha256)
+
+
+def _tables(tree: Any) -> Iterator[dict[str, list[float]]]:
+    """Yield the columns of each part of a tree that has some: those of the length that most of its lists have."""
+    if isinstance(tree, list):
+        if len(tree) > 1 and all(isinstance(each, dict) for each in tree):
+            names = [name for name in tree[0] if all(_is_plain(each.get(name)) for each in tree)]
+            if names:
+                yield {name: [each[name] for each in tree] for name in names}
+                return
+        for each in tree:
+            yield from _tables(each)
+        return
+    if not isinstance(tree, dict):
+        return
+    lists = {
+        name: values
+        for name, values in tree.items()
+        if isinstance(values, list) and len(values) > 1 and all(map(_is_plain, values))
+    }
+    lengths = [len(values) for values in lists.values()]
+    if lengths:
+        usual = max(set(lengths), key=lengths.count)
+        yield {name: values for name, values in lists.items() if len(values) == usual}
+        return
+    for each in tree.values():
+        yield from _tables(each)
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def option(name: str, value: str) -> str:
+    """NAME=VALUE behind --column, as a shell takes it."""
+    return f"--column {shlex.quote(f'{name}={value}')}"
+
+
+def seconds(time: float) -> str:
+    """A time (s) with the digits that tell its row, also if it is a stamp of a clock."""
+    return f"{time:.9g}" if abs(time) < LARGE else f"{time:.6f}"
 
 
 def pairs(given: Iterable[str], option: str) -> dict[str, str]:

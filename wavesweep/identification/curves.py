@@ -1,0 +1,130 @@
+"""Forces of a device that its model lacks and that are curves of its motion, looked for in the innovations of a fit.
+
+A force that walks at random does not know of the motion: a fit by predictions allows for it. A curve does, as friction that
+depends on direction, a drag, an inductance that saturates or a spring that hardens, and then mass and damping are those of no
+line. So each curve that is listed here is fitted beside the model, as a sum of forces of unknown size at the motion that a
+smoother finds, and compared by what it leaves of the innovations (Ljung, System Identification, 1999, section 16.6).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.identification.model import late
+from wavesweep.identification.prediction import (
+    Place,
+    errors_of,
+    force_beside,
+    least_of,
+    projected,
+    smoothed_states,
+    theta_of,
+)
+
+PASSES = 2  # of the smoother, the second with the curve
+STEPS = 12  # of the search with a curve
+STIFF = 30.0  # usual speeds over that at which friction turns round
+
+
+class Motion(NamedTuple):
+    """Velocity and position over their rms, and the force of the log, late as it acts, over its own."""
+
+    speed: np.ndarray
+    place: np.ndarray
+    force: np.ndarray
+
+
+Curve = Callable[[Motion], Sequence[np.ndarray]]
+
+
+def _side(motion):
+    return np.tanh(STIFF * motion.speed)
+
+
+CURVES: dict[str, Curve] = {
+    "sided friction": lambda motion: (_side(motion), np.abs(_side(motion))),
+    "sided damping": lambda motion: (np.abs(motion.speed),),
+    "drag": lambda motion: (motion.speed * np.abs(motion.speed),),
+    "hardening": lambda motion: (motion.place, motion.place**2, motion.place**3),
+    "saturating mass": lambda motion: (motion.force * motion.speed**2, motion.speed**3),
+    "saturating force": lambda motion: (motion.force**3,),
+}
+
+
+class Beside(NamedTuple):
+    """A fit with a curve. rms: of its innovations. force: that is left beside it (N), inf without a mass above 0.
+
+    moved: by how much the last pass of the smoother moved the numbers.
+    """
+
+    rms: float
+    force: float
+    place: Place
+    moved: np.ndarray | float = 0.0
+
+
+def alone(place: Place, first: int, end: int) -> Beside:
+    """The fit of some rows of a log without a curve, from that of all."""
+    few = place._replace(log=place.log.part(first, end))
+    return _fitted(few._replace(point=least_of(*few, STEPS)))
+
+
+def with_curve(name: str, place: Place) -> Beside:
+    """The fit of a log with a curve, from that without."""
+    fit = place
+    numbers = []
+    for _ in range(PASSES):
+        log = replace(fit.log, beside=tuple(_held(CURVES[name], _motion(fit))))
+        fit = fit._replace(log=log)
+        fit = fit._replace(point=least_of(*fit, STEPS))
+        found = fit.search.found(fit.point)
+        _, errors, effects = errors_of(fit.log, found, fit.skip)
+        gains, _ = projected(errors, effects)
+        if not gains[0] > 0:
+            return Beside(np.inf, np.inf, place)
+        numbers.append(theta_of(fit.log, found, gains))
+    return _fitted(fit)._replace(moved=np.abs(numbers[-1] - numbers[-2]))
+
+
+def _fitted(fit: Place) -> Beside:
+    _, errors, effects = errors_of(fit.log, fit.search.found(fit.point), fit.skip)
+    gains, left = projected(errors, effects)
+    force = force_beside(*fit) if gains[0] > 0 else np.inf
+    return Beside(float(left.std()), force, fit)
+
+
+def forceless(fit: Place) -> float:
+    """The rms of the innovations of a fit in which no force acts beside that of the log."""
+    few = fit.point.copy()
+    for name in ("white", "drift"):
+        few[fit.search.names.index(name)] = fit.search.low[fit.search.names.index(name)]
+    _, errors, effects = errors_of(fit.log, fit.search.found(few), fit.skip)
+    return float(projected(errors, effects)[1].std())
+
+
+def _motion(fit: Place) -> Motion:
+    """The motion of a fit, as smoothed, at each row."""
+    log, search, point, skip = fit
+    found = search.found(point)
+    predictor, errors, effects = errors_of(log, found, skip)
+    gains, _ = projected(errors, effects)
+    states = smoothed_states(log, predictor, found, gains, skip)
+    speed = states[predictor.tick.speed]
+    # Without a position among the states, by trapezoids: half a tick late a spring would be a damper.
+    place = states[0] if predictor.tick.speed else np.cumsum(speed) - speed / 2
+    whole_ticks = int(np.floor(found["delay"]))
+    part = found["delay"] - whole_ticks
+    force = (1 - part) * late(log.force, whole_ticks) + part * late(log.force, whole_ticks + 1)
+    place = place - place.mean()
+    return Motion(*(each / (np.sqrt(np.mean(each**2)) + 1e-300) for each in (speed, place, force)))
+
+
+def _held(curve: Curve, motion: Motion) -> Iterator[np.ndarray]:
+    """The means of the forces of a curve over each tick, in which the device moves by a straight line (Simpson's rule)."""
+    speed, place, force = motion
+    then = Motion(np.append(speed[1:], speed[-1]), np.append(place[1:], place[-1]), force)
+    middle = Motion((speed + then.speed) / 2, (place + then.place) / 2, force)
+    for first, half, last in zip(curve(motion), curve(middle), curve(then), strict=True):
+        yield (first + 4 * half + last) / 6
