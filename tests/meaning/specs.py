@@ -70,8 +70,12 @@ def spec_text(number: int, quick: bool = False) -> str:
 
 def left_out(tables: dict, drift: int) -> str:
     """Why a spec is not asked about: faults of the package that are known and not mended. Empty if it is."""
-    if "block" in tables and drift > 1:
-        return "of two drifts one is set aside"
+    blocks = tables.get("block", {}).values()
+    of_changes = any(
+        block["type"] == "difference" or (block["type"] == "impulse" and block.get("every", 1) > 1) for block in blocks
+    )
+    if drift > 1 and of_changes:
+        return "of two drifts, one an integral of which changes alone are read, one is set aside"
     return ""
 
 

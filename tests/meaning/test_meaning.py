@@ -120,10 +120,15 @@ K = { start = 0, stop = 100 }
 """
 
 
-def test_what_is_left_out_is_still_wrong(tmp_path):
-    """Else its condition in `left_out` goes, and this test with it."""
-    found = judge(TWO_DRIFTS, compiled(TWO_DRIFTS, tmp_path), ask_all=True)
-    assert [one.what for one in found if not one.same] != []
+@pytest.mark.parametrize("kind", ['"impulse"', '"pi", kp = 1.0', '"pid", kp = 1.0, kd = 0.002, tau = 0.004'])
+def test_a_sum_that_nothing_reads_counts_beside_a_line_of_waves(tmp_path, kind):
+    """An impulse in each tick is a gain, and so is an integral without a gain; "no K" was certified of stable loops."""
+    text = TWO_DRIFTS.replace('"impulse"', kind)
+    loop = compiled(text, tmp_path)
+    assert [one for one in judge(text, loop) if not one.same] == []
+    table = loop.stable_intervals()
+    assert table[["low", "high"]].to_numpy().tolist() == [[0.0, 100.0]]
+    assert table["certified"].all()
 
 
 def _exportable(number):

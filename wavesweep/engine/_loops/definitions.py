@@ -158,8 +158,10 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
             return ([[1]],)
         case "difference":
             return ([[0]],)
-        case "integrator" | "impulse":
+        case "integrator":
             return StateSpace([[0]], [[1]], [[1]], [[0]])
+        case "impulse":
+            return StateSpace([[0]], [[1]], [[1]], [[1]])
         case "avatar":
             return StateSpace(
                 [[0]],
@@ -184,12 +186,15 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
 def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows, ...]:
     """Return `at_rest` of a transfer function from coefficients of descending powers of s or z - 1; later: see `with_delays`.
 
-    The first state does not change, so y is the sum of the states times the numerator's coefficients but the first.
+    The first state does not change, so y is the sum of the states times the numerator's coefficients but the first. A state
+    that is alone may count for ever, if its coefficient is 0; y follows u then.
     """
-    equations, b = controllable(num, den), over(num, den)
-    return with_delays(
-        equations._replace(C=[b[1:]], D=[[0]]) if equations.states else equations, later
-    )[1:]
+    equations = controllable(num, den)
+    if not equations.states:
+        return with_delays(equations, later)[1:]
+    b = over(num, den)
+    direct = b[0] if len(equations.states) == 1 else 0
+    return with_delays(equations._replace(C=[b[1:]], D=[[direct]]), later)[1:]
 
 
 def over(num: Sequence, den: Sequence) -> list:

@@ -29,6 +29,9 @@ from wavesweep.engine._loops.values import keys_with
 
 HIGHEST = 64  # power that is multiplied out
 NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
+# Types of firmware with sums that may count for ever if no other block reads them: an impulse reads changes of its sum alone,
+# and the integral of a `pi` or `pid`, which are a `tf`, may have no gain. A position is not among them, as its body moves.
+SUMMING = ("impulse", "tf")
 _OPERATIONS = {
     "+": operator.add,
     "-": operator.sub,
@@ -88,13 +91,15 @@ def _power(base: Fraction, exponent: Fraction) -> Fraction:
 class RestEquations:
     """The equations of blocks at rest.
 
-    Unknowns are states and input ports. rows: sums that are 0: the change of each state, and each port less the sum that is
-    connected to it. outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that it follows.
-    A block may have more ports than its equations, behind theirs: those by which a number is taken out of it.
+    Unknowns are states and input ports. changes: of each state that has an equation of its own, a
+    sum that is 0. rows: other sums that are 0: each port less the sum that is connected to it.
+    outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that
+    it follows. A block may have more ports than its equations, behind theirs: those by which a number is taken out of it.
     """
 
     def __init__(self) -> None:
         self.rows: list[Sum] = []
+        self.changes: dict[str, Sum] = {}
         self.outputs: dict[str, Sum] = {}
         self.states: dict[str, Sum] = {}
 
@@ -110,7 +115,7 @@ class RestEquations:
             ]
             for pair in ((E, B), (C, D))
         )
-        self.rows += changes
+        self.changes |= dict(zip(names[: len(states)], changes, strict=True))
         self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
     def follow(self, block: Block, D) -> None:
@@ -135,14 +140,29 @@ class RestEquations:
             for port, row in wires.items()
         ]
 
+    def show(self, register: str, state: str) -> None:
+        """Let a register show a state, of which it is a copy, in place of its input."""
+        unit = decimal(1.0)
+        for sums in (self.states, self.outputs):
+            for name in sums:
+                if name.rpartition(".")[0] == register:
+                    sums[name] = {state: unit}
+
+    def let_count(self, state: str) -> None:
+        """Leave out that a state does not change, if nothing reads it: then it may count for ever."""
+        others = [row for name, row in self.changes.items() if name != state]
+        if not any(state in row for row in (*others, *self.rows)):
+            self.changes.pop(state, None)
+
     def null_space(self) -> list[Sum]:
         """Return independent solutions, of which all others are sums, ports being those of states as far as they can be."""
         states = [name for name, row in self.states.items() if row.keys() == {name}]
+        equations = [*self.changes.values(), *self.rows]
         unknowns = [
-            *dict.fromkeys(name for row in self.rows for name in row if name not in states),
+            *dict.fromkeys(name for row in equations for name in row if name not in states),
             *states,
         ]
-        rows, solved, free = [row for row in self.rows if row], {}, []
+        rows, solved, free = [row for row in equations if row], {}, []
         for name in unknowns:
             among = [row for row in rows if name in row]
             if not among:
@@ -363,14 +383,31 @@ def equations_of(
         return value_in_fractions(tree, numbers, varied)
 
     plants = {plant.name: plant for plant in drawing.plants}
+    sums = []
     for block in blocks:
         if block.name in plants:
             _add_plant(rest, plants[block.name], value, block)
-        else:
-            core = cores[block.name]
-            _add_drawn(rest, core.type, keys_with(core, value), block)
-    rest.connect(_wires_at_rest(drawing, rest.outputs.keys(), value, blocks))
+            continue
+        core = cores[block.name]
+        _add_drawn(rest, core.type, keys_with(core, value), block)
+        if core.type in SUMMING:
+            sums += [f"{block.name}.{state}" for state in block.states]
+    wires = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
+    for name in sums:
+        counter = cores[name.rpartition(".")[0]]
+        register = cores.get(f"prev({counter.name}.sum)")
+        if register is not None and _clock(register) == _clock(counter):
+            rest.show(register.name, name)
+            wires.pop(f"{register.name}.u", None)
+    rest.connect(wires)
+    for name in sums:
+        rest.let_count(name)
     return rest
+
+
+def _clock(block):
+    """When a drawn block runs: trees of its period and phase without their places in the text."""
+    return block.every[:2], block.phase[:2], block.phases
 
 
 def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
