@@ -49,6 +49,70 @@ def test_the_sensitivities_of_an_integrator_have_closed_forms(source, signal, le
     assert (row.low_hz, row.high_hz) == (0, pytest.approx(np.nan, nan_ok=True))
 
 
+def cut_integrator(every, slow):
+    """An integrator under a gain that runs once in `every` ticks; a block that only reads runs once in `slow`."""
+    wire = {"p.u": "c.y", "c.u": "K*(ref - p.y)", "look.u": "p.y"}
+    blocks = {"c": {"type": "gain", "every": every, "phase": every // 2}, "look": {"type": "delay", "every": slow}}
+    return INTEGRATOR | {"block": INTEGRATOR["block"] | blocks, "wire": wire, "ports": {"inputs": {"ref": "ref"}}}
+
+
+@pytest.mark.slow
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("every", "slow", "margins", "end"),
+    [(1, 1, {"Ms": 1.7}, 2 - 2 / 1.7), (4, 4, {"Ms": 1.7}, 2 - 2 / 1.7), (3, 6, {"Ms": 1.7}, 2 - 2 / 1.7),
+     (1, 1, {"disk": 1.2}, 0.5), (4, 1, {"disk": 1.2, "Ms": 3.0}, 0.5), (4, 1, {"disk": 0.5, "Ms": 1.25}, 0.4)],
+)  # fmt: skip
+def test_margins_at_a_cut_are_those_of_its_own_samples(every, slow, margins, end):
+    """`S = (z - 1)/(z - 1 + s)` with s = K T every; at z = -1 it is 2/(2 - s), and `abs(S - 1/2)` is (2 + s)/(2 - s)/2."""
+    loop = wavesweep.compile(cut_integrator(every, slow))
+    (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", **margins}}).itertuples()
+    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "gain")
+    assert row.high == pytest.approx(end / T / every, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_margins_along_a_number_are_those_of_the_table_of_margins():
+    table = pytest.importorskip("wavesweep.margins.table")
+    tables = cut_integrator(4, 8)
+    tables["block"] = tables["block"] | {"p": {"type": "tf", "num": [1], "den": [0.05, 1, 0]}}
+    tables["wire"] = tables["wire"] | {"c.u": "K*(ref - p.y - 0.2*look.y)"}
+    (row,) = wavesweep.compile(tables).stable_intervals(require={"margins": {"cut": "c.y", "Ms": 1.7}}).itertuples()
+    for side, above in ((1 - 1e-5, False), (1 + 1e-5, True)):
+        found = table.margins(wavesweep.load(tables | {"numbers": {"K": row.high * side}}), "c.y").columns
+        peak = found["value"][list(found["margin"]).index("sensitivity")]
+        assert (peak > 1.7) == above
+        assert peak == pytest.approx(1.7, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("margins", "said"),
+    [
+        ({"cut": "c.y", "gain": 2, "Ms": 2}, "disk = 0.6667 holds a gain up and down by 2, and more, found gain"),
+        ({"cut": "c.y", "phase_deg": 40, "Ms": 2}, "disk = 0.7279 holds a phase of 40 deg, and more, found phase_deg"),
+        ({"cut": "c.y"}, "expected cut, and Ms or disk, found none of Ms and disk"),
+        ({"Ms": 2}, "expected cut, and Ms or disk, found none of cut"),
+        ({"cut": "d.y", "Ms": 2}, 'expected an output of a block that some wire reads (c.y, p.y), found "d.y"'),
+        ({"cut": "look.y", "Ms": 2}, "expected an output of a block that some wire reads (c.y, p.y)"),
+        ({"cut": "look.y", "Ms": 2, "seen": 1}, 'expected a signal of a loop, found "look.y", which does not come back'),
+    ],
+)  # fmt: skip
+def test_what_margins_can_not_be_required_is_said(margins, said):
+    tables = cut_integrator(1, 1)
+    if margins.pop("seen", None):
+        tables["block"] = tables["block"] | {"more": {"type": "delay"}}
+        tables["wire"] = tables["wire"] | {"more.u": "look.y"}
+    with pytest.raises(wavesweep.SpecError) as raised:
+        wavesweep.load(tables | {"sweep": INTEGRATOR["sweep"] | {"require": {"margins": margins}}})
+    assert said in str(raised.value)
+
+
+def test_a_disk_of_a_signal_that_is_made_several_times_in_a_frame_is_refused():
+    loop = wavesweep.compile(cut_integrator(3, 6))
+    with pytest.raises(UsageError, match="expected Ms in its place"):
+        loop.stable_intervals(require={"margins": {"cut": "c.y", "disk": 0.5}})
+
+
 @pytest.mark.slow
 def test_a_gain_and_a_radius_are_what_both_have_in_common():
     loop = wavesweep.compile(INTEGRATOR)

@@ -11,7 +11,7 @@ from wavesweep.engine.poles import GONE
 from wavesweep.program.reading.keys import ALL_MODES, SETTLED
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
-from wavesweep.require.gain_bound import GainBound
+from wavesweep.require.gain_bound import CutBound, GainBound
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
@@ -32,8 +32,8 @@ BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true }
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, per frame or, before `over`, per clock of the spec,
     the time `settling` (s) in which a mode is down to SETTLED or the `time_constant` (s) in which it is down to 1/e, and how it
-    is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gain: what a
-    gain stays below; None if none is required.
+    is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gains: what
+    gains stay below, those at cuts among them.
 
     The protocol is that of `engine._search.question`.
     """
@@ -43,18 +43,18 @@ class Bound:
     time_constant: float = np.inf
     damped: Damped | None = None
     bounded: bool = False
-    gain: GainBound | None = None
+    gains: tuple[GainBound | CutBound, ...] = ()
 
     @property
     def of_modes(self) -> "Bound | None":
         """The bounds on eigenvalues alone; None if there are none."""
-        modes = replace(self, gain=None)
+        modes = replace(self, gains=())
         return modes if modes != Bound() else None
 
     @property
     def cost(self) -> float:
         """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
-        return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * bool(self.gain)
+        return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * len(self.gains)
 
     @property
     def of_size(self) -> "Bound | None":
@@ -129,14 +129,24 @@ class Bound:
 
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals
-    ) -> Intervals:
-        """The intervals in which the gain is small enough, looked for where the loops may be stable."""
+    ) -> list[Intervals]:
+        """The intervals in which each gain is small enough, looked for where the loops may be stable."""
+        from wavesweep.require.at_cut import seen_at_cut
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.signals import routed
 
-        drawing, route = routed(loops.drawing, *self.gain[:2])
-        loops = loops._replace(drawing=drawing)
-        return along_gain(loops, along, span, period, bounds, resolved, route, self.gain, stable)
+        small = []
+        for wanted in self.gains:
+            if isinstance(wanted, CutBound):
+                seen, route, level = seen_at_cut(loops, wanted)
+            else:
+                drawing, route = routed(loops.drawing, wanted.source, wanted.signal)
+                seen = loops._replace(drawing=drawing)
+                level = wanted
+            small.append(
+                along_gain(seen, along, span, period, bounds, resolved, route, level, stable)
+            )
+        return small
 
     def beyond(self, delta, turns, period: float) -> np.ndarray:
         """By how much eigenvalues less 1 of a loop miss what is required of modes, in the logarithm.
@@ -168,8 +178,8 @@ class Bound:
                 None,
                 [
                     *modes,
-                    of_size if self.gain and not any(modes) else "",
-                    GAIN if self.gain else "",
+                    of_size if self.gains and not any(modes) else "",
+                    GAIN if self.gains else "",
                 ],
             )
         )
@@ -187,7 +197,7 @@ class Bound:
             refused, expected = "time_constant", "expected radius in its place"
         elif self.damped and self.damped.slower_than:
             refused, expected = "slower_than", "expected all modes"
-        elif self.gain and self.gain.band_hz:
+        elif any(gain.band_hz for gain in self.gains):
             refused, expected = "band_hz", "expected a gain at all frequencies"
         if refused:
             instead = (
@@ -218,13 +228,24 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         )
         damped = asked.words()
     gain = written.get("gain")
+    margins = written.get("margins")
     said = [
         f"every mode {modes}" if modes else "",
         damped or ("" if modes else "stability"),
         gain
         and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
+        margins and _at_cut(margins),
     ]
     return " and ".join(filter(None, said))
+
+
+def _at_cut(margins):
+    """The margins at a cut in words."""
+    said = {"Ms": "Ms of at most {:g}", "disk": "a disk margin of at least {:g}"}
+    words = " and ".join(
+        text.format(margins[name]) for name, text in said.items() if name in margins
+    )
+    return f"{words} at {margins['cut']}"
 
 
 def _band(gain):

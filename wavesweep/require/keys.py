@@ -1,9 +1,9 @@
-"""What [sweep] requires of every mode, or of a gain, in place of stability alone."""
+"""What [sweep] requires of every mode, of a gain, or of margins, in place of stability alone."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from math import inf
+from math import inf, radians, tan
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.errors import UsageError
@@ -11,7 +11,7 @@ from wavesweep.engine.keys import Key, Leaf, show
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import SpecTable, TableValue
 from wavesweep.require.damped import Damped
-from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound
+from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound, Margins
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
@@ -100,11 +100,36 @@ KEYS = Key.by_path(
                 BASE_BAND: "of a sine: the component at its own frequency over it, as bode has it",
             },
         ),
+        Key.word(
+            "sweep.require.margins.cut",
+            None,
+            "signal BLOCK.PORT at which the loop is cut, as for margins",
+        ),
+        Key.number(
+            "sweep.require.margins.Ms",
+            None,
+            "1",
+            "find the stable intervals in which the peak sensitivity, the largest |1/(1 + L)|, is below this at the cut; of a "
+            "signal that is made several times in a frame the largest singular value",
+            low=1.001,
+            high=1e6,
+        ),
+        Key.number(
+            "sweep.require.margins.disk",
+            None,
+            "1",
+            "find the stable intervals in which the disk margin is above this at the cut, which is made once in a frame: "
+            "disk = a holds a gain up and down by (2 + a)/(2 - a), a phase of 2 atan(a/2), and both together",
+            low=1e-6,
+            high=1.999,
+        ),
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
 OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
 NEEDED = OF_GAIN[:3]
+OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
+SINGLE = ("gain", "phase_deg")  # margins that are not proved along a number
 HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 
 
@@ -125,13 +150,18 @@ class Require(TableValue):
     slower_than: float | None = None
     bounded: bool = False
     gain: GainBound | None = None
+    margins: Margins | None = None
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         table = {
             name: value for name, value in asdict(self).items() if value and value != ALL_MODES
         }
-        return table | ({"gain": self.gain.written()} if self.gain else {})
+        for name in ("gain", "margins"):
+            value = getattr(self, name)
+            if value:
+                table[name] = value.written()
+        return table
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `TableValue`."""
@@ -153,7 +183,9 @@ class Require(TableValue):
         )
         settling = self.settling or inf
         constant = self.time_constant or inf
-        return Bound(self.radius or 1.0, settling, constant, damped, self.bounded, self.gain)
+        gains = (self.gain,) if self.gain else ()
+        gains += self.margins.bounds() if self.margins else ()
+        return Bound(self.radius or 1.0, settling, constant, damped, self.bounded, gains)
 
 
 def build(request: Request) -> Require | None:
@@ -164,11 +196,12 @@ def build(request: Request) -> Require | None:
         return mistakes.refuse(
             table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", problem, of_key=False
         )
-    if isinstance(
-        getattr(leaves.get("gain"), "value", None), dict
-    ):  # as a call of the library gives it
-        leaf = leaves.pop("gain")
-        leaves |= {f"gain.{name}": Leaf(value, leaf.place) for name, value in leaf.value.items()}
+    for table in ("gain", "margins"):
+        if isinstance(getattr(leaves.get(table), "value", None), dict):  # of a call of the library
+            leaf = leaves.pop(table)
+            for name, value in leaf.value.items():
+                leaves[f"{table}.{name}"] = Leaf(value, leaf.place)
+    _refuse_single(mistakes, leaves)
     band = leaves.pop("gain.band_hz", None)
     numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
     if numbers.get("bounded") and len(numbers) > 1:
@@ -185,6 +218,10 @@ def build(request: Request) -> Require | None:
                 leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False
             )
     gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
+    margins = {
+        name.removeprefix("margins."): numbers.pop(name) for name in OF_MARGINS if name in numbers
+    }
+    _refuse_wrong_cut(request, leaves)
     _refuse_missing(mistakes, leaves, band)
     if band:
         gain["band_hz"] = _band(mistakes, band)
@@ -194,7 +231,45 @@ def build(request: Request) -> Require | None:
         if {"from", "to", "at_most"} - gain.keys()
         else GainBound(gain.pop("from"), gain.pop("to"), **gain)
     )
-    return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
+    at_cut = Margins(**margins) if len(margins) > 1 and "cut" in margins else None
+    required = gain or at_cut or any(numbers.values())
+    return Require(**numbers, gain=gain, margins=at_cut) if required else None
+
+
+def _refuse_single(mistakes, leaves):
+    """Take the margins of a gain or a phase alone out of the table, with the disk that holds them."""
+    for name in SINGLE:
+        leaf = leaves.pop(f"margins.{name}", None)
+        if leaf is None:
+            continue
+        instead = ""
+        value = leaf.value
+        if isinstance(value, (int, float)) and name == "gain" and value > 1:
+            disk = 2 * (value - 1) / (value + 1)
+            instead = f"; disk = {disk:.4g} holds a gain up and down by {value:g}, and more"
+        elif isinstance(value, (int, float)) and name == "phase_deg" and 0 < value < 90:
+            disk = 2 * tan(radians(value) / 2)
+            instead = f"; disk = {disk:.4g} holds a phase of {value:g} deg, and more"
+        expected = f"Ms or disk, which are proved along a number{instead}"
+        mistakes.refuse(leaf, f"{PATH}.margins.{name}", expected, name, of_key=False)
+
+
+def _refuse_wrong_cut(request, leaves):
+    """Add the mistakes of margins without a cut, or with one at which the loop cannot be cut, and of a cut alone."""
+    given = [name for name in OF_MARGINS if name in leaves]
+    if not given:
+        return
+    mistakes = request.mistakes
+    leaf = leaves.get("margins.cut")
+    if leaf is None or len(given) == 1:
+        missing = "cut" if leaf is None else "Ms and disk"
+        first = leaves[given[0]]
+        mistakes.refuse(first, f"{PATH}.margins", "cut, and Ms or disk", f"none of {missing}")
+    elif request.drawing:
+        from wavesweep.require.at_cut import fault_of_cut
+
+        if fault := fault_of_cut(request.drawing, leaf.value):
+            mistakes.refuse(leaf, f"{PATH}.margins.cut", *fault, of_key=False)
 
 
 def _refuse_missing(mistakes, leaves, band):
@@ -237,9 +312,15 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
     shapes_of = {name: shapes.value(key) for name, key in KEYS_BY_NAME.items()}
     gain = {name.partition(".")[2]: shapes_of.pop(name) for name in OF_GAIN}
-    return shapes.table(shapes_of | {"gain": shapes.table(gain)})
+    margins = {name.partition(".")[2]: shapes_of.pop(name) for name in OF_MARGINS}
+    return shapes.table(shapes_of | {"gain": shapes.table(gain), "margins": shapes.table(margins)})
 
 
 TABLE = SpecTable(
-    path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema
+    path=PATH,
+    build=build,
+    keys=KEYS,
+    signals=(f"{PATH}.gain.to", f"{PATH}.margins.cut"),
+    always=True,
+    schema=schema,
 )

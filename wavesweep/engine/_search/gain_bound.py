@@ -14,7 +14,7 @@ from wavesweep.engine._stability.intervals import Intervals, common
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
     """Whether a gain is bounded."""
-    return bool(question.bound and question.bound.gain)
+    return bool(question.bound and question.bound.gains)
 
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
@@ -24,16 +24,16 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     loops, bound = slices.loops, question.bound
     stable = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
-    small = bound.within_gain(
+    of_gains = bound.within_gain(
         loops, question.along, question.span, frames.period, frames.bounds, frames.resolved, stable
     )
-    timed = in_own_time(
-        small, loops, question.along
-    )  # ends of stability are so already; those of the gain have a minus
-    omegas = {
-        name: (getattr(small, name), getattr(timed, name)) for name in ("low_omega", "high_omega")
-    }
-    omegas = {
-        name: np.where(omega < 0, in_time, omega) for name, (omega, in_time) in omegas.items()
-    }
-    return common([stable, replace(small, **omegas)])
+    together = [stable]
+    for small in of_gains:
+        # Ends of stability are in their own time already; those of the gain have a minus.
+        timed = in_own_time(small, loops, question.along)
+        omegas = {}
+        for name in ("low_omega", "high_omega"):
+            omega = getattr(small, name)
+            omegas[name] = np.where(omega < 0, getattr(timed, name), omega)
+        together.append(replace(small, **omegas))
+    return common(together)

@@ -17,14 +17,14 @@ class RequiredRegion(Protocol):
 
     The search takes a bound on their size as the unit circle of frames over its radius. What else is bounded has a search of
     its own, `intervals`, beside it. cost: s per slice of that search, 0 without one. of_size: the bounds on the size alone;
-    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius. gain: whether a gain
-    of the whole loop is bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
+    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius. gains: those of
+    the whole loop that are bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
     """
 
     cost: float
     of_size: "RequiredRegion | None"
     on_circle: bool
-    gain: object
+    gains: tuple
     of_modes: "RequiredRegion | None"
 
     def over(self, frames: float) -> "RequiredRegion":
@@ -46,8 +46,8 @@ class RequiredRegion(Protocol):
 
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals
-    ) -> Intervals:
-        """All intervals along a number in which the gain is within its bound, as far as they are in `stable`.
+    ) -> list[Intervals]:
+        """All intervals along a number in which each of the gains is within its bound, as far as they are in `stable`.
 
         An omega at an end that the gain sets has a minus.
         """

@@ -234,7 +234,7 @@ def _columns(job, combination, records):
     }
     columns["doubt"] = words(columns["doubt"])
     columns |= columns_of_ends(
-        records, set_by=bool(job.asked.require and job.asked.require.bound.gain)
+        records, set_by=bool(job.asked.require and job.asked.require.bound.gains)
     )
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
@@ -295,7 +295,7 @@ def _searches(
 
 def _varied(spec, path, require):
     """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is asked for, in its own ticks."""
-    return "" if spec.drawing and require and require.bound.gain else path
+    return "" if spec.drawing and require and require.bound.gains else path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:

@@ -247,7 +247,7 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     spec = job.grid.spec
     axis = job.asked.axis
     require = job.asked.require
-    if require and require.bound.gain:
+    if require and require.bound.gains:
         return {}
     first = None  # the axes' values in the first row without an interval
     for block in result.blocks(stage.hand):

@@ -1,0 +1,119 @@
+"""The loop with an input added to a signal at which it is cut: what comes of it there is the sensitivity.
+
+With L the loop from the signal back to it, u = d/(1 + L) is the signal behind the input d, and u - d/2 is d (1 - L)/(1 + L)/2.
+The largest |1/(1 + L)| is Ms, and 1 over the largest |1/(1 + L) - 1/2| the disk margin, as `margins` has them.
+
+d is read when the signal is made, once in n ticks, and u is held over these. So the energy of u is n times that of its samples,
+and a gain of all ticks is the root of n times that of the samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.engine.blocks import OUTPUT
+from wavesweep.engine.drawing import BLOCK
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import ONE
+from wavesweep.engine.keys import nearest, show
+from wavesweep.require.gain_bound import CutBound, GainBound
+
+if TYPE_CHECKING:
+    from wavesweep.engine.drawing import Drawing
+    from wavesweep.engine.loop import Loops
+
+PATH = "sweep.require.margins"
+INPUT, ALONE, SEEN = "input at the cut", "the input alone", "behind the cut"
+LESS_HALF = ("number", -0.5, 0)
+
+
+def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
+    """What is expected and found of a signal at which a loop cannot be cut, and a suggestion; None if it can."""
+    between_ticks = set()  # a factor there would be in the tick
+    for plant in drawing.plants:
+        between_ticks |= {name for name, _ in plant.sensed}
+        between_ticks |= {f"{name}.y" for _, name in plant.arriving}
+    read = {name for _, terms in drawing.wires for name, _ in terms} - between_ticks
+    made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
+    signals = sorted(read & made)
+    if cut not in signals:
+        expected = f"an output of a block that some wire reads ({', '.join(signals)})"
+        return expected, show(cut), nearest(cut, signals)
+    if not _returns(drawing, cut):
+        return "a signal of a loop", f"{show(cut)}, which does not come back to itself", ""
+    return None
+
+
+def _returns(drawing, cut):
+    """Whether the block of a signal reads what it makes, perhaps through others."""
+    wires = [(_block_of(port), dict(terms)) for port, terms in drawing.wires]
+    wires += [(_block_of(port), dict(terms)) for port, terms in drawing.couplings]
+    source = _block_of(cut)
+    reached = {block for block, terms in wires if cut in terms}
+    while True:
+        further = {
+            block
+            for block, terms in wires
+            if reached & {_block_of(name) for name in terms} and block not in reached
+        }
+        if not further:
+            return source in reached
+        reached |= further
+
+
+def _block_of(port):
+    return port.rpartition(".")[0]
+
+
+def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], GainBound]:
+    """Return loops with an input at a cut, the input and the signal behind it, and what the gain between them has to be below.
+
+    Errors: UsageError for a signal at which the loops cannot be cut, or at which what is bounded is not this gain.
+    """
+    fault = fault_of_cut(loops.drawing, bound.cut)
+    if fault:
+        expected, found, hint = fault
+        meant = f"; did you mean `{hint}`?" if hint else ""
+        raise UsageError(f"{PATH}.cut: expected {expected}, found {found}{meant}")
+    loops = loops.with_gain_at(bound.cut)
+    drawing = loops.drawing
+    (behind,) = (block for block in drawing.blocks if block.name == BLOCK)
+    wires = dict(drawing.wires)
+    wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, ONE))
+    wires[f"{ALONE}.u"] = ((INPUT, ONE),)
+    seen = ((f"{BLOCK}.y", ONE),)
+    if bound.centre:
+        seen = (*seen, (f"{ALONE}.y", LESS_HALF))
+    drawing = replace(
+        drawing,
+        blocks=(*drawing.blocks, replace(behind, name=ALONE)),
+        wires=tuple(wires.items()),
+        inputs=(*drawing.inputs, (INPUT, INPUT, "")),
+        outputs=(*drawing.outputs, (SEEN, seen, "")),
+    )
+    loops = loops._replace(drawing=drawing)
+    ticks = _ticks_between(loops, bound)
+    return loops, (INPUT, OUTPUT + SEEN), GainBound(INPUT, SEEN, bound.at_most * sqrt(ticks))
+
+
+def _ticks_between(loops, bound):
+    """The ticks between two values of the signal."""
+    drawn = loops.drawn()
+    (behind,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
+    runs = np.flatnonzero(behind.runs(drawn.ticks))
+    steps = np.diff([*runs, runs[0] + drawn.ticks])
+    if (steps != steps[0]).any():
+        raise UsageError(
+            f"{PATH}.cut: expected a signal that is made at even steps, found {bound.cut!r}, "
+            f"made {steps.min()} to {steps.max()} ticks apart"
+        )
+    if bound.centre and runs.size > 1:
+        raise UsageError(
+            f"{PATH}.disk: expected Ms in its place, since {bound.cut!r} is made {runs.size} times "
+            "in a frame, and a disk margin is of one factor on all of them"
+        )
+    return int(steps[0])
