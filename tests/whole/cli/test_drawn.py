@@ -79,7 +79,7 @@ def test_responses_and_the_port_of_a_drawn_loop(run):
     assert (code, rows["controller"].tolist(), rows["c"].tolist()) == (0, ["drawn"] * 4, [0, 0, 1, 1])
     assert rows["stable"].all()
     code, text, results = run("passivity", "arm.toml")
-    assert (code, "hand's port: passive in 3 of 3 rows" in text) == (0, True)
+    assert (code, "hand's port, its force held over a tick: passive in 3 of 3 rows" in text) == (0, True)
     code, text, _ = run("bode", "arm.toml", "--out", "beyond", "--set", "bode.frequency_hz=[6000]")
     assert (code, "bode.frequency_hz: expected numbers <= 5000 (half of rates.tick_hz), found 6000" in text) == (2, True)
 

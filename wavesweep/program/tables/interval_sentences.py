@@ -33,8 +33,11 @@ HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g}
 def open_in_words(places: Numbers, unit: str = "") -> str:
     """Where nothing is known."""
     several = "" if places["places"] == 1 else f"at {places['places']} places "
-    span = span_around(places["from"], places["to"])
-    where = f"from {span}" if " to " in span else f"at {span}"
+    low = f"{places['from']:.6g}"
+    if low == f"{places['to']:.6g}":  # so narrow that it is a place
+        where = f"at {low}"
+    else:
+        where = f"from {span_around(places['from'], places['to'])}"
     return f"not known {several}{where}{unit}"
 
 
