@@ -20,7 +20,7 @@ def __getattr__(name):
     from importlib import import_module
 
     if name == "results":  # a module with functions for users
-        return import_module("wavesweep.program.results")
+        return import_module("wavesweep.results")
     if name in _HOMES:
         return getattr(import_module(f"wavesweep.{_HOMES[name]}"), name)
 

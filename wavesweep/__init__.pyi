@@ -1,5 +1,6 @@
 from typing import overload
 
+from wavesweep import results as results
 from wavesweep.check.library import verdict as verdict
 from wavesweep.designs.library import design as design
 from wavesweep.engine.blocks import MultirateLoop
@@ -15,7 +16,6 @@ from wavesweep.passive.library import passivity as passivity
 from wavesweep.picture.library import LoopPicture
 from wavesweep.poles.library import LoopPoles
 from wavesweep.program import api
-from wavesweep.program import results as results
 from wavesweep.program.api import bode as bode
 from wavesweep.program.api import stability_region as stability_region
 from wavesweep.program.api import zwidth as zwidth

@@ -1,14 +1,19 @@
 """`wavesweep inspect`: what a table has, without opening it in another program."""
 
 import json
+import os
+import random
 import re
+import shutil
+from contextlib import suppress
 
 import numpy as np
 import pandas
 import pyarrow.parquet
 import pytest
 
-from wavesweep.program.results import publish
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.results import publish, read, read_table
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -143,3 +148,75 @@ def test_a_package_that_lists_its_files_again_and_again_is_answered_by_a_screen(
     assert (code, len(hashed)) == (1, 2)
     assert f"{500 * (len(again) - 1)} of its files are listed again" in err
     assert err.count("\n") < 60
+
+
+@pytest.mark.slow
+@pytest.mark.asks("designs")
+def test_the_columns_of_a_design_study_are_those_that_its_files_describe(tmp_path, monkeypatch, wavesweep):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(
+        '[controller]\nkind = "pmw"\n[design]\npopulation = 8\ngenerations = 1\n[design.vary]\nb = { start = 5, stop = 50 }\n'
+        "[design.wish]\nz_width = { B_VE = [1] }\n"
+    )
+    assert wavesweep("design", "mine.toml", "--no-plot", "--out", "here")[0] == 0
+    for name in ("here/design.csv", "here/design.parquet"):
+        code, out, _ = wavesweep("inspect", name, "--json")
+        (table,) = json.loads(out)["tables"].values()
+        described = {column["name"]: (column["unit"], column["kind"]) for column in table["columns"]}
+        assert (code, table["kind"]) == (0, "design")
+        assert (
+            described.items() >= {"b": ("N*s/m", "number"), "z_width": ("N/m", "number"), "certified": ("", "boolean")}.items()
+        )
+
+
+HOSTILE = [None, True, 0, -1, 1.5, 1e308, float("nan"), 10**30, "", "x", "a\0b", "\ud800", "../x", "\u2028", [], {}, [[]], [{}]]
+
+
+def places_in(value, above=()):
+    """The place of each value in a tree of JSON."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, each in inner:
+        yield (*above, name)
+        yield from places_in(each, (*above, name))
+
+
+def damage(rng, content):
+    """Put another value in the place of one, or leave it out; places near the root are as likely as all others."""
+    deepest = rng.choice([1, 2, 3, 9])
+    *above, last = rng.choice([place for place in places_in(content) if len(place) <= deepest])
+    for name in above:
+        content = content[name]
+    if rng.random() < 0.3:
+        del content[last]
+    else:
+        content[last] = rng.choice(HOSTILE)
+
+
+@pytest.mark.slow
+def test_a_damaged_package_or_schema_is_told_as_such_by_all_that_reads_it(folder, tmp_path, wavesweep):
+    """WAVESWEEP_FUZZ=2000 in the environment asks for so many tries in place of the sample."""
+    rng, refused = random.Random(2), 0  # noqa: S311 - a fixed sample, no secret
+    whole = shutil.copytree(folder, tmp_path / "whole")
+    for number in range(int(os.environ.get("WAVESWEEP_FUZZ", "12"))):
+        shutil.rmtree(folder)
+        shutil.copytree(whole, folder)
+        package, parquet = folder / "zwidth.datapackage.json", folder / "zwidth.parquet"
+        if number % 2:
+            content = json.loads(package.read_text())
+            damage(rng, content)
+            package.write_text(json.dumps(content))
+        else:
+            table = pyarrow.parquet.read_table(parquet)
+            facts = json.loads(table.schema.metadata[b"wavesweep"])
+            damage(rng, facts)
+            pyarrow.parquet.write_table(table.replace_schema_metadata({"wavesweep": json.dumps(facts)}), parquet)
+        path = str(rng.choice([parquet, folder / "zwidth.csv"]))
+        for reads in (read, read_table):
+            with suppress(UsageError):
+                reads(path)
+        words = rng.choice([("inspect", path), ("inspect", "wall"), ("plot", path), ("verify", str(folder))])
+        code, _, err = wavesweep(*words)
+        assert code in (0, 1, 2), err
+        assert "fault of wavesweep" not in err
+        refused += code > 0
+    assert refused

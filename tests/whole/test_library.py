@@ -220,9 +220,17 @@ def test_numbers_may_come_as_ranges_series_and_fractions():
 def test_a_file_that_is_no_table_is_refused(text, tmp_path):
     for name in ("zwidth.csv", "zwidth.parquet"):
         (tmp_path / name).write_text(text)
-    for name in ("zwidth.csv", "zwidth.parquet")[text.startswith("a,a") :]:
+    for name in ("zwidth.csv", "zwidth.parquet"):
         with pytest.raises(UsageError, match="expected a whole table"):
             wavesweep.program.results.read(tmp_path / name)
+
+
+def test_the_functions_of_results_can_be_imported_from_their_module():
+    from wavesweep.results import read, read_table, verify
+
+    assert (read, read_table, verify) == tuple(getattr(wavesweep.results, name) for name in ("read", "read_table", "verify"))
+    with pytest.raises(ImportError, match="cannot import name 'nothing'"):
+        from wavesweep.results import nothing  # noqa: F401
 
 
 def _direct():

@@ -55,16 +55,35 @@ def _tables(name: str) -> list[Path]:
 
 def _facts_of(path: Path) -> Mapping[str, Any]:
     """A table as numbers and words that JSON can hold."""
-    from wavesweep.program.results import fields_of, read_table
-    from wavesweep.program.tables.kind import counted_doubts
+    from wavesweep.program.results import NOT_OURS, read_table
 
     kind, columns, facts = read_table(path)
+    try:
+        return _described(path, kind, columns, facts)
+    except NOT_OURS as error:  # a whole table may have facts and columns that no run writes
+        said = f"{type(error).__name__}: {error}"
+        raise UsageError(
+            f"{path}: expected columns and facts that a run writes, found others ({said})"
+        ) from error
+
+
+def _described(
+    path: Path, kind: str, columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]
+) -> Mapping[str, Any]:
+    """`_facts_of` of a table that has been read."""
+    from wavesweep.program.results import described_fields, fields_of
+    from wavesweep.program.tables import kind_named, kinds
+    from wavesweep.program.tables.kind import counted_doubts
+
+    own_kind = kind in kinds() and bool(kind_named(kind).fields)
+    # The columns of a design study follow from its spec, and those of a missing command are not known here.
+    fields = fields_of(kind, columns, facts) if own_kind else described_fields(path)
     table = {"kind": kind, "rows": len(next(iter(columns.values())))}
     if "doubt" in columns:
         table["doubts"] = counted_doubts(columns["doubt"])
     table["facts"] = {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)}
     table["columns"] = []
-    for field in fields_of(kind, columns, facts):
+    for field in fields:
         said = {
             "name": field.name,
             "unit": field.unit,

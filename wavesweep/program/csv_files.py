@@ -279,13 +279,15 @@ def pairs(given: Iterable[str], option: str) -> dict[str, str]:
 
 
 def factors(given: Mapping[str, str]) -> dict[str, float]:
-    """The values of an option --scale as factors. Errors: UsageError for one that is no number, infinite, or 0."""
+    """The values of an option --scale as factors. Errors: UsageError for one that is no number, infinite, 0, or beyond sizes of numbers."""
     found = {}
     for name, text in given.items():
         try:
             found[name] = float(text)
         except ValueError:
             raise UsageError(f"--scale {name}={text}: expected a number, found {text}") from None
-        if not 0 < abs(found[name]) < float("inf"):
-            raise UsageError(f"--scale {name}={text}: expected a finite number that is not 0")
+        if not LEAST <= abs(found[name]) <= MOST:
+            raise UsageError(
+                f"--scale {name}={text}: expected a number with a size of {LEAST:g} to {MOST:g}"
+            )
     return found

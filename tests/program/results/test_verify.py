@@ -174,7 +174,7 @@ def overwrite(folder):
 
 DAMAGES = {
     lose_the_numbers: ["zwidth.parquet and zwidth.csv: columns ", "computed again, no column interval"],
-    lose_the_schema: ["zwidth.*: a table cannot be read: 'schema'"],
+    lose_the_schema: ["zwidth.datapackage.json: cannot be read as a data package", "expected the columns of the table"],
     overwrite: ["zwidth.*: a table cannot be read: ", "cannot be held against new ones: "],
     flip: ["zwidth.csv: ", "in the package", "zwidth.parquet and zwidth.csv: row "],
     cut_off: ["zwidth.parquet: ", "cannot be read", "cannot be held against new ones"],

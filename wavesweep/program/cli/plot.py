@@ -12,8 +12,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import FORMATS, PATH, folder, is_given
 
-NOT_OURS = (AttributeError, KeyError, IndexError, TypeError, ValueError, ArithmeticError)
-
 
 def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
     """Have the figure drawn in this width or style, until the command ends."""
@@ -95,7 +93,9 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
                 )
             figure = plots.figure_of(kind)(columns, facts)
             written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
-        except NOT_OURS as error:  # a whole table may have facts and numbers that no run writes
+        except (
+            results.NOT_OURS
+        ) as error:  # a whole table may have facts and numbers that no run writes
             said = f"{type(error).__name__}: {error}"
             raise UsageError(
                 f"{path}: expected numbers and facts that can be drawn, found others ({said})"

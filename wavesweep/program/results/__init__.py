@@ -14,7 +14,12 @@ from wavesweep.program.results.folder import (
 )
 from wavesweep.program.results.lock import at_work
 from wavesweep.program.results.package import add_figures
-from wavesweep.program.results.table_files import read, read_table
+from wavesweep.program.results.table_files import (
+    NOT_OURS,
+    described_fields,
+    read,
+    read_table,
+)
 from wavesweep.program.results.table_writing import pictured, publish, save, stream
 from wavesweep.program.tables.columns import fields, fields_of
 from wavesweep.program.tables.fields import Field
@@ -23,11 +28,13 @@ if TYPE_CHECKING:
     from wavesweep.program.results.verification import Verification, verify
 
 __all__ = [
+    "NOT_OURS",
     "Field",
     "Verification",
     "add_figures",
     "at_work",
     "changes",
+    "described_fields",
     "discard",
     "existing_facts",
     "fields",

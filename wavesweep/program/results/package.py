@@ -2,10 +2,11 @@
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from wavesweep.capabilities import WITH_SPECS
 from wavesweep.program.atomic_files import open_file, write_file
@@ -30,6 +31,7 @@ OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give 
 BEST = "best"  # the folder of specs beside a table that has them
 LARGEST = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
 MOST_DIFFERENCES = 5  # that are named
+_OF_COLUMN = ("name", "type", "unit", "description")
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
@@ -127,12 +129,54 @@ def _spec(kind: str, spec: Path) -> dict[str, Any]:
 
 
 def loaded(package: Path) -> dict[str, Any]:
-    """Give the content of a data package. Raises OSError, also for a pipe or a device, or ValueError, also if too large."""
+    """Give the content of a data package. Raises OSError, also for a pipe or a device.
+
+    Raises ValueError if the file is too large, no JSON, or has a list of files that this program does not write.
+    """
     with open_file(package) as file:
         text = file.read(LARGEST + 1)
     if len(text) > LARGEST:
         raise ValueError(f"expected at most {LARGEST} bytes, found more")
-    return json.loads(text)
+    content = parsed(text)
+    _check_resources(content.get("resources") if isinstance(content, dict) else None)
+    return content
+
+
+def parsed(text: bytes) -> Any:
+    """The value of a JSON text. Raises ValueError, also for NaN and infinities, which JSON does not have, and for depth."""
+    try:
+        return json.loads(text, parse_constant=_finite, parse_float=_finite)
+    except RecursionError:
+        raise ValueError("expected fewer values within each other") from None
+
+
+def _finite(word: str) -> float:
+    value = float(word)
+    if not math.isfinite(value):
+        raise ValueError(f"expected a number, found {word[:40]}")
+    return value
+
+
+def _check_resources(resources: Any) -> None:
+    """Raise ValueError if this is no list of files with path, size and hash, and columns with names and types."""
+    if not isinstance(resources, list) or not resources:
+        raise ValueError("expected a list of files, found none")
+    for entry in resources:
+        file = entry if isinstance(entry, dict) else {}
+        if not all(isinstance(file.get(name), str) for name in ("name", "path", "hash")):
+            raise ValueError("expected name, path and hash of each file, found others")
+        if not file["path"].isprintable() or not isinstance(file.get("bytes"), int):
+            raise ValueError("expected a printable path and bytes of each file, found others")
+    schema = resources[0].get("schema")
+    columns = schema.get("fields") if isinstance(schema, dict) else None
+    if not (columns and isinstance(columns, list)):
+        raise ValueError("expected the columns of the table, found none")
+    for entry in columns:
+        column = entry if isinstance(entry, dict) else {}
+        if not all(isinstance(column.get(name), str) for name in _OF_COLUMN):
+            raise ValueError(f"expected {', '.join(_OF_COLUMN)} of each column, found others")
+        if column["type"] not in get_args(FieldKind):
+            raise ValueError(f"expected {' or '.join(get_args(FieldKind))} as type of each column")
 
 
 def packaged_parts(package: Path) -> int:
@@ -145,8 +189,8 @@ def packaged_parts(package: Path) -> int:
 def packaged_files(package: Path) -> list[str]:
     """Give the paths of the files in a package, none if it is not readable."""
     try:
-        return [str(entry["path"]) for entry in loaded(package)["resources"]]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return [entry["path"] for entry in loaded(package)["resources"]]
+    except (OSError, ValueError):
         return []
 
 
@@ -172,10 +216,12 @@ def _title(kind: str, facts: Mapping[str, Any]) -> str:
 def packaged_facts(package: Path) -> dict[str, Any]:
     """Give the facts of the run in a package, empty if it is no readable package of this program."""
     try:
-        facts = loaded(package)["wavesweep"]
-        return dict(facts) if facts["spec_sha256"] else {}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        facts = loaded(package).get("wavesweep")
+    except (OSError, ValueError):
         return {}
+    if not isinstance(facts, dict) or not isinstance(facts.get("spec_sha256"), str):
+        return {}
+    return facts if facts["spec_sha256"] else {}
 
 
 def packaged_fault(csv: Path, package: Path) -> str:
@@ -189,9 +235,9 @@ def packaged_fault(csv: Path, package: Path) -> str:
         return f"expected the data package of wavesweep, {package.name}, beside the table, found {state}"
     described = loaded(package)["resources"][0]
     facts = file_facts(csv)
-    if facts["hash"] == described.get("hash"):
+    if facts["hash"] == described["hash"]:
         return ""
-    expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
+    expected = f"expected the {described['bytes']} bytes that {package.name} describes"
     state = f"found {facts['bytes']} other ones: the file is torn or was changed"
     return f"{expected}, {state}; use the Parquet file, or compute the table again"
 
@@ -205,7 +251,7 @@ def same_but_for_the_run(one: Path, other: Path) -> bool:
             content["wavesweep"] = {
                 name: fact for name, fact in content["wavesweep"].items() if name not in OF_RUN
             }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return False
     return packages[0] == packages[1] and not other.is_symlink()
 
@@ -289,8 +335,16 @@ def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
     package = csv.with_suffix(".datapackage.json")
     if not packaged_facts(package):
         return {}
-    schema = loaded(package)["resources"][0]["schema"]
-    return {field["name"]: field["type"] for field in schema["fields"]}
+    return {field.name: field.kind for field in packaged_fields(package)}
+
+
+def packaged_fields(package: Path) -> tuple[Field, ...]:
+    """Give the columns of a table as its package describes them. Raises OSError, or ValueError for a damaged package."""
+    columns = loaded(package)["resources"][0]["schema"]["fields"]
+    return tuple(
+        Field(column["name"], column["type"], column["unit"], column["description"])
+        for column in columns
+    )
 
 
 def file_facts(path: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,8 +19,10 @@ from wavesweep.program.results.package import (
     PART,
     packaged_facts,
     packaged_fault,
+    packaged_fields,
     packaged_kinds,
     packaged_parts,
+    parsed,
 )
 from wavesweep.program.tables import kind_named, kinds
 from wavesweep.program.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
@@ -30,6 +33,9 @@ GROUP_ROWS = 131072
 SAMPLE = 256  # numbers that are looked at, whether they repeat
 WHOLE = 1e10  # from which on Arrow writes an exponent
 CSV_BLOCK = 1 << 24  # bytes that are read at once
+
+# What computing with facts and columns raises that no run writes.
+NOT_OURS = (AttributeError, LookupError, TypeError, ValueError, ArithmeticError)
 
 _NUMPY = {"double": np.float64, "int64": np.int64, "bool": np.bool_}  # kinds of columns in a file
 
@@ -228,7 +234,7 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     Raises
     ------
     UsageError
-        For a file of another kind, or one that is no table.
+        For a file of another kind, one that is no table, or one that is damaged.
     OSError
         If it cannot be read.
     """
@@ -306,7 +312,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
             kind in kinds() and kind_named(kind).fields
         ):  # the columns of a design study follow from its spec
             checked(fields_of(kind, columns, facts), columns)
-    except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
+    except (*NOT_OURS, WavesweepError) as error:
         if isinstance(error, UsageError):
             raise
         said = (
@@ -371,8 +377,8 @@ def _schema(path: Path) -> Any:
 def _facts_in(schema: Any) -> dict[str, Any]:
     """The facts in a schema; empty if it has none."""
     try:
-        return dict(json.loads((schema.metadata or {}).get(b"wavesweep", b"{}")))
-    except (TypeError, ValueError, RecursionError):
+        return dict(parsed((schema.metadata or {}).get(b"wavesweep", b"{}")))
+    except (TypeError, ValueError):
         return {}
 
 
@@ -385,17 +391,26 @@ def schema_facts(path: Path) -> dict[str, Any]:
 
 
 def schema_fields(path: Path) -> tuple[Field, ...]:
-    """The columns of a Parquet table with kind, unit and description, as its schema has them."""
+    """The columns of a Parquet table with kind, unit and description, as its schema has them.
+
+    Those of another program have neither unit nor description, and may be of a kind that counts as texts here.
+    """
     kinds = {str(arrow): kind for kind, arrow in _types().items()}
-    schema = _schema(path)
-    texts = [
-        {name.decode(): text.decode() for name, text in (member.metadata or {}).items()}
-        for member in schema
-    ]
-    return tuple(
-        Field(field.name, kinds[str(field.type)], text["unit"], text["description"])
-        for field, text in zip(schema, texts, strict=True)
-    )
+    fields = []
+    for column in _schema(path):
+        texts = column.metadata or {}
+        unit = texts.get(b"unit", b"").decode("utf-8", "replace")
+        description = texts.get(b"description", b"").decode("utf-8", "replace")
+        kind = kinds.get(str(column.type), "string")
+        fields.append(Field(column.name, kind, unit, description))
+    return tuple(fields)
+
+
+def described_fields(path: Path) -> tuple[Field, ...]:
+    """The columns of a table as its schema describes them or, of a CSV, the package beside it. `read_table` has read it."""
+    if path.suffix == ".csv":
+        return packaged_fields(path.with_suffix(".datapackage.json"))
+    return schema_fields(path)
 
 
 def read_rows(
@@ -422,7 +437,8 @@ def read_rows(
         before += rows
         if end is not None and before >= end:
             break
-    return _columns(pyarrow.concat_tables(blocks))
+    with _as_table(path):
+        return _columns(pyarrow.concat_tables(blocks))
 
 
 def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
@@ -492,7 +508,8 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
                     f"{path}: expected a table that fits into memory, found {rows:,} rows in {file_part.name}"
                 )
             tables.append(opened.read())
-    return _columns(pyarrow.concat_tables(tables))
+    with _as_table(path):
+        return _columns(pyarrow.concat_tables(tables))
 
 
 def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:
@@ -521,6 +538,10 @@ def _csv_options(path: Path) -> dict[str, Any]:
 
 
 def _columns(table: Any) -> dict[str, np.ndarray]:
+    """The columns of a table of Arrow's. Raises ValueError if two have one name."""
+    twice = [name for name, count in Counter(table.column_names).items() if count > 1]
+    if twice:
+        raise ValueError(f"several columns are called {twice[0]!r:.60}")
     return {name: _numpy(table.column(name)) for name in table.column_names}
 
 

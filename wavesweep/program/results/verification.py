@@ -129,9 +129,17 @@ def _of_package(
     progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
+    try:
+        loaded(package)
+    except (ValueError, OSError) as error:
+        yield f"{package}: cannot be read as a data package of this program: {error}", True
+        return
     facts = packaged_facts(package)
     if not facts:
-        yield f"{package}: cannot be read as a data package of this program", True
+        yield (
+            f"{package}: cannot be read as a data package of this program: no facts of a run",
+            True,
+        )
         return
     damaged = list(_files(package)) or list(_described(package))
     csv = package.with_name(package.name.replace(PACKAGE, ".csv"))
@@ -164,12 +172,8 @@ def _of_package(
 
 def _files(package: Path) -> Iterator[str]:
     """Yield the differences of the files from their entries in the package."""
-    try:
-        entries = loaded(package)["resources"]
-        expected_files = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
-    except (ValueError, KeyError, TypeError):
-        yield f"{package}: its list of files cannot be read"
-        return
+    entries = loaded(package)["resources"]
+    expected_files = {entry["path"]: (entry["bytes"], entry["hash"]) for entry in entries}
     if len(expected_files) < len(entries):
         yield f"{package}: {len(entries) - len(expected_files)} of its files are listed again"
     stem = package.name.removesuffix(PACKAGE)
@@ -193,7 +197,7 @@ def _files(package: Path) -> Iterator[str]:
             continue
         if (facts["bytes"], facts["hash"]) != (size, digest):
             bytes_, hash_ = facts["bytes"], facts["hash"]
-            yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
+            yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {digest[:19]}… in the package"
 
 
 def _described(package: Path) -> Iterator[str]:
