@@ -664,7 +664,8 @@ def test_a_drawn_hand_has_a_force_a_position_and_what_it_feels():
 
 GAIN = "sweep.require.gain"
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
-NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
+NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
+NAMES += "margins.cut, margins.Ms, margins.disk"
 
 
 @pytest.mark.parametrize(

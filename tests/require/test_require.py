@@ -323,7 +323,8 @@ def test_the_table_says_what_is_required():
 
 
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
-NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
+NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
+NAMES += "margins.cut, margins.Ms, margins.disk"
 CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
     "gives energy; leave bounded out, and stable intervals are found"
