@@ -31,6 +31,12 @@ LOOPS = {
         "controller": {"kind": "pmw", "b": 10.0},
         "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
     },
+    "waves of `init pmw`, b = 25, a result a frame late": {
+        "device": DEVICE,
+        "environment": ENGINE,
+        "controller": {"kind": "pmw", "b": 25.0},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+    },
     "direct coupling at the slow rate, a frame late": {
         "device": DEVICE,
         "environment": ENGINE,
