@@ -284,6 +284,21 @@ sweep = { along = "k", k = { start = 0, stop = 5 } }
 """
 
 
+def test_a_page_that_a_killed_run_has_put_in_place_is_no_reason_to_refuse(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    page = "<title>mine: wavesweep explore</title>"
+    monkeypatch.setattr("wavesweep.explore.explorer_page.saved_page", lambda *_: page)
+    (tmp_path / "mine.toml").write_text('controller.kind = "dc"\n')
+    (tmp_path / "mine.html").write_text(page)
+    (tmp_path / ".wavesweep.new-0123456789ab").mkdir()  # what it had no time to remove
+    command = ["explore", "mine.toml", "--save", "mine.html"]
+    assert main(command) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.html", "mine.toml"]
+    (tmp_path / "mine.html").write_text(f"{page} of other numbers")
+    assert main(command) == 2
+    assert "mine.html: the file exists; expected another name, or --overwrite to replace it" in capfd.readouterr().err
+
+
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("no_word_on_a_busy_machine")

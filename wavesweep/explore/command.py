@@ -10,6 +10,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, override, overwriting
 
+_TITLE = b": wavesweep explore</title>"  # of each page
+
 
 @click.command("explore")
 @click.argument("spec", type=PATH)
@@ -105,14 +107,16 @@ def _save(spec, target: Path, overwrite: bool) -> None:
     from wavesweep.explore.explorer_page import saved_page
     from wavesweep.program.cli.file_places import refuse_inputs, refuse_no_folder, write_whole
     from wavesweep.program.cli.messages import progress
+    from wavesweep.program.plots import refuse_settings
 
     refuse_no_folder(target)
     refuse_inputs(spec.files, target)
-    if target.exists() and not overwrite:
-        raise UsageError(
-            f"{target}: the file exists; expected another name, or --overwrite to replace it"
-        )
+    refuse_settings()
+    expected = "another name, or --overwrite to replace it"
+    # A run that was killed may have put this very page in place, which is seen once it is computed.
+    if target.exists() and not overwrite and _TITLE not in target.read_bytes():
+        raise UsageError(f"{target}: the file exists; expected {expected}")
     with progress(verbosity().quiet, less="fewer values in [sweep] take less") as report:
         text = saved_page(spec, report)
-    write_whole((target, text))
+    write_whole((target, text), overwrite=overwrite, expected=expected)
     click.echo(str(target), err=True)

@@ -8,7 +8,7 @@ import filecmp
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -150,6 +150,24 @@ def make_folders(folder: Path) -> list[Path]:
         missing = missing.parent
     folder.mkdir(parents=True, exist_ok=True)
     return made
+
+
+def remove_empty(folders: Sequence[Path]) -> None:
+    """Remove folders that `make_folders` has made, as far as they are empty."""
+    with suppress(OSError):
+        for folder in reversed(folders):
+            folder.rmdir()
+
+
+@contextmanager
+def made_folder(folder: Path) -> Iterator[None]:
+    """Make a folder for files; if they cannot be written, it is removed again as far as it is empty and was made here."""
+    made = make_folders(folder)
+    try:
+        yield
+    except BaseException:
+        remove_empty(made)
+        raise
 
 
 def sync(path: Path) -> None:

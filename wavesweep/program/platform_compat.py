@@ -30,6 +30,16 @@ def memory() -> float:
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if has_sysconf else float("inf")
 
 
+def memory_limit() -> float:
+    """Bytes of address space that this process may take; infinite without a limit, or where there are none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return float("inf")
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return float("inf") if limit == resource.RLIM_INFINITY else limit
+
+
 KEPT = 2**27  # bytes that the allocator keeps
 FROM_HEAP = 2**25  # bytes up to which an array comes from there, the most that glibc allows
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h

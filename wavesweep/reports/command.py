@@ -53,6 +53,7 @@ def report(
       wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
+    from wavesweep.program.atomic_files import made_folder
     from wavesweep.program.cli.file_places import (
         own_folder,
         refuse_inputs,
@@ -83,8 +84,8 @@ def report(
         at_work=lambda title: progress(verbosity().quiet, f"at work on {title}", less),
     )
     text = report(loaded, request)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_whole((target, text))
+    with made_folder(target.parent):
+        write_whole((target, text))
     if not verbosity().quiet:
         say(f"Wrote {target} in {time.perf_counter() - started:.2f} s")
 

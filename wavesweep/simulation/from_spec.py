@@ -1,6 +1,7 @@
 """The experiment of a spec's [simulate] table."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in, value_of
 from wavesweep.program.analyses.assumptions import IN_TIME, RunWords
+from wavesweep.program.reading.reading import PASSED
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, random_frames
@@ -228,5 +230,11 @@ def record_path(spec: Spec) -> Path:
 
 
 def beside(spec: Spec, name: str) -> Path:
-    """Return the path of a file, relative to the spec's folder, or to the current one for a dict."""
-    return Path(spec.source or "").parent / name
+    """Return the path of a file, relative to the spec's folder, or to the current one for a dict.
+
+    Errors: UsageError for what the spec itself is read from, which can be read once.
+    """
+    path = Path(spec.source or "").parent / name
+    if re.fullmatch(PASSED, str(path)) and spec.source in (str(path), "-"):
+        raise UsageError(f"{name}: expected a file of its own, found what the spec is read from")
+    return path

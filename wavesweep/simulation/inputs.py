@@ -195,7 +195,7 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
         problem = file.listed if table else "text that is no table of numbers"
         raise UsageError(
-            f"{path}:1: expected one column force_N and at most one time_s in the header, found {problem}"
+            f"{path}:{file.above + 1}: expected one column force_N and at most one time_s in the header, found {problem}"
         )
     if len(lines) > MOST_TICKS:
         raise UsageError(
@@ -203,7 +203,9 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         )
     names = ["force_N", *["time_s"] * ("time_s" in file.names)]
     if blank := [
-        number for number, line in enumerate(lines, start=2) if not line.strip() and len(lines) > 1
+        number
+        for number, line in enumerate(lines, start=file.above + 2)
+        if not line.strip() and len(lines) > 1
     ]:
         raise UsageError(f"{path}:{blank[0]}: force_N: expected a number, found nothing")
     force, *times = file.numbers(names).T
@@ -214,7 +216,7 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
             row = int(off.argmax())
             wanted, problem = apart(float(expected[row]), float(times[0][row]))
             raise UsageError(
-                f"{path}:{row + 2}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
+                f"{path}:{file.above + row + 2}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
                 f"fast rate, found {problem}; resample the record or set {rate}"
             )
     return Input(force.copy())

@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import log
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wavesweep.program.columns import Columns, run_column
 from wavesweep.program.reading.keys import DEVICES
+from wavesweep.program.reading.reading import read_bytes
 from wavesweep.program.tables.kind import (
     Line,
     Numbers,
@@ -30,6 +32,7 @@ from wavesweep.simulation.keys import RANDOM, entry_of
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
+FRAMES_BYTES = 1_000_000_000  # of a record of frames, as those that read it for the run take
 SHOWN = 5  # frequencies that a notice names
 WITHIN = 0.02  # share of its final value within which an output counts as settled
 SETTLED = 0.01  # share of the slowest mode that may be left where a sine is measured
@@ -160,17 +163,21 @@ def _facts(
     spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
 ) -> dict[str, Any]:
     from wavesweep.simulation.from_spec import beside, record_path, run_in_words
+    from wavesweep.simulation.inputs import MOST_BYTES
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
     facts = facts_of(spec, methods, counts, timings, notices, run=run_in_words(spec))
     # The digest of the spec covers only the names of files.
     if spec.simulate["input"] == "record":
-        facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
+        facts["record_sha256"] = _digest(record_path(spec), MOST_BYTES)
     if spec.simulate.frames_file:
-        facts["frames_sha256"] = hashlib.sha256(
-            beside(spec, spec.simulate.frames_file).read_bytes()
-        ).hexdigest()
+        facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), FRAMES_BYTES)
     return facts
+
+
+def _digest(path: Path, most: int) -> str:
+    """The SHA-256 of a file. most: bytes, those of the first reading, so that what a shell passes is not read again."""
+    return hashlib.sha256(read_bytes(path, most)).hexdigest()
 
 
 def _notices(spec: Spec) -> Iterator[str]:

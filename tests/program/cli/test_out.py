@@ -60,6 +60,15 @@ def test_a_link_in_place_of_the_file_is_left_alone(wavesweep, spec):
     assert (code, "expected a file or none, found a link" in err, Path("mine").read_text()) == (2, True, "of somebody else")
 
 
+def test_a_folder_with_the_name_of_a_file_is_written_into_only_if_that_is_said(wavesweep, spec, sweep):
+    Path("t.csv").mkdir()
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "t.csv")
+    assert (code, "found a folder; t.csv/ writes into it" in err) == (2, True)
+    assert list(Path("t.csv").iterdir()) == sweep.seen == []
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", "t.csv/")[0] == 0
+    assert Path("t.csv/zwidth.csv").exists()
+
+
 @pytest.mark.parametrize("out", ["-", "t.csv"])
 def test_a_table_that_fails_in_its_middle_leaves_nothing(wavesweep, spec, monkeypatch, out):
     from wavesweep.program.results import table_writing as writing

@@ -6,6 +6,7 @@ The program's commands are listed here, those of capabilities in `wavesweep.capa
 from __future__ import annotations
 
 import errno
+import math
 import os
 import sys
 import warnings
@@ -20,7 +21,7 @@ import click
 from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, WITHOUT_SUMMARY, home_of
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.cli.stopping import Stopped, signals_unwind
-from wavesweep.program.platform_compat import ONE_THREAD
+from wavesweep.program.platform_compat import ONE_THREAD, memory_limit
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -61,6 +62,8 @@ def verbosity() -> Verbosity:
 
 INTERRUPTED = 130
 # Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
+# What the system says of a library for which there is no memory.
+NO_ROOM = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
 # The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
@@ -234,12 +237,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             import traceback
 
             traceback.print_exception(error)
-        code, stopped = _exit_code(error, spoken.as_json), isinstance(error, Stopped)
+        code = _exit_code(error, spoken.as_json)
+        stopped = isinstance(error, Stopped) or _lacks_memory(error)
     code = _flushed(code if isinstance(code, int) else 0)
     if as_program and stopped:
-        os._exit(
-            code
-        )  # Python's own end would wait for threads, and a further signal would change the exit code
+        # Python's own end would wait for threads, a further signal would change the exit code, and libraries that lacked
+        # memory may crash.
+        os._exit(code)
     return code
 
 
@@ -279,8 +283,8 @@ def _line(error: BaseException) -> tuple[int, str]:
             return error.exit_code, str(error)
         case WavesweepError():
             return error.exit_code, _with_notes(f"Error: {error}", error)
-        case MemoryError():
-            said = "Error: out of memory; fewer values per axis or fewer --jobs take less"
+        case _ if _lacks_memory(error):
+            said = f"Error: out of memory{_limit()}"
         case OSError() if error.errno == errno.ENAMETOOLONG:  # a name that was given
             return 2, f"Error: {_os_error(error)}; choose another name"
         case OSError():
@@ -290,6 +294,21 @@ def _line(error: BaseException) -> tuple[int, str]:
         case _:
             said = f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)"
     return 1, _with_notes(said, error)
+
+
+def _lacks_memory(error: BaseException) -> bool:
+    """Whether there was no memory, for data or for a library."""
+    if isinstance(error, ImportError):
+        return any(text in str(error) for text in NO_ROOM)
+    return isinstance(error, MemoryError)
+
+
+def _limit() -> str:
+    """The limit of the address space of this process, if it has one, for a message."""
+    limit = memory_limit()
+    if math.isinf(limit):
+        return ""
+    return f"; this process may take {limit / 1e6:.0f} MB (ulimit -v), a higher limit helps"
 
 
 def _say(text: str) -> None:

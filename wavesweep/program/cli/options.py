@@ -36,6 +36,11 @@ def _checked_out(context: click.Context, option: click.Parameter, out: str | Non
         raise click.UsageError(
             "--out: expected a folder, found an empty text; leave the option out for the default"
         )
+    named_as_file = out is not None and PurePath(out).suffix.lower() in FILES
+    if out and named_as_file and Path(out).is_dir() and not out.endswith("/"):
+        raise click.UsageError(
+            f"--out {out}: expected a file or none of this name, found a folder; {out}/ writes into it"
+        )
     if (
         out
         and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix)

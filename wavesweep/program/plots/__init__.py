@@ -65,8 +65,14 @@ def timing(spec: Spec) -> Any:
 
 def refuse_settings() -> None:
     """Raise UsageError if the current folder has settings that matplotlib, which reads them when imported, cannot read."""
+    place = Path("matplotlibrc")
+    if place.exists() and not place.is_file() and not place.is_dir():
+        raise UsageError(
+            "matplotlibrc: expected a file, found a pipe or a device, which matplotlib would wait for; remove it from the "
+            "current folder, or leave the figure out (--no-plot)"
+        )
     try:
-        Path("matplotlibrc").read_text(encoding="utf-8")
+        place.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise UsageError(
             f"matplotlibrc: expected text in UTF-8, found other bytes ({error.reason}); matplotlib reads it from the "

@@ -6,7 +6,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from wavesweep.program.atomic_files import scratch
+from wavesweep.program.atomic_files import made_folder, scratch
 from wavesweep.program.plots.style import png, style
 
 MOST_MARKS, PRINTED = (
@@ -61,9 +61,8 @@ def save_all(
 
     about: see `save`.
     """
-    directory.mkdir(parents=True, exist_ok=True)
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
-    with scratch(directory) as folder:
+    with made_folder(directory), scratch(directory) as folder:
         for path in written:
             try:
                 save(canvas, folder / path.name, about)

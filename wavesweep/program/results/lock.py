@@ -11,7 +11,13 @@ from pathlib import Path
 
 from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.atomic_files import make_folders, random_part, read_file, sync
+from wavesweep.program.atomic_files import (
+    make_folders,
+    random_part,
+    read_file,
+    remove_empty,
+    sync,
+)
 from wavesweep.program.platform_compat import OPEN
 from wavesweep.program.results.folder import refuse_folders, refuse_unusable, remove_unfinished
 
@@ -36,7 +42,7 @@ def at_work(
     refuse_unusable(directory)
     made = make_folders(directory)
     with ExitStack() as opened:
-        opened.callback(_remove_empty, made)
+        opened.callback(remove_empty, made)
         for kind in kinds:
             path = directory / f".{kind}.lock"
             opened.callback(_release, path, _acquired(kind, path, wait, say))
@@ -205,9 +211,3 @@ def _release(path: Path, unlock: Callable[[], None]) -> None:
         with suppress(OSError):  # on Windows the lock's own file cannot go before the lock does
             file.unlink()
     unlock()
-
-
-def _remove_empty(folders: Sequence[Path]) -> None:
-    with suppress(OSError):
-        for folder in reversed(folders):
-            folder.rmdir()

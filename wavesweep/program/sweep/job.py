@@ -182,7 +182,8 @@ def naming_values(job: Job) -> Iterator[None]:
         slices = min(job.slices, job.chunks.deep * job.chunks.wide)
         size = f"{len(drawn.labels())} states and {drawn.ticks} ticks a frame, of which up to {slices} are computed at once"
         error.add_note(
-            f"It is taken by loops of {size}; fewer ticks of delay or shorter frames take less."
+            f"It is taken by loops of {size}; fewer values per axis, fewer --jobs, fewer ticks of delay "
+            "or shorter frames take less."
         )
         raise
     except IllPosedLoopError as error:

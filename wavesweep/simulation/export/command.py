@@ -44,6 +44,7 @@ def export(
     from wavesweep.program import results
     from wavesweep.program import spec as specs
     from wavesweep.program.analyses.assumptions import assumes, over_preset
+    from wavesweep.program.atomic_files import made_folder
     from wavesweep.program.cli.file_places import (
         own_folder,
         refuse_inputs,
@@ -64,9 +65,10 @@ def export(
     paths = [folder / name for name in program]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
-    folder.mkdir(parents=True, exist_ok=True)
     expected = "another --out DIR, or --overwrite to replace the files"
-    write_whole(*zip(paths, program.values(), strict=True), overwrite=overwrite, expected=expected)
+    with made_folder(folder):
+        files = zip(paths, program.values(), strict=True)
+        write_whole(*files, overwrite=overwrite, expected=expected)
     simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
