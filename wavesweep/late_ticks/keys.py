@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 PATH = "for_all.tick"
 COMMANDS = ("zwidth", "stability-region", "check", "report")
 LONGEST = 10.0  # s
+NOMINAL = "nominal"
 KEYS = Key.by_path(
     [
         Key.positive(
@@ -29,6 +30,15 @@ KEYS = Key.by_path(
         ),
         Key.positive(f"{PATH}.start", None, "s", "the shortest time of a fast tick", high=LONGEST),
         Key.positive(f"{PATH}.stop", None, "s", "the longest time of a fast tick", high=LONGEST),
+        Key.word(
+            f"{PATH}.steps",
+            NOMINAL,
+            "what the program divides by: filters, differences and integrators are those of the nominal tick",
+            {
+                NOMINAL: "of the nominal tick",
+                "measured": "of the time since its last tick; not proved",
+            },
+        ),
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
@@ -81,6 +91,9 @@ def build(request: Request) -> LateTick | None:
     if len(numbers) < len(leaves):
         return None
     place = next(iter(leaves.values()))
+    if numbers.pop("steps", NOMINAL) != NOMINAL:
+        expected = '"nominal": a program that divides by the measured time is not proved'
+        return mistakes.refuse(leaves["steps"], f"{PATH}.steps", expected, "measured", of_key=False)
     if numbers.keys() not in ({"late"}, {"start", "stop"}):
         return mistakes.refuse(place, PATH, EITHER, ", ".join(numbers), of_key=False)
     found = LateTick(**numbers)
