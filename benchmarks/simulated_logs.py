@@ -198,7 +198,9 @@ def of_curves(kind: str, logs: int, seed: int, seconds: float, measured: str = "
     mass = 10 ** source.uniform(-3, 0, logs)
     damping = mass * 10 ** source.uniform(0.3, 1.3, logs)
     delay = source.integers(0, 3 * parts + 1, logs) / parts
-    kinds = [list(FORCES)[at % len(FORCES)] for at in range(logs)]
+    # Steps move some devices one way only, and one that saturates by a smaller force.
+    usable = [each for each in FORCES if each != "steps" or not kind.startswith(("sided", "saturating force"))]
+    kinds = [usable[at % len(usable)] for at in range(logs)]
     force = np.empty((ticks, logs))
     for at, each in enumerate(kinds):
         push = force_of(each, ticks, period, source)

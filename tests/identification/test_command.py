@@ -76,7 +76,9 @@ def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pu
     assert (
         "the model does not explain the log, so no number has an interval: it lacks Coulomb friction; --friction fits it" in err
     )
-    assert re.search(r"the force that it lacks is of 0\.1\d* N rms, \d+ % of that of the log, which explains \d+ % of it", err)
+    assert re.search(
+        r"what it lacks is a force of 0\.1\d* N rms, \d+ % of that of the log; this effect explains \d+ % of it", err
+    )
     assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()
 
 

@@ -56,12 +56,13 @@ CURVES: dict[str, Curve] = {
 class Beside(NamedTuple):
     """A fit with a curve. rms: of its innovations. force: that is left beside it (N), inf without a mass above 0.
 
-    moved: by how much the last pass of the smoother moved the numbers.
+    theta: the numbers of the model. moved: by how much the last pass of the smoother moved them.
     """
 
     rms: float
     force: float
     place: Place
+    theta: np.ndarray | float = 0.0
     moved: np.ndarray | float = 0.0
 
 
@@ -91,8 +92,10 @@ def with_curve(name: str, place: Place) -> Beside:
 def _fitted(fit: Place) -> Beside:
     _, errors, effects = errors_of(fit.log, fit.search.found(fit.point), fit.skip)
     gains, left = projected(errors, effects)
-    force = force_beside(*fit) if gains[0] > 0 else np.inf
-    return Beside(float(left.std()), force, fit)
+    if not gains[0] > 0:
+        return Beside(float(left.std()), np.inf, fit)
+    theta = theta_of(fit.log, fit.search.found(fit.point), gains)
+    return Beside(float(left.std()), force_beside(*fit), fit, theta)
 
 
 def forceless(fit: Place) -> float:

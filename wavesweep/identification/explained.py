@@ -40,7 +40,7 @@ class Verdict:
     """The judgement of a fit.
 
     explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", one of
-    `CURVES`, "motion" (something else that depends on the motion), "force" (one that the log does not have), "noise" (of the
+    `CURVES`, "force" (one that the log does not have), "noise" (of the
     reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance
     at all), or empty if it is explained.
     frequency_hz: of the resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that the
@@ -81,12 +81,16 @@ def identified(
 
 
 class Effect(NamedTuple):
-    """An effect that a model lacks, with which a fit is `likelier` (logarithm of the odds). left: of the missing force (N)."""
+    """An effect that a model lacks, with which a fit is `likelier` (logarithm of the odds). left: of the missing force (N).
+
+    tone_hz: of a resonance. moved: what a curve changes in the numbers.
+    """
 
     name: str
     likelier: float
     left: float
     tone_hz: float = float("nan")
+    moved: np.ndarray | float = 0.0
 
 
 def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
@@ -110,14 +114,19 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         for name in CURVES if seen and not fit.model.load else ():
             beside = with_curve(name, bare.place)
-            effects.append(Effect(name, count * np.log(bare.rms / beside.rms), beside.force))
+            likelier = count * np.log(bare.rms / beside.rms)
+            effects.append(Effect(name, likelier, beside.force, moved=beside.theta - bare.theta))
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     best = _best(effects)
     name, share, tone_hz = ("force" if seen else "noise"), 0.0, float("nan")
     if best is not None:
-        share = 1 - best.left / force
-        name, tone_hz = (best.name, best.tone_hz) if share > CLEAR else ("motion", tone_hz)
-    withheld = best is not None
+        share = float(1 - best.left / force)
+    withheld = bool(share > CLEAR)
+    if withheld:
+        name, tone_hz = best.name, best.tone_hz
+    # Where a drift moves the device a curve of its position explains a little of the drift.
+    for effect in () if withheld else effects:
+        fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
     if name in CURVES and share > NEARLY:
         curved = with_curve(name, found.place)
         if curved.rms < np.inf:
@@ -321,14 +330,17 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     )
     places = measured(numbers, "position", force, period, skip)
     at_rest = numbers | dict.fromkeys((*OWN, "delay"), 0.0)
+    speeds = np.gradient(places)
+    pushing = late(force, round(numbers["delay"]))[skip:]
+    curves = (np.abs(speeds), speeds * np.abs(speeds), speeds**2 * pushing)
     for by in (
-        *([] if fit.model.friction else [np.sign(np.gradient(places))]),
+        *([] if fit.model.friction else [np.sign(speeds)]),
         *([] if fit.model.spring else [places]),
         *([] if fit.model.delay is None else [(late(force, 1) - force)[skip:]]),
+        *([] if fit.model.load else curves),
     ):
         yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
     lowest, highest = 3 / (len(force) * period), 0.4 / period
-    pushing = late(force, round(numbers["delay"]))[skip:]
     pushing = pushing - pushing[0]
     for tone in np.geomspace(lowest, highest, TONES):
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).

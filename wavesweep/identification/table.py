@@ -69,7 +69,6 @@ MISSING = {
     "hardening": "a force that is a curve of the position, as of a spring that hardens",
     "saturating mass": "a mass that changes with speed, as an inductance that saturates",
     "saturating force": "a force that saturates",
-    "motion": "a force that depends on the motion, as none of the curves that are tried does",
     "force": "a force that does not depend on the motion, as of a drift, a cable or a hand",
     "noise": "noise of the reading that is not white; no force shows beside that of the log",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
@@ -574,18 +573,16 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         return
     newton = "N*m" if found["turns"] else "N"
     size = f"{left['lacking']:.3g} {newton} rms, {100 * left['lacking_share']:.2g} % of that of the log"
-    explains = f"which explains {100 * left['share_of_missing']:.2g} % of it"
+    explains = f"; this effect explains {100 * left['share_of_missing']:.2g} % of it"
     if left["withheld"]:
         said = "so no number has an interval"
-        if found["missing"] == "motion":
-            explains = "which the motion explains in part"
     elif found["missing"] == "force":
         said = "and the intervals are wider by it"
         explains = ""
     else:
         said = "but the numbers above are those beside what it lacks"
     yield f"the model does not explain the {what}, {said}: it lacks {missing}", True
-    yield f"the force that it lacks is of {size}{', ' * bool(explains)}{explains}", True
+    yield f"what it lacks is a force of {size}{explains}", True
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
