@@ -114,6 +114,8 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
         for name in CURVES if seen and not fit.model.load else ():
             beside = with_curve(name, bare.place)
+            if not beside.force < np.inf:
+                continue
             likelier = count * np.log(bare.rms / beside.rms)
             effects.append(Effect(name, likelier, beside.force, moved=beside.theta - bare.theta))
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
