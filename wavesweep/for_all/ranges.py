@@ -118,6 +118,7 @@ def cover(
     used = proved = 0.0
     outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
     enclosed: dict[int, Enclosed | int] = {}
+    word: Word = ()  # that grows
     divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
     while queue and used < work:
         _, first, part = queue[0]
@@ -141,6 +142,7 @@ def cover(
             outcomes |= found
         outcome = outcomes[first]
         if outcome.parts is None:
+            word = outcome.word
             break
         if stretch not in divided and outcome.parts and outcome.parts[0].barren > 0:
             if stretch[1] - stretch[0] < gain:
@@ -169,7 +171,6 @@ def cover(
     lost = 1 - proved - sum(_share(each, box) for each in open_)
     if not abs(lost) <= ROUNDED * used / ENCLOSED:
         raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
-    word = outcomes[first].word if queue and first in outcomes else ()
     end = float(queue[0][2].box[1 - up, 0] if queue else box[int(up), 0])
     return Covering(open_, end, used, part.box.mean(0) if word else None, word)
 
