@@ -3,6 +3,7 @@
 import numpy as np
 
 import wavesweep
+from support import every_hand
 from support.specs import nested
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct, selected
@@ -33,9 +34,7 @@ def more_damping(values):
 
 
 def damping_needed(values):
-    from wavesweep.passive import any_hand
-
-    return any_hand.damping_needed(held(values))
+    return every_hand.damping_needed(held(values))
 
 
 def channel_norm(values):

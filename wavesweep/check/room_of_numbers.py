@@ -28,7 +28,6 @@ NEAR, HARDLY = (
 LATE = "it takes longer than check does"
 NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
 DELAYS = 200  # ticks of delay that are tried
-LARGEST = np.finfo(float).max
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:

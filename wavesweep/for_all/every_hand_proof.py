@@ -1,7 +1,7 @@
 """The damping with which a loop is stable with every passive hand, whatever its frames do, proved in ball arithmetic.
 
 The hand is continuous and may push within a tick. While the device moves by u in a tick of length T, its damper takes at least
-`d u^2/T`, and the force against it, which is held, takes `f u` (see `passive.any_hand.damping_needed`). So what matters is the
+`d u^2/T`, and the force against it, which is held, takes `f u` (see `passive.over_ranges.reaction_maps`). So what matters is the
 switched system from displacements to forces, with the position x of the device prescribed. At rest all its states are multiples
 of x. Counted from there they follow `s+ = A s + B u`, and the force is `f = k x + C s + D u`. With the stored energy
 `k x^2/2 + s' P_i s` at node i of an automaton of ticks, no hand takes out more than was stored if
@@ -11,7 +11,7 @@ of x. Counted from there they follow `s+ = A s + B u`, and the force is `f = k x
 is positive definite for every kind of tick from node i to j: x cancels, but for `k u^2/2`. The nodes are what may still happen,
 such as the ticks since the last sample and whether its result is in place. `for_all.dissipation` finds P and the least d in
 doubles; here F is computed in balls, and eliminated. With less than what a kind of frame needs that is repeated for ever
-(`damping_needed`), a hand takes out energy: this refutes.
+(`damping_peak`), a hand takes out energy: this refutes.
 """
 
 from dataclasses import dataclass, replace

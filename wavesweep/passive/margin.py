@@ -284,7 +284,7 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
     NaN as well if the hand holds no single mass, so that no block is the device. margin: that of the loops, if it is known. The
     bracket is halved on a logarithmic scale, each time over all frequencies, and its upper end is given: the port is passive
     with it. That less damping is not enough holds for the lower end, and below it if passivity is not lost again with damping,
-    which no random loop showed. A hand that also moves within the tick needs more: see `damping_needed`.
+    which no random loop showed. A hand that also moves within the tick needs more: see `over_ranges.reaction_maps`.
     Accuracy: CLOSE relative, from above.
     """
     margin = port_margin(loop) if margin is None else margin

@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.blocks import MultirateLoop, axes_of
+from wavesweep.engine.blocks import Block, MultirateLoop, axes_of
 from wavesweep.engine.frames import Ticks, balance, inverse, on_circle, solve
 from wavesweep.engine.intervals import FunctionValues
-from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, tick
-from wavesweep.engine.response import port_of
+from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, read, tick
+from wavesweep.engine.response import port_of, solved
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
-from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
 
 SWEEPS = 12  # of balancing
@@ -32,6 +31,7 @@ SURE = 1e-9  # of the mean eigenvalue: what is surely not rounding
 NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
 SKEW = 1e-9  # relative, of a compliance that counts as symmetric
 DRIFT = 1e-14  # of the largest entry of a frame: an eigenvalue that is a drift
+REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's
 TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
 
 ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
@@ -70,8 +70,20 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of at least this damping.
 
-    They are `d/T + C` of `damping_needed`, d (N*s/m) that of device and hand. Of a controller with a drift at z = 1, the
-    position prescribed, as waves without position feedback have one, the pole there is not set apart: no value is passive.
+    In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
+    take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
+    `d/T + C` is positive real, d (N*s/m) that of device and hand, C the lifted map from the frame's displacements to its
+    forces. A dead time divides each tick in two parts, with a force f_i and a displacement dx_i in each; the damper takes at
+    least `d dx_i^2/(l_i T)` in a part of l_i ticks, so C is the map from all `dx_i/sqrt(l_i)` to all `sqrt(l_i) f_i`. At one
+    rate without one this is `b > K T/2 + |B|` (J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems:
+    application to haptic interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held
+    forces (`port_maps`) is weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
+    If the hand holds no single mass, or something reads the velocity of that mass, nothing bounds it: a point sample of the
+    velocity can be anything at no cost in energy, so no damping bounds the work of its feedback.
+
+    Of a controller with a drift at z = 1, the position prescribed, as waves without position feedback have one, the pole there
+    is not set apart: no value is passive. A motion at a multiple of the slow rate aliases to a wave that moves the avatar, and
+    the force that this builds up stays. At one rate there are no such motions.
     """
 
     def reactions(p):
@@ -99,6 +111,94 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
         return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)
 
     return remembered(maps)
+
+
+def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, list[int]]:
+    """The ticks from the displacement of the device (m) to the force against it (N), and its position among the states.
+
+    The device is a ruler: the hand's input is the displacement in the tick. Both have an entry for each part of the tick, a
+    displacement over and a force times the root of its share; see `reaction_maps`. drawn: the blocks of the loops. States that
+    the force does not depend on are left out.
+    """
+    device = loop.device
+    force, *_ = loop.drawing.hand
+    parts = loop.parts  # input of the device -> share of the tick
+    n = len(parts)
+    ruler = Block(
+        device,
+        inputs=tuple(port.removeprefix(f"{device}.") for port in parts),
+        outputs=("x", "v"),
+        states=("x",),
+        E=np.zeros((1, 1)),
+        B=np.ones((1, n)),
+        C=np.eye(2, 1),
+        D=np.zeros((2, n)),
+    )
+    placed = []
+    for placed_block in drawn.placed:
+        if placed_block.block.name == device:
+            placed.append(replace(placed_block, block=ruler))
+        else:
+            placed.append(placed_block)
+    sums = dict(drawn.sums)
+    moves = []
+    pushed = {}  # what pushes the device from this part of the tick on
+    for port, share in parts.items():
+        root = np.sqrt(share)
+        for signal, gain in drawn.sums[port].items():
+            if signal != force:
+                pushed[signal] = -gain
+        sums[f"{REACTION}.{port}"] = {signal: root * gain for signal, gain in pushed.items()}
+        move = f"move.{port}"
+        sums[port] = {move: root}
+        moves.append(move)
+    inputs = (*drawn.inputs, *moves)
+    outputs = tuple(f"{REACTION}.{port}" for port in parts)
+    with_ruler = replace(drawn, placed=tuple(placed), sums=sums, inputs=inputs, exact=None)
+    ticks = Ticks.of(with_ruler, outputs)
+    moved = [ticks.maps[0].inputs.index(move) for move in moves]
+    maps = [(each.E, each.B[..., moved], each.C, each.D[..., moved]) for each in ticks.maps]
+    kept = np.flatnonzero(read(maps))
+    maps = [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps]
+    x = [place for place, state in enumerate(kept) if ticks.states[state] == f"{device}.x"]
+    return TickMaps.of(maps, ticks.kind, batch), x
+
+
+def settled(lifted: LiftedMap, x) -> LiftedMap:
+    """The map from displacements to forces of loops that settle, with its pole at z = 1 set apart.
+
+    Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
+    the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
+    the same in every part of a tick, so that x adds `k/w g^T g`, whose Hermitian part is `-k/2 g^T g` at every frequency, g
+    being its row of G, the roots of the shares of these parts.
+    """
+    if not x:
+        return lifted
+    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
+    with np.errstate(all="ignore"):
+        of_rest = lifted.E[:, rest]
+        R = -_exact(of_rest[..., rest], of_rest[..., x])
+        g = lifted.G[:, x]
+        force = lifted.O[..., x] + lifted.O[..., rest] @ R
+        k = g @ force / (g**2).sum(-1, keepdims=True)
+        T = lifted.T - k * np.swapaxes(g, -1, -2) * g / 2
+        E = lifted.E.copy()
+        E[:, x, :] = 0.0
+        E[:, :, x] = 0.0
+        E[:, x, x] = -1.0
+        O = lifted.O.copy()
+        O[..., x] = 0.0
+        G = lifted.G.copy()
+        G[:, rest] -= R * g
+        return LiftedMap(E, T, O, G)
+
+
+def _exact(A, b):
+    """The solution of A X = b, with refined inverses where it is real."""
+    if np.iscomplexobj(A):
+        return solve(A, b)
+    X, _ = solved(A, 0 * A, b, 0 * b)
+    return X
 
 
 def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:

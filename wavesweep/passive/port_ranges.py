@@ -17,7 +17,6 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
-from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.over_ranges import (
     ANGLES,
@@ -36,6 +35,9 @@ from wavesweep.passive.two_ports import Pair, pairs_of
 TRIED = np.concatenate(
     [[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)]
 )  # rad per frame, for a worst angle
+TRIED_FIRST = 33  # values of the number
+CUTS = 15  # points of one round of refinement
+FINEST = 1e-10  # of the range, to which an end is refined
 POINTS = 20_000  # of number and angle that the proof of a panel may take
 FEW = 300  # values of the number that the proof of a piece of a gap may take
 PIECES = 100  # of a gap
@@ -82,7 +84,7 @@ def _where_stable(loop, path, span, way):
 
 
 def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
-    """Where the loop is stable with every passive hand; see `damping_needed`.
+    """Where the loop is stable with every passive hand; see `reaction_maps`.
 
     loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
     any mass and stiffness, including nonlinear and time-varying ones, and for none: the device by itself is stable.
@@ -282,6 +284,43 @@ class _Ranges:
         drawn = self.loop.changed({self.path: p}).drawn()
         angle = max(way.angle(p) for way in self.ways)
         return angle / float(np.real(drawn.period) * drawn.ticks)
+
+
+def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high ends of runs of values that pass, refined all together by multisection. A 0 is looked at by itself.
+
+    more: values that are tried first, in addition to TRIED_FIRST of them.
+    """
+    low, high = map(float, span)
+
+    def passed(points):
+        is_passive = np.zeros(points.size, bool)
+        # A zero takes a branch out of the loop, and is asked about by itself.
+        for alike in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):
+            if alike.size:
+                is_passive[alike] = passive(points[alike])
+        return is_passive
+
+    # evenly in the square root: the soft end matters most, and 0 belongs to the range
+    points = np.union1d(low + (high - low) * np.linspace(0, 1, TRIED_FIRST) ** 2, more)
+    good = passed(points)
+    change = np.flatnonzero(good[1:] != good[:-1])
+    before = points[change]
+    after = points[change + 1]
+    inside = np.where(good[change], before, after)
+    outside = np.where(good[change], after, before)
+    while change.size and np.abs(inside - outside).max() > FINEST * (high - low):
+        away = (outside - inside)[:, None]
+        between = inside[:, None] + away * np.arange(1, CUTS + 1) / (CUTS + 1)
+        passed_between = passed(between.reshape(-1)).reshape(between.shape)
+        count = np.where(passed_between.all(-1), CUTS, passed_between.argmin(-1))
+        marks = np.concatenate([inside[:, None], between, outside[:, None]], axis=-1)
+        inside = np.take_along_axis(marks, count[:, None], -1)[:, 0]
+        outside = np.take_along_axis(marks, count[:, None] + 1, -1)[:, 0]
+    rising = good[change + 1]
+    lows = np.concatenate([points[:1][good[:1]], inside[rising]])
+    highs = np.concatenate([inside[~rising], points[-1:][good[-1:]]])
+    return lows, highs
 
 
 def cover_of(loop: HeldLoop, path: str) -> Covering:

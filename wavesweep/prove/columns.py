@@ -27,11 +27,6 @@ HOPELESS = (
 )
 OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
 DIGITS = 52  # bits of an end or an angle that have to be certain
-POLYNOMIAL, PARTS = 1, 2
-WAYS = {
-    POLYNOMIAL: "polynomials in the axis, their roots on the unit circle isolated by Bernstein coefficients, in balls",
-    PARTS: "polynomials interpolated on parts of the range, their roots on the unit circle isolated in balls",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +34,10 @@ class Proof:
     """The stable intervals of a column: (low, high, low_omega, high_omega), rounded to doubles.
 
     omega: rad/s of the oscillation that starts there, 0 at z = 1; NaN if the range ends the interval. bits: of the arithmetic.
-    way: one of `WAYS`.
     """
 
     intervals: tuple[tuple[float, float, float, float], ...]
     bits: int
-    way: int
 
 
 def prove_column(
@@ -82,15 +75,14 @@ def prove_column(
 
 def _proof(loop, span, integrators, budget):
     family = BallFamily(loop, span, budget)
-    proof_way = POLYNOMIAL if family.exact else PARTS
     try:
         ones = family.find_ones()
     except UndecidedError:
         if not all(map(is_unstable, family.over_range())):
             raise
-        return Proof((), ctx.prec, proof_way)
+        return Proof((), ctx.prec)
     if ones > integrators:
-        return Proof((), ctx.prec, proof_way)
+        return Proof((), ctx.prec)
     found = [Crossing(arb(end), arb("nan")) for end in span]
     for part in family.over_range():
         found += crossings(part, budget)
@@ -104,7 +96,7 @@ def _proof(loop, span, integrators, budget):
             low, high, *omegas = _rounded(loop, a, b, span)
             if low < high:
                 intervals.append((low, high, *omegas))
-    return Proof(tuple(intervals), ctx.prec, proof_way)
+    return Proof(tuple(intervals), ctx.prec)
 
 
 def _merged(found):
