@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,81 +20,35 @@ SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
 
 Columns = Mapping[str, "np.ndarray"]  # of a table, by their names
-# Names of columns of tables, which a number must not have, since it may be an axis.
-TAKEN = frozenset(
-    (
-        *(
-            "along",
-            "intervals",
-            "interval",
-            "low",
-            "high",
-            "low_omega",
-            "high_omega",
-            "certified",
-            "residual",
-            "doubt",
-        ),
-        *(
-            "felt_low",
-            "felt_high",
-            "hand",
-            "settled",
-            "spec",
-            "controller",
-            "frequency_hz",
-            "omega_Ts",
-            "stable",
-        ),
-        *(
-            "low_hz",
-            "high_hz",
-            "guarantee",
-            "fails_below",
-            "fails_from",
-            "counterexample",
-            "left_open",
-        ),
-        *(
-            "open_places",
-            "open_low",
-            "open_high",
-            "low_set_by",
-            "high_set_by",
-            "channel_hz",
-            "port_hz",
-            "ports_hz",
-        ),
-        *(
-            "worst_gain",
-            "worst_gain_error",
-            "channel_norm",
-            "channel_omega",
-            "port_margin",
-            "port_omega",
-        ),
-        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
-        *(
-            "absolutely_stable",
-            "ports_certified",
-            "llewellyn",
-            "damping_margin",
-            "from_input",
-            "to_output",
-            "unit",
-        ),
-        *(
-            f"{name}_{part}"
-            for name in ("admittance", "impedance", "response")
-            for part in ("re", "im", "abs", "deg", "error")
-        ),
-        *(
-            f"{end}_hand_{part}"
-            for end in ("low", "high")
-            for part in ("mass", "damping", "stiffness")
-        ),
-    )
-)
+
+
+def _names_in_tables() -> frozenset[str]:
+    """The names of the columns that `tables/columns.csv` describes."""
+    path = Path(__file__).parent / "tables" / "columns.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        return frozenset(row["name"] for row in csv.DictReader(file))
+
+
+# Names of columns of tables, which a number must not have, since it may be an axis. Those of the table of passivity
+# stand here: what a spec may say does not depend on the capabilities that are there.
+TAKEN = _names_in_tables() | {
+    "absolutely_stable",
+    "channel_hz",
+    "channel_norm",
+    "channel_omega",
+    "channel_passive",
+    "damping_margin",
+    "damping_needed",
+    "llewellyn",
+    "port_hz",
+    "port_margin",
+    "port_omega",
+    "port_passive",
+    "ports_certified",
+    "ports_hz",
+    "ports_margin",
+    "ports_omega",
+}
 FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
 # Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
 RUN_COLUMNS = frozenset(
