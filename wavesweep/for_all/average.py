@@ -43,7 +43,7 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
     if not decaying.size:
         return found, work
     one = np.eye(n)
-    back = [_transposed(power) for power in powers]
+    back = [power.mT for power in powers]
     with np.errstate(all="ignore"):
         size = np.ones((decaying.size, n))
         P = _summed(powers, one)
@@ -51,19 +51,19 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
             moments = _summed(back, size[..., None] ** 2 * one)
             size = (_diagonal(moments) / _diagonal(P)) ** 0.25
             P = _summed(powers, size[..., None] ** -2.0 * one)
-        to = _transposed(cholesky_of_each(P))
+        to = cholesky_of_each(P).mT
         basis = np.linalg.inv(to)
         after = to @ A.terms[:, decaying] @ basis
         powers = [to @ power @ basis for power in powers]
         forms = np.zeros_like(after)  # P
         moved = np.zeros_like(after)  # P A
-        forms[0] = _transposed(basis) @ P @ basis
-        forms[0] = (forms[0] + _transposed(forms[0])) / 2
+        forms[0] = basis.mT @ P @ basis
+        forms[0] = (forms[0] + forms[0].mT) / 2
         moved[0] = forms[0] @ after[0]
         for order, pairs in enumerate(_pairs_by_order(A.numbers, A.order), 1):
             here = degree == order
             moved[here] = _products(forms, after, pairs)
-            forms[here] = _summed(powers, _products(_transposed(after), moved, pairs))
+            forms[here] = _summed(powers, _products(after.mT, moved, pairs))
             moved[here] += forms[here] @ after[0]
     for at, cell in enumerate(decaying.tolist()):
         own = forms[:, at : at + 1]
@@ -109,12 +109,8 @@ def _summed(powers, Q):
     """`sum_k M'^k Q M^k`, which solves `P - M' P M = Q`. powers: of M, see `_powers`."""
     total = Q
     for power in powers:
-        total = total + _transposed(power) @ total @ power
-    return (total + _transposed(total)) / 2
-
-
-def _transposed(X):
-    return np.swapaxes(X, -1, -2)
+        total = total + power.mT @ total @ power
+    return (total + total.mT) / 2
 
 
 def _diagonal(X):
@@ -160,13 +156,13 @@ def forms_on_average(
     moved = middle[graph.symbol]
     changes = []
     for slope in slopes:
-        changed = np.swapaxes(slope[graph.symbol], -1, -2) @ last @ moved  # A_k' P_j A
+        changed = slope[graph.symbol].mT @ last @ moved  # A_k' P_j A
         half = weight[:, None, None] * changed
         right = np.zeros_like(P)
-        np.add.at(right, graph.source, half + np.swapaxes(half, -1, -2))
+        np.add.at(right, graph.source, half + half.mT)
         changes.append(solved(right, forms=True))
-    to = np.swapaxes(np.linalg.cholesky(P.mean(0)), -1, -2)
+    to = np.linalg.cholesky(P.mean(0)).mT
     basis = np.linalg.inv(to)
     P, *changes = (basis.T @ each @ basis for each in (P, *changes))
-    centre = Centre((P + np.swapaxes(P, -1, -2)) / 2, graph, basis, to)
+    centre = Centre((P + P.mT) / 2, graph, basis, to)
     return (centre, np.array(changes).reshape(A.numbers, *P.shape)), work

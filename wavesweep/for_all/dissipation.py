@@ -90,11 +90,11 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
     n, graph = centre.P.shape[-1], centre.graph
     M, S = centre.inverse @ M[graph.symbol], S[graph.symbol].copy()
     M[..., :n] = M[..., :n] @ centre.basis
-    S[:, :n] = np.swapaxes(centre.basis, -1, -2) @ S[:, :n]
+    S[:, :n] = centre.basis.mT @ S[:, :n]
     S[..., :n] = S[..., :n] @ centre.basis
 
     def slack(P, d):
-        F = S - np.swapaxes(M, -1, -2) @ P[graph.target] @ M
+        F = S - M.mT @ P[graph.target] @ M
         F[:, :n, :n] += P[graph.source]
         F[:, n, n] += d
         return F
@@ -145,9 +145,9 @@ def _newton(F, M, weight, graph, nodes):
 
     n = M.shape[1]
     inverse = np.linalg.inv(F)
-    inverse = (inverse + np.swapaxes(inverse, -1, -2)) / 2
+    inverse = (inverse + inverse.mT) / 2
     moved = M @ inverse
-    arriving = moved @ np.swapaxes(M, -1, -2)
+    arriving = moved @ M.mT
     slope, mixed = np.zeros((2, nodes, n, n))
     slope += np.eye(n)
     for into, at, part, sign in (

@@ -70,8 +70,8 @@ def shrink_along(
     size_of_P = np.abs(P).max(0)
     P_i = size_of_P[graph.source]
     P_j = size_of_P[graph.target]
-    across = _transposed(size) @ P_j
-    of_entries = _transposed(dA) @ P_j @ (size + dA) + across @ dA
+    across = size.mT @ P_j
+    of_entries = dA.mT @ P_j @ (size + dA) + across @ dA
     joined = 2 * len(P) * len(A) ** 2  # terms of a control point, at most
     of_rounding = UNIT * (2 * n + 2 + joined) * (across @ size + P_i)
     R = SURELY * (of_entries + of_rounding)
@@ -93,7 +93,7 @@ def _bezier(P, A, graph):
             F[k + more] += weight * P_i[k]
         for i, j in product(range(of_A + 1), repeat=2):
             weight = comb(of_P, k) * comb(of_A, i) * comb(of_A, j) / comb(degree, i + j + k)
-            F[i + j + k] -= weight * (_transposed(A[i]) @ P_j[k] @ A[j])
+            F[i + j + k] -= weight * (A[i].mT @ P_j[k] @ A[j])
     return F
 
 
@@ -111,11 +111,11 @@ def _in_its_units(F, R):
     about_1 = F * units[..., None, :] * units[..., :, None]
     try:
         L = np.linalg.cholesky(about_1)
-        W = units[..., None] * _transposed(np.linalg.inv(L))
+        W = units[..., None] * np.linalg.inv(L).mT
     except np.linalg.LinAlgError:
         return F, R
     size = np.abs(W)
-    return _transposed(W) @ F @ W, _transposed(size) @ R @ size
+    return W.mT @ F @ W, size.mT @ R @ size
 
 
 def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.ndarray) -> bool:
@@ -142,11 +142,11 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     size_of_P_j = np.abs(P)[graph.target]
     # "Messages": `P_i - sum w A' P_j A`, the sum over the edges from i.
     F = P.copy()
-    np.subtract.at(F, graph.source, _transposed(A) @ P_j @ A)
+    np.subtract.at(F, graph.source, A.mT @ P_j @ A)
     # Its errors: those of the entries of A, and rounding of all terms.
-    across = _transposed(size) @ size_of_P_j
+    across = size.mT @ size_of_P_j
     of_entries = np.zeros_like(P)
-    np.add.at(of_entries, graph.source, _transposed(dA) @ size_of_P_j @ (size + dA) + across @ dA)
+    np.add.at(of_entries, graph.source, dA.mT @ size_of_P_j @ (size + dA) + across @ dA)
     terms = np.abs(P)
     np.add.at(terms, graph.source, across @ size)
     count = np.bincount(graph.source).max()
@@ -257,21 +257,21 @@ def _slack_over(forms, graph, A, weight) -> Slack:
 
     # "Unknown numbers": `W' F(0) W` is near 1.
     A_0 = moved.terms[0]
-    F_0 = P_i.terms[0] - summed(_transposed(A_0) @ P_j.terms[0] @ A_0)
+    F_0 = P_i.terms[0] - summed(A_0.mT @ P_j.terms[0] @ A_0)
     roots = cholesky_of_each(F_0)
     unbounded = ~np.isfinite(roots).all((-1, -2))
     roots[unbounded] = np.eye(n)
-    W = _transposed(np.linalg.inv(roots))
+    W = np.linalg.inv(roots).mT
     size = np.abs(W)
     # "Unknown numbers": `W' F(s) W`, multiplied out with B = A W.
     rounding = 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
     B = Polynomials(moved.terms @ W[at], moved.rest @ size[at] + rounding, A.numbers, A.order)
-    B_transposed = Polynomials(_transposed(B.terms), _transposed(B.rest), A.numbers, A.order)
+    B_transposed = Polynomials(B.terms.mT, B.rest.mT, A.numbers, A.order)
     after = B_transposed @ (P_j @ B)
-    terms = _transposed(W) @ P_i.terms @ W - summed(after.terms)
-    terms = (terms + _transposed(terms)) / 2
+    terms = W.mT @ P_i.terms @ W - summed(after.terms)
+    terms = (terms + terms.mT) / 2
     # Its errors: what the models leave out, and rounding of all terms.
-    size_of_first = _transposed(size) @ np.abs(P_i.terms).sum(0) @ size
+    size_of_first = size.mT @ np.abs(P_i.terms).sum(0) @ size
     whole = size_of_first + summed(np.abs(after.terms).sum(0))
     errors = summed(after.rest) + (4 * n + added) * UNIT * whole
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
@@ -297,8 +297,8 @@ def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> boo
     decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
     """
     n = F.shape[-1]
-    F = (F + _transposed(F)) / 2
-    R = (R + _transposed(R)) / 2
+    F = (F + F.mT) / 2
+    R = (R + R.mT) / 2
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     if not (np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST).all()):
         return False
@@ -327,11 +327,7 @@ def _are_chances(weight, graph):
 
 
 def _symmetric(P):
-    return bool(np.isfinite(P).all() and (_transposed(P) == P).all())
-
-
-def _transposed(X):
-    return np.swapaxes(X, -1, -2)
+    return bool(np.isfinite(P).all() and (P.mT == P).all())
 
 
 def _norm(X):

@@ -47,8 +47,8 @@ class Centre:
     @property
     def norms(self) -> Norms:
         """The norms for the states x."""
-        P = _transposed(self.inverse) @ self.P @ self.inverse
-        return Norms((P + _transposed(P)) / 2, self.graph)
+        P = self.inverse.mT @ self.P @ self.inverse
+        return Norms((P + P.mT) / 2, self.graph)
 
     def in_basis(self, A: np.ndarray) -> np.ndarray:
         """Return matrices for the states z."""
@@ -60,12 +60,10 @@ class Centre:
 
     def rounded(self) -> "Centre":
         """Return the same forms in a basis in which their mean is a multiple of the identity."""
-        to = _transposed(np.linalg.cholesky(self.P.sum(0) / self.graph.source.size))
+        to = np.linalg.cholesky(self.P.sum(0) / self.graph.source.size).mT
         back = np.linalg.inv(to)
-        P = _transposed(back) @ self.P @ back
-        return replace(
-            self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse
-        )
+        P = back.mT @ self.P @ back
+        return replace(self, P=(P + P.mT) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
 
 
 def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -73,9 +71,9 @@ def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     n = A.shape[-1]
     P = np.eye(n)
     for _ in range(100):
-        P = 1e-3 * np.eye(n) + (_transposed(A) @ P @ A).mean(0)
+        P = 1e-3 * np.eye(n) + (A.mT @ P @ A).mean(0)
         P /= np.trace(P) / n
-    to = _transposed(np.linalg.cholesky(P))
+    to = np.linalg.cholesky(P).mT
     return np.linalg.inv(to), to
 
 
@@ -249,7 +247,7 @@ def finer(centre, A, follows):
         if edges.size < 2:
             continue
         scale = np.linalg.inv(np.linalg.cholesky(leaving[node]))
-        flows = scale @ edge_terms.arriving[edges] @ _transposed(scale)
+        flows = scale @ edge_terms.arriving[edges] @ scale.mT
         weight = np.trace(flows, axis1=-2, axis2=-1)
         mean = flows.sum(0) / weight.sum()
         apart = packed(flows / weight[:, None, None] - mean)
@@ -269,10 +267,6 @@ def finer(centre, A, follows):
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
 
 
-def _transposed(X):
-    return np.swapaxes(X, -1, -2)
-
-
 def _shrinks(P, A, graph):
     try:
         np.linalg.cholesky(_slack(P, A[graph.symbol], graph))
@@ -282,7 +276,7 @@ def _shrinks(P, A, graph):
 
 
 def _slack(P, A, graph):
-    return P[graph.source] - _transposed(A) @ P[graph.target] @ A
+    return P[graph.source] - A.mT @ P[graph.target] @ A
 
 
 class _EdgeTerms(NamedTuple):
@@ -297,9 +291,9 @@ def _gradient(P, A, graph):
     """The gradient of the barrier, and the terms of each edge that it consists of."""
     A = A[graph.symbol]
     inverse = np.linalg.inv(_slack(P, A, graph))
-    inverse = (inverse + _transposed(inverse)) / 2
+    inverse = (inverse + inverse.mT) / 2
     moved = A @ inverse
-    arriving = moved @ _transposed(A)
+    arriving = moved @ A.mT
     total = np.zeros_like(P) + np.eye(P.shape[-1])
     np.add.at(total, graph.source, -inverse)
     np.add.at(total, graph.target, arriving)
@@ -372,9 +366,9 @@ def _hessian_parts(inverse, moved, arriving, graph, nodes):
     for end, terms in ((graph.source, inverse), (graph.target, arriving)):
         yield at, at, acting(_products(terms, *graph.grouped(end)), n)
     pairs, first, last = graph.pairs
-    mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
+    mixed = acting(_products(moved.mT, *graph.grouped(pairs)), n)
     yield first, last, -mixed  # each pair of nodes once
-    yield last, first, -_transposed(mixed)
+    yield last, first, -mixed.mT
 
 
 def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:

@@ -253,7 +253,7 @@ def _judged_each(A, found):
     for centre, further in found:
         P.append(np.concatenate([centre.P[None], further]))
     P = np.concatenate(P, 1)
-    forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
+    forms = Polynomials((P + P.mT) / 2, np.zeros(P.shape[1:]), A.numbers, A.order)
     basis = np.stack([centre.basis for centre, _ in found])
     inverse = np.stack([centre.inverse for centre, _ in found])
     shrinks, slack = shrink_each(forms, A.similar(basis, inverse))
@@ -426,9 +426,7 @@ def _judged(A, found, follows):
     P = np.zeros((len(A.terms), *centre.P.shape))
     P[0] = centre.P
     P[1 : 1 + len(slopes)] = slopes
-    forms = Polynomials(
-        (P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order
-    )
+    forms = Polynomials((P + P.mT) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges = centre.graph.source.size
     n = A.terms.shape[-1]
     pairs = monomials(A.numbers, A.order)[1].size

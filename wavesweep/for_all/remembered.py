@@ -79,17 +79,13 @@ class Remembered:
         moved, lost = self.to @ A, self.forgotten @ A
         try:
             half = np.linalg.inv(
-                np.linalg.cholesky(P[graph.source] - _transposed(moved) @ P[graph.target] @ moved)
+                np.linalg.cholesky(P[graph.source] - moved.mT @ P[graph.target] @ moved)
             )
         except np.linalg.LinAlgError:
             return None
-        largest = np.linalg.norm(lost @ _transposed(half), axis=(-2, -1)).max() ** 2
+        largest = np.linalg.norm(lost @ half.mT, axis=(-2, -1)).max() ** 2
         whole = (
             self.to.T @ P @ self.to
             + SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
         )
-        return Norms((whole + _transposed(whole)) / 2, graph)
-
-
-def _transposed(X):
-    return np.swapaxes(X, -1, -2)
+        return Norms((whole + whole.mT) / 2, graph)

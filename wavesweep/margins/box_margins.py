@@ -400,7 +400,7 @@ class Arc:
         phase, log = np.linalg.slogdet(w - E)
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
         change = TERMS * (np.abs(E) + np.abs(w))
-        relative = (np.abs(np.swapaxes(inverse(w - E), -1, -2)) * change).sum((-1, -2))
+        relative = (np.abs(inverse(w - E).mT) * change).sum((-1, -2))
         pivots = closed.pivots.reshape(2, len(x), -1)
         scale = log.max((0, 1))
         determinants = phase * pivots[:, None, :, 0] * np.exp(log - scale)

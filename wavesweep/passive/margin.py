@@ -213,7 +213,7 @@ def _dragged(ticks, port, loops, mean):
         shaken = _shaken(ticks, port, loops)
         _, coupling, _ = _at_rest(ticks, constant)
         still = np.nan_to_num(coupling)
-        _, vectors = np.linalg.eigh((still + _transposed(still)) / 2)
+        _, vectors = np.linalg.eigh((still + still.mT) / 2)
         directions = constant @ vectors
         least = [
             _dragged_along(directions[..., k : k + 1], ticks, shaken, mean)
@@ -228,8 +228,8 @@ def _dragged_along(e, ticks, shaken, mean):
     *_, again = _at_rest(shaken, np.tile(e, (SHAKES, 1, 1)))
     size = np.linalg.norm(p, axis=(-1, -2))
     moved = np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
-    S = (H + _transposed(H)) / 2 + mean[:, None, None] * e @ _transposed(e)
-    rest = -(_transposed(p) @ solve(S, p))[:, 0, 0]
+    S = (H + H.mT) / 2 + mean[:, None, None] * e @ e.mT
+    rest = -(p.mT @ solve(S, p))[:, 0, 0]
     moves_nothing = np.abs(still[:, 0, 0]) <= TOLERANCE * mean
     dragged = moves_nothing & (moved.max(0) <= SHARE * size)
     negative = np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny)
@@ -239,17 +239,13 @@ def _dragged_along(e, ticks, shaken, mean):
 def _at_rest(ticks, e):
     """The map at rest, what of the Hermitian part constant forces e share, and its coupling of e to other forces."""
     lifted = ticks.in_even_units().lifted(measured=False)
-    back = _transposed(e)
+    back = e.mT
     X = solve(-lifted.E, lifted.G)
     from_e = lifted.T @ e + lifted.O @ (X @ e)
     to_e = back @ lifted.T + (back @ lifted.O) @ X
-    both = (from_e + _transposed(to_e)) / 2
+    both = (from_e + to_e.mT) / 2
     still = back @ both
     return lifted.T + lifted.O @ X, still, both - e @ still
-
-
-def _transposed(matrices):
-    return np.swapaxes(matrices, -1, -2)
 
 
 def _shaken(ticks, port, loops):

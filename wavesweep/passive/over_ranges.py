@@ -181,7 +181,7 @@ def settled(lifted: LiftedMap, x) -> LiftedMap:
         g = lifted.G[:, x]
         force = lifted.O[..., x] + lifted.O[..., rest] @ R
         k = g @ force / (g**2).sum(-1, keepdims=True)
-        T = lifted.T - k * np.swapaxes(g, -1, -2) * g / 2
+        T = lifted.T - k * g.mT * g / 2
         E = lifted.E.copy()
         E[:, x, :] = 0.0
         E[:, :, x] = 0.0
@@ -260,7 +260,7 @@ def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> 
     c = held.T @ position * M**-0.5
     r = -solve(lifted.E, lifted.G @ e)
     compliance = c @ r
-    difference = np.abs(compliance - np.swapaxes(compliance, -1, -2)).max((-1, -2))
+    difference = np.abs(compliance - compliance.mT).max((-1, -2))
     skew = difference > SKEW * np.abs(compliance).max((-1, -2))
     direct = P @ lifted.T @ P + (P @ lifted.O @ r) @ e.T + e @ compliance @ e.T / 2
     direct = np.where(skew[:, None, None], np.nan, direct)
@@ -304,13 +304,13 @@ class Determinant:
         E = lifted.E * (units / units[:, None])
         O = lifted.O * units
         G = lifted.G / units[:, None]
-        S = lifted.T + np.swapaxes(lifted.T, -1, -2)
-        rows = np.concatenate([G, np.swapaxes(O, -1, -2)], axis=-2)
-        half = solve(S, np.concatenate([O, np.swapaxes(G, -1, -2)], axis=-1))
+        S = lifted.T + lifted.T.mT
+        rows = np.concatenate([G, O.mT], axis=-2)
+        half = solve(S, np.concatenate([O, G.mT], axis=-1))
         # [G; O'] S^-1 [O, G'] - diag(E, E'), and the sizes of the terms of its entries
         inner = rows @ half
         size = TERMS * np.abs(rows) @ np.abs(half)
-        for block, matrices in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
+        for block, matrices in ((slice(n), E), (slice(n, None), E.mT)):
             inner[:, block, block] -= matrices
             size[:, block, block] += TERMS * np.abs(matrices)
         # diag(w, w') is added at each angle
@@ -321,7 +321,7 @@ class Determinant:
         phase, log = np.linalg.slogdet(at)
         # To first order, the relative change of a determinant is the trace of the inverse times
         # the change of the matrix.
-        error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[place]).sum((-1, -2))
+        error = (np.abs(inverse(at).mT) * size[place]).sum((-1, -2))
         return FunctionValues(
             (phase_of_S[place] * phase)[None],
             (log_of_S[place] + log)[None],
@@ -357,8 +357,8 @@ class Witness:
         lifted, pivots = self.maps(numbers)
         ahead, size_ahead = with_sizes(lifted, np.array([self.theta]))
         back, size_back = with_sizes(lifted, np.array([-self.theta]))
-        hermitian = (ahead + np.swapaxes(back, -1, -2)) / 2
-        size = (size_ahead + np.swapaxes(size_back, -1, -2)) / 2
+        hermitian = (ahead + back.mT) / 2
+        size = (size_ahead + size_back.mT) / 2
         return hermitian, size, pivots
 
 
@@ -384,9 +384,9 @@ def least(lifted: LiftedMap) -> Peak:
 
     def crossed(owner, level):
         T = lifted.T[owner]
-        direct = T + np.swapaxes(T, -1, -2) + 2 * level[:, None, None] * np.eye(T.shape[-1])
+        direct = T + T.mT + 2 * level[:, None, None] * np.eye(T.shape[-1])
         E = lifted.E[owner]
-        back = np.swapaxes(lifted.O[owner], -1, -2)
+        back = lifted.O[owner].mT
         return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, back, direct))
 
     def slack(owner, _level):

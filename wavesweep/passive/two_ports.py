@@ -83,7 +83,7 @@ class PairMap:
     def apart(self) -> LiftedMap:
         """The map from forces that are multiplied by `1/(1/z - 1)` in the direction of those that move nothing at rest."""
         (E, T, O, G), e = ((lifted := self.lifted).E, lifted.T, lifted.O, lifted.G), self.still
-        across, r = np.swapaxes(e, -1, -2), -solve(E, G @ e)
+        across, r = e.mT, -solve(E, G @ e)
         P = np.eye(T.shape[-1]) - e @ across
         return LiftedMap(E, T @ P + O @ r @ across, O, G @ P + (r + E @ r) @ across)
 
@@ -181,7 +181,7 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
                 break
     R = np.exp(log_w)
     S = R[:, :, None] * Z / R[:, None, :]
-    values, vectors = np.linalg.eigh((S + np.swapaxes(S.conj(), -1, -2)) / 2)
+    values, vectors = np.linalg.eigh((S + S.conj().mT) / 2)
     return WorstWeights(values[:, 0], log_w, vectors[:, :, 0] / R)
 
 
@@ -248,7 +248,7 @@ class Pair:
         y = worst(Z).y[:, :, None]
         y /= np.take_along_axis(y, np.abs(y[1:2]).argmax(1, keepdims=True), 1)
         e, force = at.still, basis(np.full(3, theta), Z.shape[-1] // 2)[0] @ Z @ y
-        force += e @ (np.swapaxes(e, -1, -2) @ force) * (on_circle(-theta) - 1)
+        force += e @ (e.mT @ force) * (on_circle(-theta) - 1)
         slopes = np.stack(
             [force[1], (force[2] - force[0]) / 2, (force[0] + force[2]) / 2 - force[1]]
         )[..., 0]
@@ -343,8 +343,7 @@ class PairDeterminant:
         determinants = [np.linalg.slogdet(matrix) for matrix, _ in matrices]
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
         error = sum(
-            TERMS * (np.abs(np.swapaxes(inverse(matrix), -1, -2)) * terms).sum((-1, -2))
-            for matrix, terms in matrices
+            TERMS * (np.abs(inverse(matrix).mT) * terms).sum((-1, -2)) for matrix, terms in matrices
         )
         zeros = (steps[0] * steps[1]) ** (self.rest * part.loops.zeros)
         phase = np.prod([sign for sign, _ in determinants], axis=0) * np.abs(zeros) / zeros
@@ -373,10 +372,10 @@ class PairDeterminant:
             components_with_sizes(lifted, theta, sign) for sign in (1, -1)
         )
         hermitian, size = (
-            scale * hermitian + np.swapaxes(scale * back, -1, -2),
+            scale * hermitian + (scale * back).mT,
             np.abs(scale) * size,
         )
-        size += np.swapaxes(np.abs(scale) * size_back, -1, -2)
+        size += (np.abs(scale) * size_back).mT
         return HermitianPart(hermitian / 2, size / 2, lifted, at, place)
 
 
@@ -409,7 +408,7 @@ class PairWitness:
             f = (powers @ force)[:, :, None]
             _, back = basis(self.theta, f.shape[1] // 2, sign)
             y, rough = back @ H @ f, np.abs(back) @ size @ np.abs(f)
-            step = e @ (np.swapaxes(e, -1, -2) @ f) * (1 / on_circle(-sign * self.theta) - 1)
+            step = e @ (e.mT @ f) * (1 / on_circle(-sign * self.theta) - 1)
             components.append(
                 (back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough)
             )

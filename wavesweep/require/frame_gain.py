@@ -130,9 +130,9 @@ class BoundedGain:
     def off_at_rest(self, column, p):
         """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
         H, w = self.at_rest_through(column, p)
-        signed = np.copysign(self.level, _t(w) @ H @ w) * w
+        signed = np.copysign(self.level, w.mT @ H @ w) * w
         of_output = np.abs(H @ w - signed).max((-1, -2))
-        of_input = np.abs(_t(H) @ w - signed).max((-1, -2))
+        of_input = np.abs(H.mT @ w - signed).max((-1, -2))
         return np.maximum(of_output, of_input)
 
     def label(self, column, low, high, bounds):
@@ -214,7 +214,7 @@ class BoundedGain:
         X_size = np.abs(X)
         w = np.full((self.inputs, 1), self.inputs**-0.5)
         H = T[0] + O[0] @ X @ G[0]
-        h = self.level * np.sign((_t(w) @ H @ w).real) * w
+        h = self.level * np.sign((w.mT @ H @ w).real) * w
         w = w, 0 * w
         h = h, 0 * h
 
@@ -261,14 +261,14 @@ class BoundedGain:
             K[..., x, x] = e
             K[..., x, u] = g
             K[..., l, x] = p
-            K[..., l, l] = _t(e)
+            K[..., l, l] = e.mT
             K[..., l, u] = s
-            K[..., u, x] = _t(s)
-            K[..., u, l] = _t(g)
+            K[..., u, x] = s.mT
+            K[..., u, l] = g.mT
             K[..., u, u] = r
             L = np.zeros(shape, K.dtype)
-            L[..., l, l] = -_t(e)
-            L[..., u, l] = -_t(g)
+            L[..., l, l] = -e.mT
+            L[..., u, l] = -g.mT
             pencils.append((K, L))
         (K, L), (K_error, L_error) = pencils
         L[..., x, x] = np.eye(n)
@@ -284,7 +284,7 @@ class Sine(BoundedGain):
     def off_at_rest(self, column, p):
         """By how much the gain of a constant differs from the level."""
         H, w = self.at_rest_through(column, p)
-        through = _t(w) @ H @ w
+        through = w.mT @ H @ w
         return np.abs(through - np.copysign(self.level, through)).max((-1, -2))
 
     def _label(self, column, low, high, bounds):
@@ -327,10 +327,6 @@ def _of_panels(pairs, at):
     return [(matrix[at], size[at]) for matrix, size in pairs]
 
 
-def _t(part):
-    return np.swapaxes(part, -1, -2)
-
-
 def _angles(d, arc):
     """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of eigenvalues next to the circle, and
     between these."""
@@ -356,9 +352,9 @@ def _least(parts, theta):
     with np.errstate(all="ignore"):
         x = solve(w * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
         x_size = np.abs(x)
-        back = _t(x).conj()
+        back = x.mT.conj()
         back_size = np.abs(back)
-        St = _t(S)
+        St = S.mT
         form = back @ P @ x + back @ S + St @ x + R
         size = back_size @ np.abs(P) @ x_size + back_size @ np.abs(S)
         size = size + np.abs(St) @ x_size + np.abs(R)
@@ -394,7 +390,7 @@ def _negative(parts, theta, v):
 
     B, back, x, u = solved(w, v, l)
     B_dual, _, x_dual, u_dual = solved(w.conj(), v.conj(), l.conj())
-    value = (_t(x_dual) @ (P @ x + S @ u) + _t(u_dual) @ (_t(S) @ x + R @ u))[..., 0, 0]
+    value = (x_dual.mT @ (P @ x + S @ u) + u_dual.mT @ (S.mT @ x + R @ u))[..., 0, 0]
     change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
 
     # The error in the middle: of x and u, by what the equations miss, and of the form.
@@ -416,9 +412,9 @@ def _negative(parts, theta, v):
     off = back_size @ missed
     dx = off[:, :n]
     du = np.abs(v[:, 0]) * off[:, n:]
-    error = _t(x_size) @ dP @ x_size + 2 * _t(x_size) @ dS @ u_size + _t(u_size) @ dR @ u_size
-    by_x = np.abs(_t(P @ x + S @ u)) @ dx
-    by_u = np.abs(_t(_t(S) @ x + R @ u)) @ du
+    error = x_size.mT @ dP @ x_size + 2 * x_size.mT @ dS @ u_size + u_size.mT @ dR @ u_size
+    by_x = np.abs((P @ x + S @ u).mT) @ dx
+    by_u = np.abs((S.mT @ x + R @ u).mT) @ du
     error = error + 2 * (by_x + by_u)
 
     poles = poles_inside((_determinants(B) * _determinants(B_dual))[..., None])

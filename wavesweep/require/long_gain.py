@@ -143,7 +143,7 @@ class LongGain(BoundedGain):
         for kind in reversed(kinds):
             e, _, c, _ = ticks[kind]
             seen = seen + seen @ e + c * w
-        l = _t(solve(_t(still), _t(seen)))
+        l = solve(still.mT, seen.mT).mT
         inputs = []
         for kind in reversed(kinds):
             e, b, c, d = ticks[kind]
@@ -270,19 +270,19 @@ def _pencil(frame):
     K[:, x, x] = E
     K[:, x, l] = -G
     K[:, l, x] = -Q
-    K[:, l, l] = -_t(E)
+    K[:, l, l] = -E.mT
     dK = np.zeros(shape)
     dK[:, x, x] = dE
     dK[:, x, l] = dG
     dK[:, l, x] = dQ
-    dK[:, l, l] = _t(dE)
+    dK[:, l, l] = dE.mT
     L = np.zeros(shape, E.dtype)
     L[:, x, x] = np.eye(n)
     L[:, x, l] = G
-    L[:, l, l] = np.eye(n) + _t(E)
+    L[:, l, l] = np.eye(n) + E.mT
     dL = np.zeros(shape)
     dL[:, x, l] = dG
-    dL[:, l, l] = _t(dE)
+    dL[:, l, l] = dE.mT
     return K, dK, L, dL + ROUNDING * np.abs(L)
 
 
@@ -314,7 +314,7 @@ def _least(frame, panels, d, arc):
     form = np.zeros((*theta.shape, 2 * n, 2 * n), complex)
     form[..., :n, :n] = -G[:, None]
     form[..., :n, n:] = moved
-    form[..., n:, :n] = _t(moved).conj()
+    form[..., n:, :n] = moved.mT.conj()
     form[..., n:, n:] = Q[:, None]
     values = np.linalg.eigvalsh(np.where(np.isfinite(form), form, 0.0))
     negative = n - np.nan_to_num(frame.below[panels])
@@ -323,9 +323,5 @@ def _least(frame, panels, d, arc):
     return least / np.maximum(np.abs(values).max(-1), 1e-300), theta
 
 
-def _t(matrix):
-    return np.swapaxes(matrix, -1, -2)
-
-
 def _symmetric(pair):
-    return tuple((matrix + _t(matrix)) / 2 for matrix in pair)
+    return tuple((matrix + matrix.mT) / 2 for matrix in pair)

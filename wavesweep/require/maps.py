@@ -65,4 +65,4 @@ def scaled(factor: np.ndarray, pair: Pair) -> Pair:
 
 def transposed(pair: Pair) -> Pair:
     """The transpose of a matrix."""
-    return tuple(np.swapaxes(array, -1, -2) for array in pair)
+    return tuple(array.mT for array in pair)

@@ -94,7 +94,7 @@ def clear(K, dK, L, dL, rims, inputs, arc):
         delta, V = _vectors(S)
         V = units[:, :, None] * V
         U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
-        of_states = np.concatenate([V, 0 * _t(U)], -1)
+        of_states = np.concatenate([V, 0 * U.mT], -1)
         of_inputs = np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)
         V = np.concatenate([of_states, of_inputs], -2)
         W = inverse(np.where(last, P, Q @ V))
@@ -166,7 +166,3 @@ def _vectors(S):
                 delta[at, near[at]] = np.diagonal(T)[:count]
                 V[at][:, near[at]] = basis[:, :count]
     return delta, V
-
-
-def _t(part):
-    return np.swapaxes(part, -1, -2)

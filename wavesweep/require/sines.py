@@ -60,8 +60,8 @@ class Panel:
             basis.append(vectors)
         self.upper = np.array(upper)
         basis = np.array(basis)
-        self.G = np.swapaxes(basis, -1, -2).conj() @ G
-        self.O = np.swapaxes(O @ basis, -1, -2)
+        self.G = basis.mT.conj() @ G
+        self.O = (O @ basis).mT
         self.late = np.arange(1 - self.ticks, self.ticks)
         diagonals = [np.trace(T, offset=-lag, axis1=-2, axis2=-1) for lag in self.late]
         self.T = np.stack(diagonals, -1)
@@ -113,7 +113,7 @@ class Panel:
             w = np.expm1(1j * M * theta)
             A = w[:, None, None] * np.eye(n) - E
             x = solve(A, (z @ G.T)[..., None])[..., 0]
-            y = solve(np.swapaxes(A, -1, -2), ((1 / z) @ O)[..., None])[..., 0]
+            y = solve(A.mT, ((1 / z) @ O)[..., None])[..., 0]
             x_size = np.abs(x)
             y_size = np.abs(y)
             z_size = np.abs(z)

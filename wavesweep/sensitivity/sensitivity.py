@@ -131,7 +131,7 @@ def _mode(E, delta) -> _Mode:
     n = E.shape[-1]
     M = delta[:, None, None] * np.eye(n) - E
     U, values, V = np.linalg.svd(M)
-    U, V = np.conj(np.swapaxes(U, -1, -2)), np.conj(np.swapaxes(V, -1, -2))
+    U, V = np.conj(U.mT), np.conj(V.mT)
     with np.errstate(divide="ignore", invalid="ignore"):
         N = V[:, :, :-1] @ (U[:, :-1] / values[:, :-1, None])
     left, right = U[:, -1:], V[:, :, -1:]

@@ -405,7 +405,7 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         finite = np.isfinite(A).all((-1, -2), keepdims=True)
         weighted = b * weight
         Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
-        adjoint = np.swapaxes(Q.conj(), -1, -2)
+        adjoint = Q.conj().mT
         x = solve(R, adjoint @ np.where(finite, weighted, 0.0))
         left = np.abs(A @ x - b) * weight
         terms = (np.abs(A) @ np.abs(x) + np.abs(b)) * weight

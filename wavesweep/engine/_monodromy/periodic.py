@@ -203,7 +203,7 @@ def _with_identity(E):
 
 def size_of(matrix) -> np.ndarray:
     """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
-    squares = np.abs(matrix * np.swapaxes(matrix, -1, -2))
+    squares = np.abs(matrix * matrix.mT)
     return np.sqrt(squares.max((-1, -2), initial=0.0))
 
 
@@ -306,7 +306,7 @@ class Change:
     def of(E: np.ndarray) -> "Change":
         """The change by matrices less identity, `(..., n, n)`, perhaps with columns of inputs behind these of the states."""
         square = E[..., : E.shape[-2]]
-        return Change(E, _forgotten(square), _forgotten(np.swapaxes(square, -1, -2)))
+        return Change(E, _forgotten(square), _forgotten(square.mT))
 
     def at(self, index: Any) -> "Change":
         """Return the change of some matrices of a batch."""

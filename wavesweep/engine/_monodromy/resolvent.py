@@ -68,7 +68,7 @@ class DelayLines:
 
         z: `(..., 1, 1)`.
         """
-        return np.swapaxes(self._summed(np.swapaxes(added, -1, -2), z, 1), -1, -2)
+        return self._summed(added.mT, z, 1).mT
 
     def read(self, out, z):
         """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the delayed states."""
@@ -77,7 +77,7 @@ class DelayLines:
     def _summed(self, inputs, z, step):
         """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
         result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
-        nonzero = np.flatnonzero(np.swapaxes(inputs, -1, -2).any(tuple(range(inputs.ndim - 1))))
+        nonzero = np.flatnonzero(inputs.mT.any(tuple(range(inputs.ndim - 1))))
         if not nonzero.size:
             return result
         for at in self._places():
@@ -118,11 +118,7 @@ class DelayLines:
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
-        solved = np.swapaxes(
-            solve(np.swapaxes(A, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)),
-            -1,
-            -2,
-        )
+        solved = solve(A.mT, (C[..., k] + gained[..., -1:, :]).mT).mT
         states = np.empty((*theta.shape, E.shape[-1]), complex)
         states[..., k], states[..., d] = (
             solved[..., 0, :],
@@ -193,7 +189,7 @@ class TriangularForm:
         """Return `left (w I - E)^-1`, `(..., n)`; E: of `frames`."""
         if self.diagonal:
             return left / (w[..., None] - E[..., 0, :])
-        return _forward(np.swapaxes(E, -1, -2), left, w)
+        return _forward(E.mT, left, w)
 
 
 def _forward(T, right, w):
@@ -231,7 +227,7 @@ def _schur(E):
     T, V = np.empty((2, *E.shape), complex)
     for loop, matrix in enumerate(E):
         T[loop], V[loop] = schur(matrix, output="complex")
-    return T, V, np.swapaxes(V.conj(), -1, -2)
+    return T, V, V.conj().mT
 
 
 def _norm(matrices):
@@ -252,7 +248,7 @@ class Inverse:
         return self.matrix @ columns
 
     def row(self, rows):
-        return (np.swapaxes(self.matrix, -1, -2) @ rows[..., None])[..., 0]
+        return (self.matrix.mT @ rows[..., None])[..., 0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

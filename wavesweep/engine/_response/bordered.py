@@ -77,7 +77,7 @@ class Bordered:
         X, dX = solved(*self._system(points))
         value = X[..., : self.outputs_of_port, 0]
         error = dX[..., : self.outputs_of_port, 0]
-        return np.swapaxes(value, -1, -2), np.swapaxes(error, -1, -2)
+        return value.mT, error.mT
 
     def _system(self, points):
         """Return matrix, right side and bounds on their errors of the system, at every point."""
@@ -124,7 +124,7 @@ class Bordered:
         of_outputs = means[:, None] * (forced + 0 * sums.forced.real)
         of_slow = driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real
         side = np.concatenate([of_outputs, of_slow], -2)
-        return np.swapaxes(side, -1, -2).copy()[..., None]
+        return side.mT.copy()[..., None]
 
 
 def fits(port) -> bool:

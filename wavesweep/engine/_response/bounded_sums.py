@@ -22,9 +22,7 @@ def ordered_product(A, x):
 
 def ordered_products(A: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Return `A X` as `ordered_product` does it; X: `(..., n, k)`."""
-    return np.multiply(A[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(
-        -1
-    )
+    return np.multiply(A[..., :, None, :], X.mT[..., None, :, :], order="C").sum(-1)
 
 
 def long_sum(count: int) -> float:

@@ -51,8 +51,8 @@ class Gain:
         with np.errstate(all="ignore"):
             self.size = np.abs(O)
             self.left, self.corner = np.linalg.qr(O)
-            self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
-            self.entry = np.swapaxes(entry, -1, -2)[..., None, :, :]
+            self.right, entry = np.linalg.qr(G.mT)
+            self.entry = entry.mT[..., None, :, :]
             factoring = (
                 2 * self.n * ROUNDING
             )  # of a column's length, what is lost by factors in its place
@@ -104,7 +104,7 @@ class Gain:
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
         if self.frame.ticks <= DENSE:
-            right = np.swapaxes(self.right, -1, -2)[..., None, :, :]
+            right = self.right.mT[..., None, :, :]
             H = self.left[..., None, :, :] @ core @ right
             H += self.frame.impulse_map()[..., None, :, :]
             value = _largest_singular_value(H)
@@ -120,14 +120,14 @@ class Gain:
         left = self.left.reshape(-1, *self.left.shape[-2:])[loop]
         right = self.right.reshape(-1, *self.right.shape[-2:])[loop]
         core = core.reshape(-1, *core.shape[-2:])
-        turned = np.swapaxes(core.conj(), -1, -2)
+        turned = core.conj().mT
 
         def apply(v, back):
             direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(
                 complex
             )[..., 0]
             into, out, middle = (left, right, turned) if back else (right, left, core)
-            through_state = out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None]))
+            through_state = out @ (middle @ (into.mT @ v[..., None]))
             return direct + through_state[..., 0]
 
         v = apply(np.ones((len(core), ticks), complex), back=True)
@@ -156,7 +156,7 @@ class Gain:
 
 
 def _largest_singular_value(H):
-    square = np.swapaxes(H.conj(), -1, -2) @ H
+    square = H.conj().mT @ H
     return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[..., -1], 0))
 
 
@@ -172,7 +172,7 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     """
     if frame.impulse:
         H = _of_loops(frame.impulse[0], loop)
-        return (np.swapaxes(H, -1, -2) if adjoint else H) @ v
+        return (H.mT if adjoint else H) @ v
     first, second = frame.first, frame.second
     early = v[:, : first.ticks]
     late = v[:, first.ticks :]
@@ -183,7 +183,7 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     O = _of_loops(second.observability[0][..., -1, :, :], loop)
     G = _of_loops(first.controllability[0], loop)
     if adjoint:
-        results[0] += np.swapaxes(G, -1, -2) @ (np.swapaxes(O, -1, -2) @ late)
+        results[0] += G.mT @ (O.mT @ late)
     else:
         results[1] += O @ (G @ early)
     return np.concatenate(results, axis=-2)
@@ -207,6 +207,6 @@ def norm_of_errors(frame: Stretch) -> np.ndarray:
 
 def norm_of_product(A, B):
     """Return the Frobenius norm of `A B` without forming it."""
-    of_A = np.swapaxes(A, -1, -2) @ A
-    of_B = B @ np.swapaxes(B, -1, -2)
+    of_A = A.mT @ A
+    of_B = B @ B.mT
     return np.sqrt(np.maximum((of_A * of_B).sum((-1, -2)), 0))

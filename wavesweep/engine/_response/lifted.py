@@ -224,7 +224,7 @@ def _of_halves(stretch, points, memo):
     most = first.sizes[1]
     turn = points.turn(first.ticks)
     back = turn.conj()
-    carried = (b.rows * np.swapaxes(a.driven, -1, -2)[..., None, :, :]).sum(-1)
+    carried = (b.rows * a.driven.mT[..., None, :, :]).sum(-1)
     rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
     drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
     forced = a.forced + b.forced + back * carried

@@ -64,12 +64,12 @@ class Modal:
 
         w, unsure, gain, off: of the points, see `solve`.
         """
-        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
-        unsure = np.swapaxes(unsure, -1, -2)[..., None]
-        gain = np.swapaxes(gain, -1, -2)[..., None]
+        factor = (1 / (w - self.poles[..., None])).mT[..., None, :]
+        unsure = unsure.mT[..., None]
+        gain = gain.mT[..., None]
         vectors = self.vectors[..., None, :, :]
         into = self.into[..., None, :, :]
         inverse = (vectors * factor) @ into
         noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
-        bound = np.swapaxes((np.abs(inverse) @ unsure + noise)[..., 0], -1, -2)
+        bound = (np.abs(inverse) @ unsure + noise)[..., 0].mT
         return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)

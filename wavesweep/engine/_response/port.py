@@ -319,7 +319,7 @@ def _fixed(ticks, followers, leads):
     dA = ENTRIES * sizes[..., followers] + ROUNDING * np.abs(A)
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)
-    inverse = np.swapaxes(column, -1, -2) * np.linalg.pinv(A * column)
+    inverse = column.mT * np.linalg.pinv(A * column)
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)

@@ -228,7 +228,7 @@ def _by_modes(loop, points):
     modal = loop.modal
     ticks = loop.frame.ticks
     X, *accuracy = modal.solve(points.frame, sums.driven, sums.ddriven)
-    states = np.swapaxes(X, -1, -2)[..., None, :, :]
+    states = X.mT[..., None, :, :]
     size = np.abs(sums.rows)
     outputs = ((sums.rows * states).sum(-1) + sums.forced) / ticks
     rounding = (size * (ROUNDING * np.abs(states))).sum(-1)
@@ -236,7 +236,7 @@ def _by_modes(loop, points):
 
     def error(of_states, index):
         """The bound on errors of the outputs, from that on errors of the states."""
-        grown = np.swapaxes(of_states, -1, -2)[..., None, :, :]
+        grown = of_states.mT[..., None, :, :]
         return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
 
     def again(index):

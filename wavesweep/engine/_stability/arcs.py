@@ -187,7 +187,7 @@ def _errors_of_form(form, of, left, right, theta):
         return of_gain * (1 / apart + 1 / apart_back), of_gain
     if np.iscomplexobj(theta):
         return of_gain, of_gain
-    own_right = right @ np.swapaxes(form.V[of], -1, -2)
+    own_right = right @ form.V[of].mT
     own_left = left @ form.Z[of]
     R_right = np.linalg.norm(own_right.imag, axis=-1) / np.abs(np.sin(theta))
     left_R = np.linalg.norm(own_left.imag, axis=-1) / np.abs(np.sin(theta))

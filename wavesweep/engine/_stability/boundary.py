@@ -296,7 +296,7 @@ def _read_row(cut, w, pair, rows):
 def _adjoint(cut, w, row, resolvent):
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
     left = resolvent.row(row)
-    missed = row - w[..., None] * left + _moved(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
+    missed = row - w[..., None] * left + _moved(cut.E.mT, left[..., None])[..., 0]
     change = resolvent.row(missed)
     smaller = np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True)
     # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.

@@ -104,7 +104,7 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
     sizes[:, n, :n] = np.abs(of_each(cut.C)[uneven]).max(-2)
     units = uneven_units(sizes)
     units = (units[:, :n] / units[:, n:])[:, None, :]
-    back = np.swapaxes(units, -1, -2)
+    back = units.mT
     changed = {}
     for name in ("E", "dE"):
         changed[name] = of_each(getattr(cut, name)).copy()
@@ -228,7 +228,7 @@ def _is_rough(cut):
     E = np.broadcast_to(np.abs(cut.E), (*cut.batch, *cut.E.shape[-2:]))
     dE = np.broadcast_to(cut.dE, (*cut.batch, *cut.dE.shape[-2:]))
     with np.errstate(all="ignore"):
-        error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
+        error = np.sqrt((dE * (E + dE).mT).max((-1, -2), initial=0.0))
         return error > ROUGH * np.maximum(1.0, size_of(E))
 
 
