@@ -20,6 +20,7 @@ import numpy as np
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import Norms
 
+FIRST_STEPS = 8  # of Newton, to the centre from the forms that a search begins with
 SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CLOSE = 0.6  # Newton decrement below which a point counts as the centre
 ALIKE = 0.5  # nodes are split whose score is at least this part of the largest one
@@ -98,10 +99,19 @@ def find_norms(
     otherwise the largest factor below 1 for which the scaled matrices shrink.
 
     The matrices grow from a small multiple of themselves; when the growth stalls below the factor `enough`, nodes of the graph
-    are split. start: forms to begin with, such as those of similar matrices. work: operations after which the search ends.
+    are split. start: forms to begin with, such as those of similar matrices; if a step from these is singular to rounding, the
+    search begins again without them. work: operations after which the search ends.
     """
-    centre, factor = _started(A, follows, start)
-    centre = recentred(centre, factor * A, 8)
+    centre, factor, singular = _grown(A, follows, *_started(A, follows, start), work, enough)
+    if singular and start and factor < 1:
+        left = work - centre.work
+        centre, factor, _ = _grown(A, follows, *first_centre(A, follows), left, enough)
+    return centre, factor
+
+
+def _grown(A, follows, centre, factor, work, enough):
+    """The forms and the factor that a search ends with, and whether it ended at a step that is singular to rounding."""
+    centre = recentred(centre, factor * A, FIRST_STEPS)
     try:
         while factor < 1 and centre.work < work:
             before = factor
@@ -120,10 +130,9 @@ def find_norms(
             beyond = beyond.rounded()
             if beyond.shrinks(A):
                 centre = beyond
-    except np.linalg.LinAlgError:  # singular to rounding
-        if start and factor < 1:
-            return find_norms(A, follows, None, work - centre.work, enough)
-    return centre, factor
+    except np.linalg.LinAlgError:
+        return centre, factor, True
+    return centre, factor, False
 
 
 def _started(A, follows, start):

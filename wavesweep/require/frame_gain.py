@@ -368,8 +368,24 @@ def _negative(parts, theta, v):
     """Whether the form is negative at an angle, in a direction v of the inputs, for all numbers of discs.
 
     parts: E, G, P, S, R, each with a bound on its error, in the middle of a disc and on a circle of twice its size. The state x
-    and the size u of the input solve `(z - A) x = G v u` and `l (x, u) = 1`, where l keeps them finite also where the loop
-    has an eigenvalue at z. Where the number is complex, conjugates are continued: they solve the same for those of z, v and l.
+    and the size a of the input u = v a solve
+
+        B [x; a] = [0; 1],   B = [w - E, -G v; l],   w = z - 1,
+
+    where the row l keeps them finite also where the loop has an eigenvalue at z. The form is there
+
+        f = x~' (P x + S u) + u~' (S' x + R u),
+
+    in which x~ and u~ solve the same for the conjugates of w, v and l: those of x and u where the number is real, and
+    continued from there. If B and B~ are regular, f is analytic in the number, and with Schwarz's lemma in the disc
+
+        |f - f(middle)| <= 1/2 max |f - f(middle)|,   the largest on the circle.
+
+    In the middle the equations are off by m, so the state and the input by dx and du, and the form by df, where dP, dS and dR
+    count rounding as well:
+
+        m = [dE |x| + dG |u|; 0] + rounding,   [dx; da] = |B^-1| m,   du = |v| da,
+        df = |x|' dP |x| + 2 |x|' dS |u| + |u|' dR |u| + 2 |P x + S u|' dx + 2 |S' x + R u|' du.
     """
     (E, dE), (G, dG), (P, dP), (S, dS), (R, dR) = parts
     n = E.shape[-1]
@@ -380,7 +396,7 @@ def _negative(parts, theta, v):
     l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True))[:, None, :, 0]
 
     def solved(w, v, l):
-        """The matrix of both equations, its inverse, x and u."""
+        """B, its inverse, x and u."""
         B = np.zeros((*E.shape[:2], n + 1, n + 1), complex)
         B[..., :n, :n] = w[:, None, None, None] * np.eye(n) - E
         B[..., :n, n:] = -G @ v

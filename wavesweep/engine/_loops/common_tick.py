@@ -5,6 +5,7 @@ does not change there. So the frames are the same, of a twentieth of the ticks, 
 This is for analyses of the loop by itself; forces from outside, responses and simulations have the spec's own tick.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from math import gcd
@@ -51,24 +52,23 @@ def _ticks(drawing, known):
 def _acts_between(drawing, relays):
     """Whether something that changes between the ticks at which blocks run acts on plants or dead times there.
 
-    What is held arrives at plants from a dead time just when it does, and so a dead time reads plants, whatever the tick is.
+    Plants, dead times and relays of these change there. What a dead time makes of signals that are held arrives at plants just
+    when it does, and a dead time reads plants when it does, whatever the tick is: these two do not count.
     """
-    plants, late, sources = (
-        {block.name for block in drawing.blocks if block.plant},
-        drawing.dead_times.keys(),
-        {},
-    )
+    plants = {block.name for block in drawing.blocks if block.plant}
+    late = set(drawing.dead_times)
+    reads = defaultdict(set)  # the blocks that each block reads
     for port, terms in drawing.wires:
-        sources.setdefault(_block_of(port), set()).update(_block_of(signal) for signal, _ in terms)
-    changing, before = plants | late, None
-    while changing != before:
-        before, changing = (
-            changing,
-            changing | {name for name in relays if sources.get(name, set()) & changing},
-        )
-    held = {name for name in late if not sources.get(name, set()) & changing}
-    acting = [sources.get(name, set()) & (changing - held) for name in plants]
-    return any(acting) or any(sources.get(name, set()) & (changing - plants) for name in late)
+        reads[_block_of(port)].update(_block_of(signal) for signal, _ in terms)
+    changing = plants | late
+    count = 0
+    while len(changing) > count:
+        count = len(changing)
+        changing |= {name for name in relays if reads[name] & changing}
+    late_of_held = {name for name in late if not reads[name] & changing}
+    acts_on_plants = any(reads[name] & (changing - late_of_held) for name in plants)
+    acts_on_late = any(reads[name] & (changing - plants) for name in late)
+    return acts_on_plants or acts_on_late
 
 
 def _block_of(name):

@@ -659,10 +659,13 @@ class Polynomials:
             raise UnresolvedError(unbounded, self.widest())
 
     def exponential(self) -> Polynomials:
-        """`exp(A)` of square matrices: a series for `A/2^k`, then k squarings, as many for all.
+        """`exp(A)` of square matrices, in units u, powers of 2, in which rows and columns are alike in size:
 
-        In units of powers of 2 in which rows and columns are alike. What the series leaves out is at most
-        `X^13 (I - X)^-1/13!`, entry by entry, for the sizes X of the entries, whose norm is at most 1/4.
+            exp(A) = U (I + X + X^2/2! + ... + X^12/12! + R)^(2^k) U^-1,   X = U^-1 A U/2^k,   U = diag(u)
+
+        with as many squarings k for all. The series is added up by powers of X^4 (Paterson and Stockmeyer). What it leaves
+        out is `|R| <= |X|^13 (I - |X|)^-1/13!`, entry by entry, where the rows of |X| add up to 1/4 at most. Wherever a size
+        is asked for, it is `whole`: a bound on the entry for all values of the numbers, polynomial and rest together.
         """
         self.refuse(~np.isfinite(self.whole).all((-1, -2)))
         units = _units(self.whole)

@@ -48,23 +48,22 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sampled(column, theta):
-        of = (
-            np.zeros(1, int) if fixed.size == 1 else column
-        )  # many states are not copied for each panel
-        systems = StateSpace(*(matrix[of][:, None] for matrix in system))
-        value, size, beyond, unsure = _boundary(systems, solver, theta, largest, of)
+        # Many states are not copied for each panel.
+        loops = np.zeros(1, int) if fixed.size == 1 else column
+        systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
+        value, value_off, beyond, beyond_off = _boundary(systems, solver, theta, largest, loops)
         magnitude = np.maximum(np.abs([value, beyond]), TINY)
         phase = np.array([value, beyond], complex) / magnitude
         log = np.log(magnitude)
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
-        poles_of = poles[of][:, None, :]
+        poles_of = poles[loops][:, None, :]
         distance = on_circle(theta)[..., None] - poles_of
         distance_back = on_circle(-theta)[..., None] - poles_of.conj()
         far = np.maximum(np.abs(distance), TINY)
         far_back = np.maximum(np.abs(distance_back), TINY)
         phase *= (distance / far * (distance_back / far_back)).prod(-1)
         log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
-        return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
+        return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
 
     def sample(column, theta):
         step = max(1, MOST // (theta.shape[-1] * cut.order))
@@ -108,10 +107,12 @@ def _is_clear_next_to_one(opened, lines, poles):
         radius = np.full(len(E), WIDEST)
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
-    value, size, _, _ = _boundary(StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta)
+    value, off_in_roundings, _, _ = _boundary(
+        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta
+    )
     q = m + m % 2
     F = value * theta**q
-    noise = (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
+    noise = (np.finfo(float).eps * off_in_roundings * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
     off = (
         2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
@@ -120,22 +121,26 @@ def _is_clear_next_to_one(opened, lines, poles):
 
 
 class _BoundaryFunctions(NamedTuple):
-    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of its terms; `1 - largest^2 |H|^2`, which is positive if |K| is
-    larger than `largest`, and the size of its terms."""
+    """The functions `value` and `beyond` of the boundary, see `_boundary`, and how far each may be off, in roundings of 1."""
 
     value: np.ndarray
-    size: np.ndarray
+    value_off: np.ndarray
     beyond: np.ndarray
-    unsure: np.ndarray
+    beyond_off: np.ndarray
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, solver, theta, largest=0.0, of=None) -> _BoundaryFunctions:
-    """Return the two functions of the boundary at angles theta; solver: delay lines of the loops, or their form, which they
-    are the loops `of` of.
+def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFunctions:
+    """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the number at the boundary:
 
-    `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
-    not even at the points of the circle on the real axis. theta may be complex.
+        H(z) = C (w(z) I - E)^-1 B + D,   z = e^(i theta),   w(z) = z - 1,
+        value = Im K/sin(theta) |H|^2 = C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B,
+        beyond = 1 - largest^2 H(z) H(1/z),
+
+    the first by the resolvent identity: nothing cancels, not even at the points of the circle on the real axis. It is 0 where K
+    is real; the second is positive on the circle where |K| is larger than `largest`.
+
+    solver: delay lines of the loops, or their form, which they are the `loops` of.
     """
     E, B, C, D = opened
     left = solver.row(E, C, -theta)
@@ -150,27 +155,27 @@ def _boundary(opened, solver, theta, largest=0.0, of=None) -> _BoundaryFunctions
     beyond = 1 - (largest * (forward.sum(-1) + D)) * (largest * (back.sum(-1) + D))
     size_forward = largest * (np.abs(forward).sum(-1) + np.abs(D))
     size_back = largest * (np.abs(back).sum(-1) + np.abs(D))
-    unsure = 1 + 2 * size_forward * size_back
+    size_beyond = 1 + 2 * size_forward * size_back
     if not np.iscomplexobj(theta):
         value = value.real
         beyond = beyond.real
     if isinstance(solver, DelayLines):
         roundings = CAUTION + max(map(len, solver.lines), default=0)
-        return _BoundaryFunctions(value, roundings * size, beyond, roundings * unsure)
-    of_value, of_gain = _errors_of_form(solver, of, left, right, theta)
+        return _BoundaryFunctions(value, roundings * size, beyond, roundings * size_beyond)
+    of_value, of_gain = _errors_of_form(solver, loops, left, right, theta)
     roundings = CAUTION + E.shape[-1]
     of_beyond = (
         largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
     )
     return _BoundaryFunctions(
-        value, roundings * size + of_value, beyond, roundings * unsure + of_beyond
+        value, roundings * size + of_value, beyond, roundings * size_beyond + of_beyond
     )
 
 
-def _errors_of_form(form, of, left, right, theta):
+def _errors_of_form(form, loops, left, right, theta):
     """Return how far the errors of a form may move `left right`, and `C right` as well as `left B`, in roundings of 1.
 
-    of: the number of the loop in the form, `(panels,)`. Solves of T + X in place of T move the first to first order by
+    loops: their numbers in the form, `(panels,)`. Solves of T + X in place of T move the first to first order by
     `left X R right` and `left R X right`, R the resolvent at -theta and at theta, and the others by `left X right`. That of a
     diagonal T is 1 over the distance of the nearest eigenvalue. Schur's vectors are orthogonal, and the loop is real in its own
     states, in even units, so by the resolvent identity the size of `R right` is that of the imaginary part of `right` in these
@@ -178,17 +183,17 @@ def _errors_of_form(form, of, left, right, theta):
     """
     of_left = np.linalg.norm(left, axis=-1)
     of_right = np.linalg.norm(right, axis=-1)
-    error = form.error[of, None] / np.finfo(float).eps
+    error = form.error[loops, None] / np.finfo(float).eps
     of_gain = error * of_left * of_right
     if form.diagonal:
-        poles = form.frames[of]
+        poles = form.frames[loops]
         apart = np.abs(on_circle(theta)[..., None] - poles).min(-1)
         apart_back = np.abs(on_circle(-theta)[..., None] - poles).min(-1)
         return of_gain * (1 / apart + 1 / apart_back), of_gain
     if np.iscomplexobj(theta):
         return of_gain, of_gain
-    own_right = right @ form.V[of].mT
-    own_left = left @ form.Z[of]
+    own_right = right @ form.V[loops].mT
+    own_left = left @ form.Z[loops]
     R_right = np.linalg.norm(own_right.imag, axis=-1) / np.abs(np.sin(theta))
     left_R = np.linalg.norm(own_left.imag, axis=-1) / np.abs(np.sin(theta))
     return error * (of_left * R_right + left_R * of_right), of_gain

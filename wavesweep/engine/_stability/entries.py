@@ -61,7 +61,11 @@ class Panels(Rows):
         )
 
     def filled(self, order: int) -> "Panels":
-        """The same with as many states."""
+        """The same with as many states.
+
+        Those that are added are 0 at the end of every frame: eigenvalues z = 0, which are `z - 1 = -1` of a frame
+        less identity. So the constant coefficient is -1 on their diagonal, and everything else of them is 0.
+        """
         n = self.error.shape[-1]
 
         def padded(entries):
