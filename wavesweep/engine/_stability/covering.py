@@ -1,6 +1,7 @@
 """The spans of columns covered by proofs of dominance, and by windows about the crossings that these leave open."""
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cache
 
 import numpy as np
@@ -12,19 +13,6 @@ from wavesweep.engine._stability.leaving_one import proved_from_one
 from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
-
-# The stage of a stretch says what its next test is; see `_OpenStretches`.
-PLAIN = 0  # the place is any place, and both sides of it are proved as far as that goes
-ON_ITS_WAY = 1  # from here on the place moves towards a crossing on the panel's polynomials, a stage with each step,
-ARRIVED = 6  # up to here, where no more steps are made
-EXACT = 7  # from here on the frame at the place itself is taken, as a window about the crossing was tried
-TIGHT = (
-    8  # from here on with tight bounds on its errors, and with each further stage a wider window
-)
-LAST = 12  # no window is tried again
-ELSEWHERE = (
-    13  # the crossing of a short stretch turned out to be beyond it: no window reaches into it
-)
 
 NEXT_TO = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
 # Half of a window about a crossing, and what shapes it.
@@ -65,6 +53,25 @@ TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORT = 1e-3  # of what an end may be off: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside, see `Tiles`
+
+
+class Stage(IntEnum):
+    """What the next test of a stretch is. A stage between two of these is one more step, or try, of the one before it.
+
+    PLAIN: the place is any place, and both sides of it are proved as far as that goes. ON_ITS_WAY: the place moves towards a
+    crossing on the panel's polynomials, a stage with each step. ARRIVED: no more steps are made. EXACT: a window about the
+    crossing was tried, so from here on the frame at the place itself is taken. TIGHT: from here on with tight bounds on its
+    errors, and with each further stage a wider window. LAST: no window is tried again. ELSEWHERE: the crossing of a short
+    stretch turned out to be beyond it, so no window reaches into it.
+    """
+
+    PLAIN = 0
+    ON_ITS_WAY = 1
+    ARRIVED = 6
+    EXACT = 7
+    TIGHT = 8
+    LAST = 12
+    ELSEWHERE = 13
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +235,7 @@ def _unstable_by_traces(panels):
     high = edges[:, 1:][last]
     done = proved[first] & (high > low)
     left = ~proved[first] & (high > low)
-    open_ = _OpenStretches(panel, low, high, (low + high) / 2, PLAIN + 0 * panel)
+    open_ = _OpenStretches(panel, low, high, (low + high) / 2, Stage.PLAIN + 0 * panel)
     return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_.take(left)
 
 
@@ -353,7 +360,7 @@ class _Round:
         off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
         moved = crossing.unsure / np.abs(crossing.slope)
         eps = np.maximum(np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, OF_ERRORS * moved)
-        tries = np.where(open_.stage < ELSEWHERE, np.maximum(open_.stage - TIGHT, 0), 0)
+        tries = np.where(open_.stage < Stage.ELSEWHERE, np.maximum(open_.stage - Stage.TIGHT, 0), 0)
         eps = np.fmin(eps * WIDENED**tries, WIDEST)
 
         # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on them.
@@ -361,10 +368,10 @@ class _Round:
         inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
         closing = inside & (np.abs(h) <= NEXT_TO)
         closing &= (h + eps > (open_.low - place) / half) & (h - eps < (open_.high - place) / half)
-        closing &= (open_.stage < ELSEWHERE) | (
+        closing &= (open_.stage < Stage.ELSEWHERE) | (
             (crossing.value > open_.low) & (crossing.value < open_.high)
         )
-        under_way = (open_.stage >= ON_ITS_WAY) & (open_.stage < ARRIVED)
+        under_way = (open_.stage >= Stage.ON_ITS_WAY) & (open_.stage < Stage.ARRIVED)
         toward = inside & ~closing & under_way & (np.abs(h) < 0.3 * length)
 
         closed = closing[:, None] & (np.abs(roots - h[:, None]) < MERGED * eps[:, None])
@@ -396,8 +403,8 @@ class _Round:
         below, above = sides.inner
         whole = (sides.proved[0] | (below <= open_.low)) & (sides.proved[1] | (above >= open_.high))
         failed = self.closing & ~whole
-        sharper = self.rough & (open_.stage < TIGHT)
-        again = self.closing & (failed | sharper) & (open_.stage < LAST)
+        sharper = self.rough & (open_.stage < Stage.TIGHT)
+        again = self.closing & (failed | sharper) & (open_.stage < Stage.LAST)
         tiles = []
         for low, high, proved, outside in (
             (sides.reached[0], below, sides.proved[0], sides.outside[0]),
@@ -438,7 +445,7 @@ class _Round:
         place = open_.place
         below, above = sides.inner
         moving = self.toward | again
-        stage = np.where(again, np.maximum(open_.stage, ARRIVED), open_.stage) + 1
+        stage = np.where(again, np.maximum(open_.stage, Stage.ARRIVED), open_.stage) + 1
         repeated = _OpenStretches(open_.panel, a, b, np.clip(self.crossing.value, a, b), stage)
         stretches = [repeated.take(moving)]
         width = above - below
@@ -469,13 +476,15 @@ class _Round:
         place = before.place + sign * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length)
         trusted &= ahead < np.maximum(3 * gone, 0.5 * length)
-        trusted &= (self.radius[index] == 1) & (before.stage < ARRIVED)
+        trusted &= (self.radius[index] == 1) & (before.stage < Stage.ARRIVED)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
         crossing = self.crossing.value[index]
-        missed = (before.stage >= EXACT) & ((crossing < before.low) | (crossing > before.high))
+        missed = (before.stage >= Stage.EXACT) & (
+            (crossing < before.low) | (crossing > before.high)
+        )
         missed &= length <= 2.5 * NEXT_TO * self.half[index]
-        stage = np.where(trusted, ON_ITS_WAY, PLAIN)
-        stage[missed] = ELSEWHERE
+        stage = np.where(trusted, Stage.ON_ITS_WAY, Stage.PLAIN)
+        stage[missed] = Stage.ELSEWHERE
         return _OpenStretches(before.panel, low, high, place, stage)
 
     def _reached(self, inner):
@@ -524,8 +533,8 @@ class _Round:
 
 def _exact_frames(errors, column, open_, n):
     """The frames at the places next to crossings, from TIGHT on with tight bounds."""
-    tests = np.flatnonzero(open_.stage >= EXACT)
-    tight = open_.stage[tests] >= TIGHT
+    tests = np.flatnonzero(open_.stage >= Stage.EXACT)
+    tight = open_.stage[tests] >= Stage.TIGHT
     E = np.empty((tests.size, n, n))
     off = np.empty((tests.size, n, n))
     for function, chosen in zip(errors, (~tight, tight), strict=True):
