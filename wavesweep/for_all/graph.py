@@ -79,14 +79,6 @@ class Graph:
         order = np.argsort(group, kind="stable")
         return order, np.searchsorted(group[order], np.arange(group.max() + 2)).tolist()
 
-    def doubled(self, symbols: int) -> "Graph":
-        """Return the graph with a second edge parallel to each one, by the matrix whose index is `symbols` higher."""
-        return Graph(
-            np.tile(self.source, 2),
-            np.append(self.symbol, self.symbol + symbols),
-            np.tile(self.target, 2),
-        )
-
     def is_complete(self, follows: np.ndarray) -> bool:
         """Return whether every sequence that `follows` allows is a walk in the graph."""
         leaving = np.zeros((1 + max(self.source.max(), self.target.max()), len(follows)), bool)

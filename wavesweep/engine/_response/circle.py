@@ -60,11 +60,6 @@ class Circle:
         """`exp(j w M T) - 1`, exactly 0 at multiples of the slow rate."""
         return self.steps(self.ratio)
 
-    @cached_property
-    def share(self):
-        """The component at w of a signal that is constant in every frame, times w of the tick over w of the frame."""
-        return self.turn(1) * self.turn(self.ratio).conj() / self.ratio
-
 
 @lru_cache(maxsize=4)  # loops are asked again and again for the same frequencies
 def circle_of(frequencies: bytes, rate: float, ratio: int) -> Circle:
