@@ -93,7 +93,7 @@ CAPABILITIES = (
         },
         kinds=("margins",),
         library=("Loop.margins", "Loop.plot_margins"),
-        offers=("on_check", "panel", "section"),
+        offers=("on_check", "panel", "section", "wish"),
     ),
     Capability(
         "poles",

@@ -13,6 +13,7 @@ from wavesweep.engine.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, Rejected, check, show
 from wavesweep.haptics.controllers import WALL
+from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS
 from wavesweep.program.reading.sorting import Sorted
@@ -126,6 +127,10 @@ class Design(TableValue):
                     wish.name,
                 )
                 continue
+            if "cut" in wish.options:
+                fault = fault_of_cut(drawing, str(wish.options["cut"][0]))
+                if fault:
+                    yield f"wish.{wish.name}.cut", fault[0], fault[1]
             needed = {
                 *wish.kind.ports,
                 *(["wall"] if {"walls", "B_VE"} & set(wish.options) else []),
@@ -375,6 +380,9 @@ class _Reader:
                     self.mistakes.refuse(
                         leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value)
                     )
+            if "cut" in kind.options and "cut" not in options:
+                self.refuse(f"wish.{name}", "cut, the signal at which the loop is cut", "none")
+                continue
             band = options.get("band_hz", ())
             if len(band) == 2 and not band[0] < band[1]:
                 self.refuse(

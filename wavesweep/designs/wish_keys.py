@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.capabilities import offered
+from wavesweep.capabilities import modules
 from wavesweep.engine.keys import Key, Place
 from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
 
@@ -34,8 +34,8 @@ class WishKind:
     """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
 
     ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it. reads: how the paths begin of all
-    numbers that it reads; empty if it reads the whole loop. measure: of one that a capability offers, from the loops of a batch
-    and their number to the value of each, and whether that is certified.
+    numbers that it reads; empty if it reads the whole loop. measure: of one that a capability offers, from the loops of a batch,
+    their number and its own options to the value of each, and whether that is certified.
     """
 
     unit: str
@@ -48,6 +48,11 @@ class WishKind:
     measure: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
 
     @property
+    def own_options(self) -> tuple[str, ...]:
+        """The names of its options beside those of walls."""
+        return tuple(name for name in self.options if name not in _WALLS)
+
+    @property
     def bound(self) -> str:
         """The key of its bound."""
         return "at_least" if self.more else "at_most"
@@ -55,9 +60,12 @@ class WishKind:
 
 def _offered() -> Iterator[tuple[str, WishKind]]:
     """Yield what capabilities offer by name; what reads the whole loop is looked at with walls."""
-    module = offered("wish")
-    for name, wish in module.WISHES.items() if module else ():
-        yield name, WishKind(**wish, options={} if wish.get("reads") else _WALLS)
+    for module in modules("wish"):
+        for name, wish in module.WISHES.items():
+            own = {"options": {}, **wish}
+            if not wish.get("reads"):
+                own["options"] = {**own["options"], **_WALLS}
+            yield name, WishKind(**own)
 
 
 WISHES = MappingProxyType(

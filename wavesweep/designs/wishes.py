@@ -413,6 +413,7 @@ def _coupled(spec, points):
 def _offered(spec, wish, points):
     """What a capability measures. Of points that differ only in numbers that it does not read, it is computed once."""
     value, certified = _unknown(points.size)
+    options = {name: wish.options[name][0] for name in wish.kind.own_options}
     reads = wish.kind.reads
     if reads:
         read = {path: column for path, column in points.changes.items() if path.startswith(reads)}
@@ -421,7 +422,8 @@ def _offered(spec, wish, points):
     for members, loops in _batches(spec, points):
         if spec.drawing:
             loops.refuse_unsuitable()
-        value[members], certified[members] = wish.kind.measure(loops, members.size)
+        measured = wish.kind.measure(loops, members.size, **options)
+        value[members], certified[members] = measured
     if reads:
         return value[back], certified[back]
     return value, certified

@@ -1,7 +1,7 @@
 """Loops that are broken at a signal, an output of a block."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
 
 import numpy as np
@@ -28,7 +28,11 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     """
     named = spec.tables().get("signals", {})
     spec, signal = with_block(spec, signal)
-    loop = own_loop(spec)
+    return broken_in(own_loop(spec), signal, named)
+
+
+def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLoop | LiftedLoop:
+    """Break a loop at the output of a block; named: names of signals that may have been meant. Errors: see `broken_at`."""
     times = _times_per_frame(loop)
     if signal not in times:
         shown = [

@@ -113,6 +113,13 @@ class PanelModule(AsYouLike, Protocol):
         """What is computed while a slider moves; shown: the data of the page."""
 
 
+class WishModule(Protocol):
+    """What may be wished for of a design."""
+
+    WISHES: Mapping[str, Mapping[str, Any]]
+    """The arguments of a `WishKind` by the name of the wish."""
+
+
 SEAMS: Mapping[str, type] = MappingProxyType(
     {
         "keys": KeysModule,
@@ -120,6 +127,7 @@ SEAMS: Mapping[str, type] = MappingProxyType(
         "on_check": OnCheckModule,
         "section": SectionModule,
         "panel": PanelModule,
+        "wish": WishModule,
     }
 )
 """The type of each module that several capabilities offer, by the module's name."""

@@ -19,54 +19,15 @@ from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import ONE
-from wavesweep.engine.keys import nearest, show
+from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.require.gain_bound import CutBound, GainBound
 
 if TYPE_CHECKING:
-    from wavesweep.engine.drawing import Drawing
     from wavesweep.engine.loop import Loops
 
 PATH = "sweep.require.margins"
 INPUT, ALONE, SEEN = "input at the cut", "the input alone", "behind the cut"
 LESS_HALF = ("number", -0.5, 0)
-
-
-def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
-    """What is expected and found of a signal at which a loop cannot be cut, and a suggestion; None if it can."""
-    between_ticks = set()  # a factor there would be in the tick
-    for plant in drawing.plants:
-        between_ticks |= {name for name, _ in plant.sensed}
-        between_ticks |= {f"{name}.y" for _, name in plant.arriving}
-    read = {name for _, terms in drawing.wires for name, _ in terms} - between_ticks
-    made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
-    signals = sorted(read & made)
-    if cut not in signals:
-        expected = f"an output of a block that some wire reads ({', '.join(signals)})"
-        return expected, show(cut), nearest(cut, signals)
-    if not _returns(drawing, cut):
-        return "a signal of a loop", f"{show(cut)}, which does not come back to itself", ""
-    return None
-
-
-def _returns(drawing, cut):
-    """Whether the block of a signal reads what it makes, perhaps through others."""
-    wires = [(_block_of(port), dict(terms)) for port, terms in drawing.wires]
-    wires += [(_block_of(port), dict(terms)) for port, terms in drawing.couplings]
-    source = _block_of(cut)
-    reached = {block for block, terms in wires if cut in terms}
-    while True:
-        further = {
-            block
-            for block, terms in wires
-            if reached & {_block_of(name) for name in terms} and block not in reached
-        }
-        if not further:
-            return source in reached
-        reached |= further
-
-
-def _block_of(port):
-    return port.rpartition(".")[0]
 
 
 def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], GainBound]:

@@ -266,7 +266,7 @@ def _refuse_wrong_cut(request, leaves):
         first = leaves[given[0]]
         mistakes.refuse(first, f"{PATH}.margins", "cut, and Ms or disk", f"none of {missing}")
     elif request.drawing:
-        from wavesweep.require.at_cut import fault_of_cut
+        from wavesweep.program.analyses.cuts import fault_of_cut
 
         if fault := fault_of_cut(request.drawing, leaf.value):
             mistakes.refuse(leaf, f"{PATH}.margins.cut", *fault, of_key=False)
