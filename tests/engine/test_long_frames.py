@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from panel_speed import chain
+from panel_speed import LONG, chain
 
 from wavesweep.engine import loop_from_drawing
 from wavesweep.engine._energy import long_frames, norms
 from wavesweep.engine._energy.lifted_map import TickMaps
-from wavesweep.engine._energy.long_frames import is_above, largest_gains
+from wavesweep.engine._energy.long_frames import is_above, largest_gains, squared_norm_of_one
 from wavesweep.engine._energy.norms import squared_norm
 
 
@@ -70,3 +70,39 @@ def test_the_norm_over_many_ticks_is_that_of_the_lifted_loop(monkeypatch, ticks,
     exact = loop.hinf_norm("F", "y")
     assert found.certified
     assert float(found.value) == pytest.approx(float(exact.value), rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(12, 24))
+def test_the_proof_agrees_with_dense_eigenvalues_of_random_loops(seed):
+    """What stored energy proves without an angle, the eigenvalues of responses meet or do not."""
+    ticks = random_ticks(seed, 24)
+    found = squared_norm_of_one(ticks, norms.TOLERANCE)
+    exact = float(norms._by_responses(ticks).value[0])
+    assert found.certified
+    assert found.square == pytest.approx(exact, rel=2e-10)
+
+
+@pytest.mark.parametrize(("share", "looser"), [(0.01, 1), (0.5, 1), (0.9, 3), (0.99, 100)])
+def test_the_norm_over_long_frames_is_proved_up_to_limits_of_stability(monkeypatch, share, looser):
+    """No loop is left to eigenvalues at each angle, which take a hundred times as long."""
+    monkeypatch.setattr(norms, "_by_responses", None)
+    monkeypatch.setattr(long_frames, "LOOSER", looser)
+    tables = chain(2, 300)
+    tables["wire"]["m0.f"] += " + F"
+    loop = loop_from_drawing(tables | {"ports": {"inputs": {"F": "F"}, "outputs": {"y": "m0.x"}}})
+    limit = float(loop.stable_intervals("K", (0.0, 1000.0)).high[0])
+    assert loop.hinf_norm("F", "y", {"K": share * limit}).certified
+
+
+def test_energies_that_a_tick_hardly_changes_are_kept_with_enough_digits(monkeypatch):
+    """A position that is read 50 times in a frame of 500 ticks, for a force that changes once: ends of digits count."""
+    monkeypatch.setattr(norms, "_by_responses", None)
+    blocks = LONG["block"] | {
+        "scene": {"type": "hold", "every": 10},
+        "force": {"type": "hold", "every": 500, "phase": 3},
+    }
+    wires = LONG["wire"] | {"device.f": "force.y + F"}
+    ports = {"inputs": {"F": "F"}, "outputs": {"y": "device.v"}}
+    loop = loop_from_drawing(LONG | {"block": blocks, "wire": wires, "ports": ports})
+    limit = float(loop.stable_intervals("K", (0.0, 1000.0)).high[0])
+    assert loop.hinf_norm("F", "y", {"K": 0.9 * limit}).certified

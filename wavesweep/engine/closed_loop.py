@@ -432,7 +432,8 @@ class ClosedLoop:
 
         Notes
         -----
-        Accuracy: 1e-10 relative if certified.
+        Accuracy: 1e-10 relative if certified. Over frames of more than 64 inputs or outputs, that no gain is larger is proved
+        to 5e-9 at least.
         """
 
         def largest(ticks: TickMaps) -> tuple[Floats, Floats, Bools]:

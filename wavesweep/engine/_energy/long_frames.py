@@ -36,11 +36,11 @@ SETTLED = (
 )
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 EPS = np.finfo(float).eps
-ASKED = 4.0  # times what rounding may cost in each tick, which the stored energy has to make up for
-ROUNDED, RETURNED = (
-    0.25,
-    64.0,
-)  # of these, roundings of the stored energies, and what they miss in the end of where they began
+LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
+ASKED = 1.25  # times what rounding may cost the check: an energy loses less than it may
+NEWTON_STEPS = 4  # to energies that return after a frame; it takes one or two
+RETURNED = 4.0  # times by what they missed it at first, since rounding is not the same again
+LEAST_ENERGY = 1e-12  # of the largest: that of a state in which nothing is stored, for its unit
 TOGETHER = 2_000_000  # numbers of the points that are computed together
 
 
@@ -57,6 +57,9 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
 
     A level just above the largest gain so far is met at the unit-circle eigenvalues of its pencil, and the largest gain is
     between two of them (see `hinf_norm`); once none is larger, the level is proved.
+
+    Accuracy: of the square, the tolerance, or LOOSER times as much next to a limit of stability:
+    what rounding costs in each tick is paid for as long as the loop remembers.
     """
     ticks = ticks.in_even_units()
     lifted = ticks.lifted(measured=False)
@@ -72,7 +75,10 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
         edges = angles(ticks.loss_pencil([0], np.array([square * (1 + tolerance)])))[0]
         edges = np.unique(np.append(edges[np.isfinite(edges)], [0.0, np.pi]))
         candidates = np.concatenate([[0.0, np.pi], (edges[1:] + edges[:-1]) / 2])
-    return Norm(square, theta, certified=is_above(ticks, square * (1 + tolerance)))
+    certified = is_above(ticks, square * (1 + tolerance))
+    if not certified:
+        certified = is_above(ticks, square * (1 + tolerance * LOOSER))
+    return Norm(square, theta, certified)
 
 
 def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
@@ -140,86 +146,142 @@ def _bidiagonal(diagonal, beside):
 def is_above(ticks: TickMaps, square: float) -> bool:
     """Whether a level is proved to be above the norm of one stable loop; square: that of the level.
 
-    The energies X_k are those that Riccati's equation gives if a little more is asked for in each tick than the lemma does: by
-    what rounding may cost in each of its matrices.
+    The energies X_k are those that Riccati's equation gives if a little more is asked for in each
+    tick than the lemma does: by what rounding may cost in each of its matrices. Only the check of
+    these matrices has to be right.
     """
     maps = [tuple(matrix[0] for matrix in tick_map) for tick_map in ticks.maps]
     kinds = ticks.kind.tolist()
-    maps.append(
-        maps[kinds[-1]]
-    )  # the last tick is a kind by itself, which leads back to the beginning
+    # The last tick is a kind by itself, which leads back to the beginning.
+    maps.append(maps[kinds[-1]])
     kinds[-1] = len(maps) - 1
-    nothing = [np.zeros(len(maps[0][0]))] * len(maps)
-    stored = _over_frame(maps, kinds, square, nothing, _stored(maps, kinds, square, nothing))
-    if not np.isfinite(stored).all():
+    ticks_of = [np.flatnonzero(np.array(kinds) == kind) for kind in range(len(maps))]
+    n = len(maps[0][0])
+    nothing = [np.zeros(n)] * len(maps)
+    stored = _energies(maps, kinds, square, nothing)
+    if not np.isfinite(stored.high).all():
         return False
-    largest = np.abs(np.diagonal(stored, axis1=-2, axis2=-1)).max(0)
-    largest[largest == 0] = 1.0
+    largest = _largest(stored)
     units = [np.sqrt(np.append(largest, np.full(B.shape[-1], square))) for _, B, _, _ in maps]
     asked = []
     for kind, tick_map in enumerate(maps):
-        at, n = np.array(kinds) == kind, len(largest)
-        matrix, error = _of_lemma(tick_map, square, stored[:-1][at], stored[1:][at])
-        rounded = RETURNED if kind == kinds[-1] else ROUNDED
-        error[:, :n, :n] += rounded * EPS * np.abs(stored[:-1][at])
-        in_rows = _row_sums(error, units[kind])
-        # What is taken off the inputs' part costs the states as much as the inputs that they would choose.
+        matrix, error = _of_lemma(tick_map, square, stored, ticks_of[kind])
+        lost = _lost(matrix, error, units[kind])
+        # What is taken off the inputs' part costs the states as much as the inputs they would choose.
         chosen = np.abs(solve(matrix[:, n:, n:], matrix[:, n:, :n]))
-        of_inputs = np.swapaxes(chosen, -1, -2) @ (in_rows[:, n:, None] * chosen)
-        asked.append(
-            ASKED * (in_rows[:, :n] + _row_sums(of_inputs, units[kind][:n])).max(0, initial=0.0)
-        )
-    stored = _over_frame(maps, kinds, square, asked, _stored(maps, kinds, square, asked))
-    stored[-1] = stored[0]
-    for kind, tick_map in enumerate(maps):
-        at = np.array(kinds) == kind
-        if not _all_positive(
-            *_of_lemma(tick_map, square, stored[:-1][at], stored[1:][at]), units[kind]
-        ):
-            return False
-    return True
+        of_inputs = np.swapaxes(chosen, -1, -2) @ (lost[:, n:, None] * chosen)
+        of_states = lost[:, :n] + _row_sums(of_inputs, units[kind][:n])
+        asked.append(ASKED * of_states.max(0, initial=0.0))
+    asked[-1] += n * RETURNED * max(_unreturned(stored), EPS) * largest
+    stored = _energies(maps, kinds, square, asked)
+    for part in stored:
+        part[-1] = part[0]
+    return all(
+        _all_positive(*_of_lemma(tick_map, square, stored, ticks_of[kind]), units[kind])
+        for kind, tick_map in enumerate(maps)
+    )
 
 
-def _stored(maps, kinds, square, asked):
-    """The energy that is stored at the beginning of a frame; asked: in each kind of tick, of each state squared."""
+class Energies(NamedTuple):
+    """Energies before each tick and after the last one, `high + low`, each `(ticks + 1, n, n)`.
+
+    A tick changes them by little: their difference needs more digits than one number has.
+    """
+
+    high: np.ndarray
+    low: np.ndarray
+
+
+def _energies(maps, kinds, square, asked):
+    """The energies of Riccati's equation; asked: in each kind of tick, of each state squared."""
+    balances = []
     elements = []
     for (E, B, C, D), more in zip(maps, asked, strict=True):
         costs = -C.T @ C - np.diag(more), -C.T @ D, square * np.eye(D.shape[-1]) - D.T @ D
+        balances.append((E, B, *costs))
         elements.append(tick(np.eye(len(E)) + E, B, *costs))
     frame = in_a_row(kinds, elements, then)
     for _ in range(DOUBLINGS):
         Q, frame = frame.Q, then(frame, frame)
         if not np.isfinite(frame.Q).all() or (np.abs(frame.Q - Q) <= EPS * np.abs(Q).max()).all():
             break
-    return -frame.Q
+    high, low = -frame.Q, np.zeros_like(frame.Q)
+    missed = np.inf
+    for _ in range(NEWTON_STEPS):
+        stored, closed = _over_frame(balances, kinds, high, low)
+        missed_before, missed = missed, _unreturned(stored)
+        if not EPS < missed < missed_before / 2:
+            break
+        once = stored.high[0] - high + (stored.low[0] - low)
+        high, low = _sum_and_rest(high, low + _of_all_frames(once, closed))
+    return stored
 
 
-def _over_frame(maps, kinds, square, asked, energy):
-    """The energies before each tick and after the last one, `(ticks + 1, n, n)`; energy: after the last one."""
-    stored = [energy]
+def _unreturned(stored):
+    """By how much the energy after the last tick misses the first, of the largest of each state."""
+    size = np.sqrt(_largest(stored))
+    return float(
+        np.abs((stored.high[0] - stored.high[-1]) / (size[:, None] * size)).max(initial=0.0)
+    )
+
+
+def _largest(stored):
+    """Return the largest energy of each state by itself, `(n,)`."""
+    largest = np.abs(np.diagonal(stored.high, axis1=-2, axis2=-1)).max(0)
+    return np.maximum(largest, LEAST_ENERGY * largest.max(initial=np.finfo(float).tiny))
+
+
+def _over_frame(balances, kinds, high, low):
+    """The energies back from those after the last tick, and the frame with the inputs they choose.
+
+    balances: of each kind of tick E and B, and the costs of its states, of both and of its inputs.
+    """
+    stored = [(high, low)]
+    closed = np.eye(len(high))
     for kind in reversed(kinds):
-        E, B, C, D = maps[kind]
-        of_E, of_B = energy @ E, energy @ B
-        cross = of_B + E.T @ of_B + C.T @ D
-        spent = square * np.eye(B.shape[-1]) - D.T @ D - B.T @ of_B
-        change = (
-            of_E
-            + of_E.T
-            + E.T @ of_E
-            + C.T @ C
-            + np.diag(asked[kind])
-            + cross @ solve(spent, cross.T)
-        )
-        energy = energy + (change + change.T) / 2
-        stored.append(energy)
-    return np.array(stored[::-1])
+        E, B, of_states, of_both, of_inputs = balances[kind]
+        of_E, of_B = high @ E, high @ B
+        cross = of_B + E.T @ of_B - of_both
+        chosen = solve(of_inputs - B.T @ of_B, cross.T)
+        change = of_E + of_E.T + E.T @ of_E - of_states + cross @ chosen
+        high, low = _sum_and_rest(high, low + (change + change.T) / 2)
+        stored.append((high, low))
+        closed = closed + closed @ (E + B @ chosen)
+    return Energies(*(np.array(part[::-1]) for part in zip(*stored, strict=True))), closed
 
 
-def _of_lemma(tick_map, square, before, after):
-    """The matrices of the lemma in all ticks of a kind, and bounds on their errors; before, after: X_k and X_{k+1}."""
+def _of_all_frames(once, frame):
+    """Return `sum over k of (frame')^k once frame^k`, twice as many terms in each step."""
+    total = once
+    for _ in range(DOUBLINGS):
+        added = frame.T @ total @ frame
+        total = total + added
+        frame = frame @ frame
+        if not np.isfinite(total).all() or (np.abs(added) <= EPS * np.abs(total).max()).all():
+            break
+    return (total + total.T) / 2
+
+
+def _sum_and_rest(a, b):
+    """Return the rounded sum of two arrays, and what rounding left of it (D. Knuth's exact sum)."""
+    total = a + b
+    of_b = total - a
+    return total, (a - (total - of_b)) + (b - of_b)
+
+
+def _of_lemma(tick_map, square, stored, ticks):
+    """The matrices of the lemma in ticks of one kind, and bounds on their errors.
+
+    A product of n terms is known to n half roundings of its sizes, and two products and their sum
+    to `2 n + 5`; that the low parts are left out of the products costs one more. The last two are
+    for what rounding may do to this bound.
+    """
     E, B, C, D = tick_map
     n, m = B.shape
     shown = np.concatenate([C, D], -1)
+    after = stored.high[ticks + 1]
+    high = after - stored.high[ticks]
+    low = stored.low[ticks + 1] - stored.low[ticks]
 
     def terms(E, B, after, gained, given, shown):
         """Their terms, of which the sizes are those of the sizes of all."""
@@ -231,9 +293,11 @@ def _of_lemma(tick_map, square, before, after):
         sums[:, n:, n:] = given + B.T @ of_B
         return sums + shown.T @ shown
 
-    change, given = after - before, -square * np.eye(m)
-    sizes = terms(np.abs(E), np.abs(B), np.abs(after), np.abs(change), np.abs(given), np.abs(shown))
-    return -terms(E, B, after, change, given, shown), (2 * n + len(C) + 8) * EPS * sizes
+    given = square * np.eye(m)
+    gained = np.abs(high) + np.abs(low)
+    sizes = terms(np.abs(E), np.abs(B), np.abs(after), gained, given, np.abs(shown))
+    error = (2 * n + len(C) + 8) * EPS / 2 * sizes
+    return -terms(E, B, after, high + low, -given, shown), error
 
 
 def _row_sums(matrix, units):
@@ -241,22 +305,29 @@ def _row_sums(matrix, units):
     return (matrix / units).sum(-1) * units
 
 
+def _lost(matrix, error, units):
+    """What is taken off the diagonals of symmetric matrices before they are decomposed, `(ticks, N)`.
+
+    By Gershgorin's theorem, in these units, the sums of their rows of errors are enough for all
+    errors. In units in which their diagonal is 1, Cholesky's decomposition shows that they are
+    positive definite if N (N + 2) roundings less than that still has one (S. M. Rump, BIT 46,
+    2006, Theorem 2.3); as many again are left for the units and the subtraction.
+    """
+    N = matrix.shape[-1]
+    return _row_sums(error, units) + N * (N + 8) * EPS * np.diagonal(matrix, axis1=-2, axis2=-1)
+
+
 @np.errstate(all="ignore")
 def _all_positive(matrix, error, units) -> bool:
-    """Whether symmetric matrices are positive definite for all errors of their entries.
-
-    By Gershgorin's theorem, in these units, it is enough if they are so without the sums of their rows of errors on the
-    diagonal. In units in which their diagonal is 1, Cholesky's decomposition shows that if N (N + 2) roundings less than its
-    diagonal still has one (S. M. Rump, BIT 46, 2006, Theorem 2.3); as many again are left for the units and the subtraction.
-    """
-    N, at = matrix.shape[-1], np.arange(matrix.shape[-1])
+    """Whether symmetric matrices are positive definite for all errors of their entries."""
+    at = np.arange(matrix.shape[-1])
+    lost = _lost(matrix, error, units)
     matrix = matrix.copy()
-    matrix[:, at, at] -= _row_sums(error, units)
+    matrix[:, at, at] -= lost
     scale = 1 / np.sqrt(matrix[:, at, at])
     if not np.isfinite(scale).all():
         return False
     matrix *= scale[:, :, None] * scale[:, None, :]
-    matrix[:, at, at] -= N * (N + 8) * EPS
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
