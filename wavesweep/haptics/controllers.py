@@ -69,7 +69,7 @@ CONTROLLERS = {
         filters=("lp1",),
     ),
     "pmw-mean": Controller(
-        "pmw with the mean of a frame for a low-pass: where rates divide its channel is passive, and no passive one is stiffer at rest",
+        "pmw with the mean of a frame for a low-pass: passive where rates divide, and none that is feels stiffer at rest",
         _page("pmw", "pmw_mean"),
         filters=(),
     ),

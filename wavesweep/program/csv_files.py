@@ -161,6 +161,10 @@ def _header(text: str) -> tuple[int, str]:
         below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
         for mark in (",", *MARKS):
             names = _cells(line, mark)
+            if (
+                mark != "," and len(names) == 1
+            ):  # a decimal comma of one column could be two columns
+                continue
             if all(_is_number(name.replace(",", ".")) for name in names):
                 continue
             rows = [_cells(each, mark) for each in below]
