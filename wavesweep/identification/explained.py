@@ -159,10 +159,16 @@ def _with_models(model, found, log):
 
 
 def _best(effects):
-    """The likeliest effect; of those that are nearly as likely, one that an option fits."""
+    """The likeliest effect; of those that are nearly as likely, one that an option fits.
+
+    Friction goes before that which depends on direction, of which it is a case.
+    """
     if not effects:
         return None
     best = max(effects, key=attrgetter("likelier"))
+    plain = [effect for effect in effects if effect.name == "friction"]
+    if best.name == "sided friction" and plain:
+        return plain[0]
     fitting = [
         effect
         for effect in effects
