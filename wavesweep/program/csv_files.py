@@ -111,9 +111,13 @@ def _rows(path: str | Path, lines: Sequence[str]) -> Iterator[list[str]]:
     try:
         yield from csv.reader(lines)
     except csv.Error as error:
-        raise UsageError(
-            f"{path}: expected cells of at most {csv.field_size_limit()} letters ({error})"
-        ) from None
+        raise _beyond_limit(path, error) from None
+
+
+def _beyond_limit(path: str | Path, error: csv.Error) -> UsageError:
+    return UsageError(
+        f"{path}: expected cells of at most {csv.field_size_limit()} letters ({error})"
+    )
 
 
 _NONE = "expected rows of numbers below the header"
@@ -138,7 +142,10 @@ def read_csv(path: str | Path, most: int) -> Csv:
         return _of_json(path, text, sha256)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     text = ANDROID.join(text.split(ANDROID)[:2])
-    above, mark = _header(text)
+    try:
+        above, mark = _header(text)
+    except csv.Error as error:
+        raise _beyond_limit(path, error) from None
     header, _, body = text.split("\n", above)[above].partition("\n")
     if (columns := header.count(mark) + 1) > MOST_COLUMNS:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
@@ -160,6 +167,9 @@ def _header(text: str) -> tuple[int, str]:
             continue
         below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
         for mark in (",", *MARKS):
+            # Without one between names, a comma below a single name may be one between columns.
+            if mark != "," and mark not in line.strip():
+                continue
             names = _cells(line, mark)
             if (
                 mark != "," and len(names) == 1

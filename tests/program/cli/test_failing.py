@@ -332,3 +332,10 @@ def test_no_command_replaces_a_file_that_it_reads(wavesweep, spec, words, name, 
     assert (code, out) == (2, "")
     assert "which is read" in err
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_a_process_with_too_little_memory_is_told_before_a_library_crashes(wavesweep, spec, monkeypatch):
+    monkeypatch.setattr("wavesweep.program.cli.entry.memory_limit", lambda: 205e6)
+    code, out, err = wavesweep("zwidth", spec, "--no-plot")
+    assert (code, out) == (1, "")
+    assert err.startswith("Error: this process may take 205 MB of memory (ulimit -v), with which libraries crash or hang; ")

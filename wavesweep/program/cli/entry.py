@@ -62,6 +62,7 @@ def verbosity() -> Verbosity:
 
 INTERRUPTED = 130
 # Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
+LEAST_MEMORY = 400e6  # bytes of address space, with which OpenBLAS and Arrow load
 # What the system says of a library for which there is no memory.
 NO_ROOM = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
@@ -206,6 +207,11 @@ def group(context: click.Context) -> None:
     command, and may stand anywhere in the line.
     Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
+    if memory_limit() < LEAST_MEMORY:
+        raise WavesweepError(
+            f"this process may take {memory_limit() / 1e6:.0f} MB of memory (ulimit -v), with which libraries crash or hang; "
+            f"expected at least {LEAST_MEMORY / 1e6:.0f} MB, and 900 MB for figures"
+        )
     if verbosity().as_json and context.invoked_subcommand in WITHOUT_SUMMARY:
         raise click.UsageError(
             f"--json: {context.invoked_subcommand} prints no summary; leave it out"
