@@ -165,7 +165,7 @@ def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
         numbers = {each.path: float(x) for each, x in zip(case.ranges, corner, strict=True)}
         said = [fixed] if fixed else []
         said += [f"{name_of(path)} = {value:g}" for path, value in numbers.items()]
-        yield ", ".join(said) or "its own numbers", case.loop.changed(numbers)
+        yield ", ".join(said) or "the spec's own numbers", case.loop.changed(numbers)
 
 
 def _certified(loop: Loops, along: str, span: tuple[float, float]):

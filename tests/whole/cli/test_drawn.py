@@ -102,7 +102,7 @@ def test_check_draws_the_loop_and_says_where(run):
     assert (code, "Wrote loop.svg" in text) == (0, True)
     assert "<dc:title>diagram of arm</dc:title>" in Path("loop.svg").read_text(encoding="utf-8")
     code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
-    assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
+    assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png", "there/timing.png"])
 
 
 def test_what_is_not_known_is_not_called_unstable():

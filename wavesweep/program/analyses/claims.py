@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import IntEnum
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
@@ -318,6 +317,14 @@ class Claim:
                 return f"{self.what.holds}{about}, checked{because}"
         return f"{self.what.holds}{about}"
 
+    def brief(self) -> str:
+        """The claim in a few words, without its loops, its reason, and what is required."""
+        if self.status is Status.UNKNOWN:
+            required = "," in self.what.question
+            return "not known" if required else f"not known {self.what.question}"
+        words = {Status.REFUTED: self.what.fails, Status.PROVED: self.what.proved}
+        return words.get(self.status, self.what.holds).partition(",")[0]
+
     def written(self) -> dict[str, Any]:
         """The claim as JSON has it."""
         said = {"what": self.what.holds, "answer": self.status.answer}
@@ -494,7 +501,12 @@ class Verdict(NamedTuple):
         worst = self.worst
         said = [worst] if self.status <= Status.UNKNOWN else [*self.answers]
         whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"
-        first = shorten(whole, WIDEST, placeholder=" ...")
+        first = whole
+        if len(first) > WIDEST:
+            without_reasons = "; ".join(replace(claim, reason="").words() for claim in said)
+            first = f"{subject}: {without_reasons}"
+        if len(first) > WIDEST:
+            first = f"{subject}: {'; '.join(claim.brief() for claim in said)}"
         yield first
         for claim in self.answers:
             if first != whole or claim not in said:

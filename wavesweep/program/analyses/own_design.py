@@ -124,7 +124,7 @@ def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
         return Claim(STABLE, scope, Status.CERTIFIED if certified else Status.COMPUTED)
     if radius is None or radius == 1:  # which also stands for one that is below it by rounding
         return Claim(STABLE, scope, Status.UNKNOWN, "numbers overflow, or rounding hides them")
-    return Claim(STABLE, scope, Status.REFUTED, "its own numbers")
+    return Claim(STABLE, scope, Status.REFUTED, "not stable with the spec's own numbers")
 
 
 def own_lines(
