@@ -476,7 +476,9 @@ def test_an_answer_nowhere_names_the_mode_that_is_in_the_way():
     tally = kind.tally(table)
     for block in table.blocks():
         tally.add(block)
-    (line,) = [text for text, _ in kind.lines(tally.numbers(table.facts)) if text.startswith("no KP with every mode")]
+    (text,) = [text for text, _ in kind.lines(tally.numbers(table.facts)) if text.startswith("no KP with every mode")]
+    assert max(map(len, text.splitlines())) <= 120
+    line = " ".join(text.split())
     assert "in the swept range: nearest at KP = " in line
     assert "where the mode z = -0.12" in line
     assert "(500 Hz, damping ratio 0.5" in line

@@ -46,6 +46,28 @@ def test_the_summary_of_a_step_says_where_outputs_settle():
     assert off[at:].max() <= 0.04 < off[at - 1]
 
 
+@pytest.mark.parametrize(
+    ("high", "said"), [(0.5, "is 0.5 at the end, where the linear loop settles at 0.6"), (2, "settles at 0.6")]
+)
+def test_an_output_at_its_limit_is_said_to_be_there_and_not_where_the_linear_loop_settles(high, said):
+    """With 1.5 (1 - x) before a lag of gain 1 the linear loop settles at 1.5/2.5, and its largest force is 1.5."""
+    limited = {
+        "rates": {"tick_hz": 100},
+        "block": {
+            "lag": {"type": "tf", "num": [1], "den": [0.2, 1]},
+            "limit": {"type": "saturation", "high": high, "low": 0},
+        },
+        "wire": {"limit.u": "1.5*(push - lag.y)", "lag.u": "limit.y"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"force": "limit.y"}},
+        "simulate": {"input": "step", "duration_s": 3},
+    }
+    (found,) = wavesweep.simulate(limited)
+    assert found.force.iloc[-1] == pytest.approx(min(high, 0.6))
+    lines = [text for text, _ in kind_named("simulate").lines(found.attrs["summary"])]
+    (line,) = [text for text in lines if text.startswith("force ")]
+    assert line.startswith(f"force {said}")
+
+
 def test_a_hand_and_inputs_have_their_columns_beside_each_other():
     text = WALL.replace('"hand - late.y"', '"hand - late.y + pull"')
     ports = 'inputs = { pull = "pull" }\noutputs = { place = "m.x", force = "K*m.x" }'

@@ -44,7 +44,7 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     """Yield the lines about ranges, delay, feel, hardware and modes."""
     yield from _limit_lines(spec, found)
     if found["delay"] and found["spectral_radius"] is not None:
-        yield 2.5, _delay(found["delay"])
+        yield 2.5, _delay(spec, found["delay"])
     if found["stable"] and found["felt"]:
         yield from _felt(found["felt"], *spec.units_felt)
     yield from _hardware(found.get("hardware", {}), found["stable"], spec)
@@ -206,12 +206,15 @@ def _unit(spec: Spec, name: str) -> str:
     return "" if unit in ("", "1") else f" {readable(unit)}"
 
 
-def _delay(delay: Facts) -> str:
+def _delay(spec: Spec, delay: Facts) -> str:
+    whole = delay["ticks"] == spec.values["rates.ratio"]
     at_delay = f"delay = {delay['ticks']:.6g} of {delay['frame']:.6g} ticks"
+    if whole:
+        at_delay = f"delay of a whole frame, {delay['frame']:.6g} ticks"
     if delay["most"] is None:
         return f"{at_delay}: unstable at this delay"
     if delay["most"] == delay["frame"]:
-        return f"{at_delay}: stable up to a whole frame"
+        return f"{at_delay}: stable{'' if whole else ' up to a whole frame'}"
     least = "at least " if delay["most"] == delay["tried"] else ""
     return f"{at_delay}: stable up to {least}{delay['most']} ticks"
 

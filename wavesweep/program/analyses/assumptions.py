@@ -15,6 +15,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page
 from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec
+from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import Grid
 
 MOST_BUILT = 32
@@ -122,7 +123,9 @@ def _delay(values: Mapping[str, Any], swept: Collection[str]) -> str:
     if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept):
         ticks = "tick" if delay == 1 else "ticks"
         return f"delay of {delay} {ticks}"
-    return f"delay of {delay} of {values['rates.ratio']:.6g} ticks"
+    if delay == values["rates.ratio"]:
+        return f"delay of a whole frame, {delay} ticks"
+    return f"delay of {delay} of {longest_delay(values)} ticks"
 
 
 def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """The summary of a table of stable intervals in sentences."""
 
 from collections.abc import Iterator, Mapping
+from textwrap import wrap
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from wavesweep.program.tables.number_words import (
 )
 from wavesweep.program.tables.refuters import in_a_sentence
 
+WIDEST = 120  # letters of a line
 STIFFNESS = ("N/m", "N*m/rad")
 ENDS = {
     "stability": "",
@@ -130,7 +132,8 @@ class Sentences:
         if not self._numbers["doubts"] or self._kind.searched:
             nowhere = f"{self._kind.nowhere.format(such=self._such)} in the swept range"
             reason = self._numbers.get("ruled_out") or self._in_the_way()
-            return f"{nowhere}: {reason}" if reason else nowhere
+            whole = f"{nowhere}: {reason}" if reason else nowhere
+            return "\n".join(wrap(whole, WIDEST, subsequent_indent="    "))
         undecided = f"no {self._such} found, but part of the swept range could not be decided"
         if self._numbers.get("conserves") and not self._numbers["required"]:
             return f"{undecided}; {where_nothing_decides()}"
