@@ -568,7 +568,8 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         beyond = " beyond the steps of the encoder" * bool(found["resolution"])
         missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
     if not left.get("lacking") or found["missing"] == "noise":
-        said = "the intervals are wider by what is left: it lacks"
+        lacks = "" if found["missing"] == "noise" else " it lacks"
+        said = f"the intervals are wider by what is left:{lacks}"
         yield f"the model does not explain the {what}, and {said} {missing}", True
         return
     newton = "N*m" if found["turns"] else "N"
