@@ -333,6 +333,7 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
             [0.02, 0.02, 1e18],
             "csv:4: duration: expected frames of at most 1000 ticks of 1 ms, found one of 1e+",
         ),
+        ("duration", [0.02, 0.02, 1e307], "duration: expected a largest size of 1e+30 s, found 1e+307"),
         (
             "duration",
             np.linspace(0.003, 0.9, 900),

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import Csv, option, read_csv
+from wavesweep.program.csv_files import MOST, Csv, option, read_csv
 
 MOST_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
@@ -110,6 +110,10 @@ def read_run(
     name = column.name
     rows = file.numbers(column.columns, 3 if name == "time" else 2)
     readings = rows @ np.array(column.factors) * scales.get(name, 1.0)
+    if (largest := float(np.abs(readings).max())) > MOST:
+        raise UsageError(
+            f"{path}: {name}: expected a largest size of {MOST:g} s, found {largest:g}"
+        )
     if column.known:
         _refuse_several(path, file)
         if name == "duration" and readings[0] == 0:  # before the first frame there is none
