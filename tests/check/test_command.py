@@ -80,6 +80,6 @@ def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, mon
 def test_rates_that_do_not_divide_have_neighbours_that_do(wavesweep, tmp_path):
     spec = tmp_path / "mine.toml"
     spec.write_text('controller.kind = "dc-slow"\nrates = { fast_hz = 1000, slow_hz = 60 }\n')
-    said = "60 Hz does not divide 1000 Hz, so that all takes several times as long; 62.5 and 58.8235 Hz do"
+    said = "60 Hz does not divide 1000 Hz, so that computing takes several times as long; 62.5 and 58.8235 Hz do"
     assert said in " ".join(wavesweep("check", str(spec))[1].split())
     assert "does not divide" not in wavesweep("check", str(spec), "--set", "rates.slow_hz=62.5")[1]

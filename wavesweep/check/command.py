@@ -197,10 +197,9 @@ def _judged(
     plan_lines += chain.from_iterable(asked("on_check", "plan", spec))
     unusual_lines = [*unusual(spec), *over_preset(spec), *near_rates(spec)]
     within = list(within_ticks(spec)) if spec.drawing else []
-    ranked = [(1, f"  {line}") for line in unusual_lines]
-    if run:
-        ranked += _needed("frames").lines(run)
+    ranked = [*_needed("frames").lines(run)] if run else []
     ranked += verdict_lines(spec, verdict, late=not whole)
+    ranked += [(1, f"  {line}") for line in unusual_lines]
     ranked += [(4, f"  {line}") for line in within]
     steps = list(_aligned(_steps(spec, verdict, plan_lines, whole), overrides))
     notices = [*unusual_lines, *within]

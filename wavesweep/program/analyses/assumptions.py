@@ -361,7 +361,7 @@ def near_rates(spec: Spec) -> Iterator[str]:
         ratio = float(spec.values["rates.ratio"])
         higher = fast / floor(ratio)
         lower = fast / ceil(ratio)
-        repeats = f"{fast / ratio:.6g} Hz does not divide {fast:.6g} Hz, so that all takes several times as long"
+        repeats = f"{fast / ratio:.6g} Hz does not divide {fast:.6g} Hz, so that computing takes several times as long"
         yield f"{repeats}; {higher:.6g} and {lower:.6g} Hz do"
 
 

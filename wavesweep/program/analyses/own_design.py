@@ -140,12 +140,13 @@ def own_lines(
     said = words.get(own_claim(spec, found).status, "stable")
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
-        why = f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms"
+        common = "" if spec.drawing or spec.values["rates.ratio"] % 1 == 0 else "common "
+        why = f"spectral radius {radius:.6g} per {common}frame of {1e3 * found['period_s']:.6g} ms"
         why += ", but for rounding" if radius == 1 else ""
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
         yield from verdict.lines(subject)
-        subject = f"  {_own_in_words(spec)}, as all below"
+        subject = f"  {_own_in_words(spec)}"
     yield f"{subject}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
@@ -156,13 +157,16 @@ def own_lines(
 
 
 def _own_in_words(spec: Spec) -> str:
-    """The spec's own numbers, those by name for which [for_all] has others, and messages in time."""
+    """The spec's own numbers, those by name for which [for_all] has others, and messages in time; what else is of them."""
     axes = spec.for_all.axes if spec.for_all else ()
     values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
-    named = ", ".join(values) if 0 < len(values) <= MOST_AXES else "numbers"
+    named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
     late = spec.for_all and losses(spec)
     what = "message" if spec.drawing else "result"
-    return f"its own {named}{f', every {what} in time' if late else ''}"
+    in_time = f", every {what} in time" if late else ""
+    # The age of the oldest number is that of all frames and messages.
+    below = "below but for the age" if late or spec.changing else "all below"
+    return f"own numbers{named}{in_time}, as {below}"
 
 
 def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:
