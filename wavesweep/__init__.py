@@ -1,7 +1,7 @@
 """Stability, rendering range and transparency of multirate wave-variable haptic loops.
 
-Importing the package costs nothing; a name is loaded when it is first touched. `__init__.pyi` says the same names, with those
-of capabilities, to editors and type checkers.
+Importing the package costs nothing; a name is loaded when it is first touched. `__init__.pyi` says
+the same names, with those of capabilities, to editors and type checkers.
 """
 
 __version__ = "1.2.0.dev0"

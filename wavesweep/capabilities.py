@@ -2,11 +2,11 @@
 
 Nothing of one is imported until it is asked for.
 
-A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, `library.py` its calls.
-What it offers to others stands in modules such as `on_check.py`; of those that several offer, `program.seams` has names and
-signatures. It imports
-these three and no other capability, and the program asks this list what there is. A capability is taken away by deleting
-its folder, its tests and its line.
+A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of
+tables, `library.py` its calls. What it offers to others stands in modules such as `on_check.py`; of
+those that several offer, `program.seams` has names and signatures. It imports these three and no
+other capability, and the program asks this list what there is. A capability is taken away by
+deleting its folder, its tests and its line.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 class Capability(NamedTuple):
     """One capability.
 
-    name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
-    library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins", in a
-    class of its own, see `class_for`.
-    offers: modules of the folder that others may ask for, see `modules` and `offered`.
+    name: of its folder. commands: each with its short help. tables: of a spec, which it reads.
+    kinds: of tables that it makes. library: names that `library.py` has for users: functions of
+    `wavesweep`, and methods of its loops, as "Loop.margins", in a class of its own, see
+    `class_for`. offers: modules of the folder that others may ask for, see `modules` and `offered`.
     """
 
     name: str
@@ -36,7 +36,8 @@ class Capability(NamedTuple):
         return f"wavesweep.{self.name}.{module}"
 
     def class_for(self, name: str) -> str:
-        """The class of `library.py` with its methods for a class of the library: `LoopMargins` for `Loop`."""
+        """The class of `library.py` with its methods for a class of the library: `LoopMargins`
+        for `Loop`."""
         return name + self.name.title().replace("_", "")
 
     def module(self, name: str) -> ModuleType:
@@ -44,7 +45,8 @@ class Capability(NamedTuple):
         return import_module(self.name_of(name))
 
 
-# Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
+# Rows of guarantees are listed in this order, from what promises least: those of for_all before
+# those of passive.
 CAPABILITIES = (
     Capability(
         "for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check", "switched")
@@ -165,7 +167,8 @@ CAPABILITIES = (
     ),
 )
 
-# Tables of a spec, in the order in which messages list them, and the capabilities that read them, there or not.
+# Tables of a spec, in the order in which messages list them, and the capabilities that read them,
+# there or not.
 TABLES = MappingProxyType(
     {
         "for_all": "for_all",
@@ -183,7 +186,8 @@ HANDS = MappingProxyType(
 )  # words of --for-hands, likewise
 
 
-# What a user asks, and the commands that answer it, in the order of the help; others are among OTHER_COMMANDS.
+# What a user asks, and the commands that answer it, in the order of the help; others are among
+# OTHER_COMMANDS.
 QUESTIONS = MappingProxyType(
     {
         "Describe a loop": ("init", "keys", "identify"),
@@ -204,8 +208,9 @@ QUESTIONS = MappingProxyType(
 )
 OTHER_COMMANDS = "Other commands"
 
-# Commands, there or not, that say what holds for all of [for_all], and for all that messages may do; others are of the spec's
-# own numbers with all messages in time, but for those that have late and lost messages of their own.
+# Commands, there or not, that say what holds for all of [for_all], and for all that messages may
+# do; others are of the spec's own numbers with all messages in time, but for those that have late
+# and lost messages of their own.
 FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
 FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
 THROUGH_CONTACT = ("zwidth", "stability-region", "check")
@@ -259,19 +264,22 @@ def modules(name: str) -> Iterator[Any]:
 
 
 def offered(name: str) -> Any:
-    """Import the module of this name of the one capability that offers it; None if that capability is not there."""
+    """Import the module of this name of the one capability that offers it; None if that
+    capability is not there."""
     return next(modules(name), None)
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:
-    """What a function gives in each module of this name that has it: a module leaves out what it has nothing to say to."""
+    """What a function gives in each module of this name that has it: a module leaves out what it
+    has nothing to say to."""
     for module in modules(name):
         if hasattr(module, function):
             yield getattr(module, function)(*arguments)
 
 
 def library_names(of: str = "") -> list[str]:
-    """The functions that capabilities add to the library, or the methods that they add to a class `of` it."""
+    """The functions that capabilities add to the library, or the methods that they add to a
+    class `of` it."""
     names = (name.rpartition(".") for capability in CAPABILITIES for name in capability.library)
     return [last for kind, _, last in names if kind == of]
 

@@ -1,4 +1,5 @@
-"""The tables of runs for users of the library: another name of `wavesweep.program.results`, the same module."""
+"""The tables of runs for users of the library: another name of `wavesweep.program.results`, the
+same module."""
 
 import sys
 from typing import TYPE_CHECKING

@@ -75,7 +75,7 @@ def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
 
 
 def test_what_is_felt_over_frequency_is_left_to_bode_if_there_are_many_states(monkeypatch):
-    monkeypatch.setattr("wavesweep.program.analyses.feel.LARGE", 3)
+    monkeypatch.setattr("wavesweep.program.analyses.feel.MOST_FELT_STATES", 3)
     few, many = (verdict(values_of("dc", K_VE=3.0) | {"device.delay": late})["felt"] for late in (1, 2))
     assert few["over_band"]
     assert many["over_band"] is None
@@ -263,7 +263,7 @@ def late_radius(k, tau, tick=0.1):
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
 def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):
-    monkeypatch.setattr(judging, "WORK", 1e7)
+    monkeypatch.setattr(judging, "PIECES_OF_RANGE", 1e7)
     found = limit_of(wavesweep.verdict(late(k, ticks)), "tau")
     assert found["certified"]
     assert (found["low"], found["stopped"]) == (None, True)  # the dead time of the own values to the first end, and no further
@@ -273,7 +273,7 @@ def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ti
 
 @pytest.mark.slow
 def test_a_range_that_takes_long_ends_next_to_the_value(monkeypatch):
-    monkeypatch.setattr(judging, "WORK", 0)
+    monkeypatch.setattr(judging, "PIECES_OF_RANGE", 0)
     spec = load(late(0.02, 48))
     found = limit_of(wavesweep.verdict(spec), "tau")
     assert (found["stable"], found["certified"], found["stopped"]) == (True, True, True)

@@ -66,7 +66,7 @@ def test_the_norm_over_many_ticks_is_that_of_the_lifted_loop(monkeypatch, ticks,
     tables["wire"]["m0.f"] += " + F"
     loop = loop_from_drawing(tables | {"ports": {"inputs": {"F": "F"}, "outputs": {"y": read}}})
     found = loop.hinf_norm("F", "y")
-    monkeypatch.setattr(norms, "MANY", 1000)
+    monkeypatch.setattr(norms, "MOST_DENSE_SIGNALS", 1000)
     exact = loop.hinf_norm("F", "y")
     assert found.certified
     assert float(found.value) == pytest.approx(float(exact.value), rel=1e-10)
@@ -76,7 +76,7 @@ def test_the_norm_over_many_ticks_is_that_of_the_lifted_loop(monkeypatch, ticks,
 def test_the_proof_agrees_with_dense_eigenvalues_of_random_loops(seed):
     """What stored energy proves without an angle, the eigenvalues of responses meet or do not."""
     ticks = random_ticks(seed, 24)
-    found = squared_norm_of_one(ticks, norms.TOLERANCE)
+    found = squared_norm_of_one(ticks, norms.NORM_TOLERANCE)
     exact = float(norms._by_responses(ticks).value[0])
     assert found.certified
     assert found.square == pytest.approx(exact, rel=2e-10)

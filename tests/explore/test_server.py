@@ -13,7 +13,7 @@ import time
 import pytest
 from support.program import PROGRAM
 
-from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
+from wavesweep.explore.server import GRACE, LARGEST_QUESTION, Server, as_json
 
 QUESTION = json.dumps({"values": {}})
 
@@ -74,7 +74,7 @@ def test_nonsense_is_refused_and_the_server_lives(client):
     nonsense += ('{"values": {"controller.b": "20"}}', '{"values": {}, "plane": {"x": "a"}}')
     for body in nonsense:
         assert client.send("POST", "quick", body)[0] == 400
-    assert client.send("POST", "quick", " " * (LARGEST + 1))[0] == 413
+    assert client.send("POST", "quick", " " * (LARGEST_QUESTION + 1))[0] == 413
     assert client.send("GET", "")[0] == 200
 
 

@@ -584,7 +584,7 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     (tmp_path / "spec.toml").write_text(HELD)
     spec = load(tmp_path / "spec.toml")
     caplog.set_level("INFO", "wavesweep.proof")
-    monkeypatch.setattr(unknown_module, "WORK", 1e9)
+    monkeypatch.setattr(unknown_module, "OPERATIONS_OF_CASE", 1e9)
     row = {name: column[1] for name, column in intervals(spec, jobs=1, along="K").columns.items()}
     found = re.fullmatch(r"([0-9.]+) %, within K (\d+) to \d+, m [0-9.]+ to 2, k 0 to 400", row["left_open"])
     assert found
@@ -593,8 +593,8 @@ def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypat
     assert not row["settled"]
     assert row["high"] < row["fails_from"]
     assert any(re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far \(\d+ % of the box\)", each) for each in caplog.messages)
-    monkeypatch.setattr(unknown_module, "WORK", 6e7)
-    monkeypatch.setattr(ranges_module, "AT_ONCE", 1)
+    monkeypatch.setattr(unknown_module, "OPERATIONS_OF_CASE", 6e7)
+    monkeypatch.setattr(ranges_module, "CELLS_AT_ONCE", 1)
     said = for_all_module.reason_of(for_all_module.verdict(spec))
     part = re.search(r"proved for m 0.5 to ([0-9.]+), open from there \(100 %, within m \1 to 2, k 0 to 400\)", said)
     assert part

@@ -107,7 +107,7 @@ def test_what_few_loops_of_a_box_lack_is_not_proved(name):
 @pytest.mark.slow
 @pytest.mark.thorough
 def test_a_disk_whose_proof_ends_early_has_neither_margin_nor_gain_nor_phase(monkeypatch):
-    monkeypatch.setattr(boxes, "WORK", 1.0)
+    monkeypatch.setattr(boxes, "OPERATIONS_OF_BOX", 1.0)
     found = for_all(LAG, "plant.y", a=BOX["a"])
     for each in (found["disk"], found["disk_gain"], found["disk_phase"]):
         assert np.isnan(each.value)

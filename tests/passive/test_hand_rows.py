@@ -134,7 +134,7 @@ def test_the_box_names_the_hand_that_ends_it():
 
 
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
-    monkeypatch.setattr(pytest.importorskip("wavesweep.for_all.unknown"), "WORK", 1e6)
+    monkeypatch.setattr(pytest.importorskip("wavesweep.for_all.unknown"), "OPERATIONS_OF_CASE", 1e6)
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()

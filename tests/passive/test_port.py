@@ -9,7 +9,7 @@ from support.specs import values_of
 import wavesweep
 from wavesweep.engine._energy.lifted_map import TickMaps
 from wavesweep.passive import margin
-from wavesweep.passive.margin import TOLERANCE
+from wavesweep.passive.margin import ZERO_MARGIN
 
 
 def lifted(values):
@@ -29,10 +29,10 @@ def test_100_random_loops_agree_with_a_scan(random_values, block):
         noise = 1e-9 * (abs(found.margin) + found.mean) + 1e-9 * abs(seen)
         assert found.certified, seed
         assert seen >= found.margin - noise, seed
-        if seen < -noise - TOLERANCE * found.mean:
+        if seen < -noise - ZERO_MARGIN * found.mean:
             assert not found.passive, seed
         theta = np.array([found.omega * (1 if v["controller.kind"] == "dc" else v["rates.ratio"]) / v["rates.fast_hz"]])
-        if found.margin < -TOLERANCE * found.mean and theta > 1e-7:  # the lifted system has the violation where it is said
+        if found.margin < -ZERO_MARGIN * found.mean and theta > 1e-7:  # the lifted system has the violation where it is said
             assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
 
 

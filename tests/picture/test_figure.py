@@ -12,8 +12,8 @@ from support.specs import KINDS, nested
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
-from wavesweep.picture.diagram import WIDEST, placed
-from wavesweep.picture.layout import APART, ROW
+from wavesweep.picture.diagram import WIDEST_PICTURE, placed
+from wavesweep.picture.layout import LINES_APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing
 from wavesweep.program import plots
 from wavesweep.program.spec import load
@@ -53,9 +53,9 @@ def routed(spec):
 def apart(one, other):
     """Whether two lines of different nets do not run along each other."""
     (a, b, c, d), (e, f, g, h) = one[1:], other[1:]
-    if b == d and f == h and abs(b - f) < APART / 2:
+    if b == d and f == h and abs(b - f) < LINES_APART / 2:
         return max(a, c) < min(e, g) + TINY or max(e, g) < min(a, c) + TINY
-    if a == c and e == g and abs(a - e) < APART / 2:
+    if a == c and e == g and abs(a - e) < LINES_APART / 2:
         return max(b, d) < min(f, h) + TINY or max(f, h) < min(b, d) + TINY
     return True
 
@@ -126,7 +126,7 @@ def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
             inner = box.padded(-2)
             assert not (min(p, r) < inner.x1 and max(p, r) > inner.x0 and min(q, s) < inner.y1 and max(q, s) > inner.y0)
     # Seven points are at least ten pixels high if the picture is 1280 pixels wide; a narrower one is shown as it is.
-    assert figure.get_figwidth() <= WIDEST + 0.5
+    assert figure.get_figwidth() <= WIDEST_PICTURE + 0.5
     assert 7 / 72 * 1280 / figure.get_figwidth() >= 10
 
 

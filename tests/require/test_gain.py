@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
 from wavesweep.require import gain_intervals
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, along_panels
+from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
 from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
@@ -454,7 +454,7 @@ def resonance(half, level):
         parts = (step @ step - np.eye(2), np.hstack([step @ b, b]), np.vstack([c, c @ step]), T)
         return [(part, 0 * np.abs(part)) for part in parts]
 
-    points = [maps(p) for p in 2 * half * np.append(0.0, RIM)]
+    points = [maps(p) for p in 2 * half * np.append(0.0, HALF_RIM)]
     pairs = [tuple(map(np.array, zip(*pair, strict=True))) for pair in zip(*points, strict=True)]
     return Panel(pairs, level, (0, np.pi), False)
 

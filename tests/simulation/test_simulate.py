@@ -7,7 +7,7 @@ from support.specs import KINDS, random_values, values_of
 
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.simulation.hardware import Effects
-from wavesweep.simulation.march import FARTHEST, STRONGEST, simulate
+from wavesweep.simulation.march import FARTHEST_POSITION, STRONGEST, simulate
 
 
 @pytest.fixture
@@ -174,11 +174,11 @@ def test_an_unstable_loop_stops_before_its_numbers_mean_nothing(values, kind, ef
     experiment = simulate(values(kind, K_VE=1e8), np.ones(4000), Effects(**effects))
     signals, rows = experiment.signals, len(experiment.signals["x"])
     assert {len(column) for column in signals.values()} == {rows}
-    assert np.abs(signals["x"]).max() <= FARTHEST
+    assert np.abs(signals["x"]).max() <= FARTHEST_POSITION
     assert max(np.abs(signals[name]).max() for name in ("f_h", "f_m", "f_device")) <= STRONGEST
     assert bool(experiment.stopped) == (rows < 4000)
     assert len(experiment.energy.hand) == rows
-    assert np.abs(experiment.energy.device).max() < FARTHEST * STRONGEST
+    assert np.abs(experiment.energy.device).max() < FARTHEST_POSITION * STRONGEST
 
 
 def test_a_stopped_run_is_the_beginning_of_a_longer_one(values):

@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.margins.broken_loops import broken_at, cuts_of
-from wavesweep.margins.lifted_margins import EXACT, lifted_margins, margins_of
+from wavesweep.margins.lifted_margins import END_ERROR, lifted_margins, margins_of
 from wavesweep.margins.loop_margins import BrokenLoop
 from wavesweep.margins.table import margins
 from wavesweep.program.spec import load
@@ -94,7 +94,7 @@ def test_bounds_of_margins_hold_the_difference_of_two_ways(kind):
         for margin in margins_of(loop)[0]:
             other = lifted.get(margin.name)
             if other and margin.limited and not (margin.doubt or other.doubt):
-                bound = margin.bound + max(other.bound, EXACT)
+                bound = margin.bound + max(other.bound, END_ERROR)
                 assert abs(margin.value - other.value) <= 2 * bound * margin.value, (cut, margin.name)
                 met += 1
     assert met >= 5

@@ -1,1 +1,2 @@
-"""Devices of several axes: linkages with their mass matrix at the hand, and flat walls, as classes of blocks."""
+"""Devices of several axes: linkages with their mass matrix at the hand, and flat walls, as
+classes of blocks."""

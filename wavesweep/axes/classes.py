@@ -1,4 +1,5 @@
-"""The classes of blocks that a spec may use without drawing them: each a file beside this one, its own `[type.NAME]`."""
+"""The classes of blocks that a spec may use without drawing them: each a file beside this one,
+its own `[type.NAME]`."""
 
 from pathlib import Path
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.program.spec import Spec
 
-MOST = 18  # lines without --all
-STEPS = 3  # commands that are named, at most
+MOST_LINES_OF_CHECK = 18  # lines without --all
+NEXT_COMMANDS = 3  # commands that are named, at most
 
 
 @click.command("check")
@@ -93,19 +93,22 @@ def check(
 ) -> int:
     """Judge a spec's own design, and say what to do next.
 
-    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict comes first, on all that it asks:
-    whether the loop is stable, or has what [sweep] requires, for all of [for_all], and through contact. Then comes its own
-    design, and what decides it, in up to 18 lines, the most important ones: the range in which the
-    loop stays stable if one number changes and all others are kept; the delay up to which it is stable; the stiffness that the
-    hand feels; the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the assumptions. A number
-    that the spec does not give has its default, and is marked so. The last lines name the commands that go on from there.
+    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict comes
+    first, on all that it asks: whether the loop is stable, or has what [sweep] requires, for all of
+    [for_all], and through contact. Then comes its own design, and what decides it, in up to 18
+    lines, the most important ones: the range in which the loop stays stable if one number changes
+    and all others are kept; the delay up to which it is stable; the stiffness that the hand feels;
+    the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the
+    assumptions. A number that the spec does not give has its default, and is marked so. The last
+    lines name the commands that go on from there.
 
-    With --all nothing is left out, and the states of the loop follow, the methods, the numbers of slices and workers, the
-    estimated time, and the axes and keys that are skipped, with the reason.
+    With --all nothing is left out, and the states of the loop follow, the methods, the numbers of
+    slices and workers, the estimated time, and the axes and keys that are skipped, with the reason.
 
-    Nothing is written, except with --plot the picture of the loop, diagram.png, and that of time, timing.png: when each rate
-    samples and computes, when its results are in place, and how old they are; and with --root-locus its poles per frame over a
-    number, root-locus.png. Earlier ones are replaced. With --out loop.svg these are loop.svg and loop-timing.svg.
+    Nothing is written, except with --plot the picture of the loop, diagram.png, and that of time,
+    timing.png: when each rate samples and computes, when its results are in place, and how old they
+    are; and with --root-locus its poles per frame over a number, root-locus.png. Earlier ones are
+    replaced. With --out loop.svg these are loop.svg and loop-timing.svg.
 
     \b
     Examples:
@@ -147,9 +150,9 @@ def check(
 class _Judged:
     """What is known of a spec, without the lines that are shown first.
 
-    answer: to what the spec asks. verdict: the numbers. shown: lines that are on the screen already. ranked: lines with their
-    ranks. plan: those about all commands. notices: what is unusual about the spec, and its algebraic loops. steps: the commands
-    that go on from there.
+    answer: to what the spec asks. verdict: the numbers. shown: lines that are on the screen
+    already. ranked: lines with their ranks. plan: those about all commands. notices: what is
+    unusual about the spec, and its algebraic loops. steps: the commands that go on from there.
     """
 
     answer: str
@@ -164,7 +167,10 @@ class _Judged:
         """The lines that follow: all of them, or the foremost."""
         if whole:
             return [*(line for _, line in self.ranked), *self.plan, *self.steps]
-        return [*_foremost(self.ranked, MOST - self.shown - len(self.steps)), *self.steps]
+        return [
+            *_foremost(self.ranked, MOST_LINES_OF_CHECK - self.shown - len(self.steps)),
+            *self.steps,
+        ]
 
 
 def _judged(
@@ -320,7 +326,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
-    steps = [step for step in steps if step[0].split()[0] in COMMANDS][:STEPS]
+    steps = [step for step in steps if step[0].split()[0] in COMMANDS][:NEXT_COMMANDS]
     if not whole:
         steps.append((f"check {name} --all", "the rest: states, methods, times"))
     return steps

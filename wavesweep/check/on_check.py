@@ -1,6 +1,8 @@
-"""What `check` finds of the ranges of a design's own numbers, and the lines about them, the feel, the hardware and the modes.
+"""What `check` finds of the ranges of a design's own numbers, and the lines about them, the feel,
+the hardware and the modes.
 
-Each line has a rank, by which the short form of `check` chooses: up to NEEDED it is always shown, a DETAIL only with --all.
+Each line has a rank, by which the short form of `check` chooses: up to NEEDED it is always shown, a
+DETAIL only with --all.
 """
 
 from __future__ import annotations
@@ -27,8 +29,9 @@ LONG_UNIT = 12  # letters of a unit that is not said twice in a line
 
 
 def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> dict[str, Any]:
-    """limits: for each number of the loop the stable interval that its value lies in, see `ranges.limits`. delay: the number of
-    ticks it may grow to; a drawn loop has no delay that a spec would name. hardware: see `hardware_of`.
+    """limits: for each number of the loop the stable interval that its value lies in, see
+    `ranges.limits`. delay: the number of ticks it may grow to; a drawn loop has no delay that a
+    spec would name. hardware: see `hardware_of`.
     """
     facts_found = {"limits": ranges.limits(spec, report), "delay": ranges.delays(spec)}
     hardware = hardware_of(spec, stable=own["stable"])
@@ -56,7 +59,8 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
-    """The range of each number in which the design stays as it is: that of the sweep is always shown, then the nearest end."""
+    """The range of each number in which the design stays as it is: that of the sweep is always
+    shown, then the nearest end."""
     swept = spec.along and spec.names.find(spec.along).path
     swept_limits = [
         limit for limit in found["limits"] if spec.names.find(limit["name"]).path == swept
@@ -77,7 +81,8 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         if going_on := _going_on(spec, limit):
             yield DETAIL, f"  {going_on}"
     for said, stable in (("stable at every value", True), ("stable at no value", False)):
-        # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
+        # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value
+        # counts as not inside.
         spans = []
         for limit in found["limits"]:
             if limit not in bounded and bool(limit["intervals"]) == stable:
@@ -98,7 +103,8 @@ def _limit(spec: Spec, limit: Facts) -> str:
 
 
 def _going_on(spec: Spec, limit: Facts) -> str:
-    """What finds the rest of a range that ended early, unless both ends of the interval are known, or a pose may end it."""
+    """What finds the rest of a range that ended early, unless both ends of the interval are
+    known, or a pose may end it."""
     name = limit["name"]
     path = spec.names.find(name).path
     if spec.drawing and path in spec.drawing.posing:
@@ -163,7 +169,8 @@ def _ends(limit: Facts, unit: str) -> tuple[str, str]:
 
 
 def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:
-    """The part of a range in doubt in which the design is known to be stable, the open places, and what is beyond them."""
+    """The part of a range in doubt in which the design is known to be stable, the open places,
+    and what is beyond them."""
     from wavesweep.program.tables.interval_sentences import open_in_words
 
     low = limit["from"] if limit["low"] is None else limit["low"]

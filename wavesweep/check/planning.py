@@ -23,15 +23,17 @@ from wavesweep.program.sweep.estimates import duration, expected_bytes, expected
 from wavesweep.program.sweep.grid import make_grid, own_loop
 from wavesweep.program.sweep.workers import choose
 
-PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
+SAMPLE_SECONDS = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 DRAWING = 1.0  # s to load what draws, and to draw
-MANY = 30_000_000  # rows: some 5 GB of CSV
+MANY_ROWS = 30_000_000  # rows: some 5 GB of CSV
 
 
 def plan(spec: Spec, estimated: bool = True) -> list[str]:
-    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped.
+    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys
+    that are skipped.
 
-    estimated: with the time and the disk that each command takes, for which samples of the work are done.
+    estimated: with the time and the disk that each command takes, for which samples of the work are
+    done.
     """
     drawing = spec.drawing
     lines = [*(_drawn_lines(spec) if drawing else _loop_lines(spec))]
@@ -109,7 +111,7 @@ def _advice(jobs):
     advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
     for job in jobs:
         rows = round(job.kind.rows * job.size)
-        if rows > MANY:
+        if rows > MANY_ROWS:
             yield f"    about {rows:.2g} rows: {advice}"
 
 
@@ -138,14 +140,15 @@ def _bode_lines(spec, estimated):
 
 
 def _long_lines(jobs):
-    """The chunks, the time and the disk of a table of several chunks; otherwise it is there at once, and nothing is kept."""
+    """The chunks, the time and the disk of a table of several chunks; otherwise it is there at
+    once, and nothing is kept."""
     if all(len(job.chunks) == 1 for job in jobs):
         return [*_advice(jobs)]
     chunks = sum(len(job.chunks) for job in jobs)
     size = _size(sum(map(expected_bytes, jobs)))
     seconds = 0.0
     for job in jobs:
-        expected = cache(partial(expected_seconds, job, PATIENCE))
+        expected = cache(partial(expected_seconds, job, SAMPLE_SECONDS))
         workers = choose(None, None, None, len(job.chunks), expected)
         seconds += expected() / workers.count
     work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
@@ -153,7 +156,8 @@ def _long_lines(jobs):
 
 
 def _drawn_lines(spec):
-    """Yield when the blocks of a drawn loop run, its drift, and the method by which each number is swept."""
+    """Yield when the blocks of a drawn loop run, its drift, and the method by which each number
+    is swept."""
     refuse_singular(spec, spec.drawing)
     loop = Loops(spec.drawing, spec.values)
     drawing = loop.drawing
@@ -194,7 +198,8 @@ def _rhythm_lines(drawing, drawn):
 
 
 def _plant_lines(drawing):
-    """What acts continuously, and which forces of plants on themselves are computed from samples."""
+    """What acts continuously, and which forces of plants on themselves are computed from
+    samples."""
     for plant in drawing.plants:
         if not plant.couplings:
             continue
@@ -238,9 +243,11 @@ def _dead_time_lines(drawing, values):
 
 
 def within_ticks(spec: Spec) -> Iterator[str]:
-    """Yield two lines about each algebraic loop of a drawn spec: what reads what in the same tick, and what that does to gains.
+    """Yield two lines about each algebraic loop of a drawn spec: what reads what in the same tick,
+    and what that does to gains.
 
-    1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
+    1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose
+    way meets all of the loop.
     """
     drawing = spec.drawing
     drawn = Loops(drawing, spec.values).drawn()
@@ -275,7 +282,8 @@ def within_ticks(spec: Spec) -> Iterator[str]:
 
 
 def _implicit_line(drawing, terms):
-    """Which integrators among terms of the same tick act implicitly, and how a wire reads a signal as it was before."""
+    """Which integrators among terms of the same tick act implicitly, and how a wire reads a
+    signal as it was before."""
     ahead = {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
     implicit = [term for term in terms if term[0] in ahead]
     name = (implicit or terms)[0][0]
@@ -303,9 +311,8 @@ def _state_lines(drift, names):
         yield f"  states left out, since nothing in the loop reads them: {unobserved}"
 
 
-RUN = (
-    3  # names with numbers that follow each other, from which on the first and the last are enough
-)
+# names with numbers that follow each other, from which on the first and the last are enough
+RUN_OF_NAMES = 3
 
 
 def _listed(names):
@@ -322,7 +329,7 @@ def _listed(names):
         following = (stem, str(int(number) + 1) if number else "")
     shown = []
     for run in runs:
-        shown += [f"{run[0]} to {run[-1]}"] if len(run) >= RUN else run
+        shown += [f"{run[0]} to {run[-1]}"] if len(run) >= RUN_OF_NAMES else run
     return ", ".join(shown)
 
 

@@ -1,4 +1,5 @@
-"""The room that each number of a spec's own design has: the stable interval about its value, and the largest delay."""
+"""The room that each number of a spec's own design has: the stable interval about its value, and
+the largest delay."""
 
 from collections.abc import Callable
 from operator import ne, or_
@@ -19,26 +20,31 @@ HALVINGS, FEW = (
     30,
     8,
 )  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
-WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
+# on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3
+# s
+PIECES_OF_RANGE = 50_000
 SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
 NEAR, HARDLY = (
     0.02,
     1e-3,
 )  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
 LATE = "it takes longer than check does"
-NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
+# of the way to where the range of a key ends, that is left out if it cannot be decided
+LEFT_OUT_OF_WAY = 1e-3
 DELAYS = 200  # ticks of delay that are tried
 
 
 def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
-    """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
+    """For each symbol that the loop reads: value, the ends of the stable interval about it, and the
+    factors to them.
 
-    low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
-    value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
-    whether they are. open: the places in or beside the interval where nothing is known, see `open_places`. stopped: whether the
-    range would go on, but takes more than WORK or SECONDS; it is then the part next to the value, or LATE is the doubt.
-    of_key: for each end of the range, whether the key takes no value beyond it. report: is called with the numbers that are
-    done, and all.
+    low, high: None if the interval goes on to the end of the range that was searched (`from`,
+    `to`): 0 or a tenth of the value, and ten times the value, as far as the spec takes these.
+    intervals: all stable intervals in that range. certified: whether they are. open: the places in
+    or beside the interval where nothing is known, see `open_places`. stopped: whether the range
+    would go on, but takes more than PIECES_OF_RANGE or SECONDS; it is then the part next to the
+    value, or LATE is the doubt. of_key: for each end of the range, whether the key takes no value
+    beyond it. report: is called with the numbers that are done, and all.
     """
     read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
     names = {}
@@ -82,14 +88,15 @@ def _limit(spec, name, path, span, of_key=(False, False), again=False):
     from_moves = of_key[0] and rows["open_low"][0] == start
     to_moves = of_key[1] and rows["open_high"][-1] == stop
     if not again and (from_moves or to_moves):
-        start += NEXT * (value - start) * from_moves
-        stop += NEXT * (value - stop) * to_moves
+        start += LEFT_OUT_OF_WAY * (value - start) * from_moves
+        stop += LEFT_OUT_OF_WAY * (value - stop) * to_moves
         return _limit(spec, name, path, (start, stop), of_key, again=True)
     return limit | _around(rows, value, start, stop)
 
 
 def _narrower(spec, name, path, value, span):
-    """The range of a number in which the spec makes loops, if that is less than the range to search; otherwise None."""
+    """The range of a number in which the spec makes loops, if that is less than the range to
+    search; otherwise None."""
 
     def makes_loops(end: float) -> object:
         return _job(spec, name, path, tuple(sorted((float(value), end))))
@@ -105,7 +112,8 @@ def _narrower(spec, name, path, value, span):
 
 
 def _around(rows, value, start, stop):
-    """The stable intervals from start to stop, and the ends of the one around the value, with what is open in it."""
+    """The stable intervals from start to stop, and the ends of the one around the value, with
+    what is open in it."""
     low = rows["low"]
     high = rows["high"]
     at_low = (low == value) & ~np.isnan(rows["low_omega"])
@@ -137,10 +145,11 @@ def _job(spec, name, path, span):
 
 
 def _rows(job, value, span):
-    """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
+    """The intervals, and the part of the range that was searched; None and the value itself if
+    they take too long."""
     (search,) = searches_of(job, job.chunks[0]).searches
     if search.in_pieces:
-        records, span = search.about(value, WORK)
+        records, span = search.about(value, PIECES_OF_RANGE)
         rows = {name: records[name] for name in records.dtype.names}
         rows["doubt"] = words(records["doubt"])
         return rows, span
@@ -157,7 +166,8 @@ def _poses(spec, path):
 
 
 def _next_to(spec, path, value, span):
-    """The part of a range that is NEAR the value of a number that a pose depends on, in which no pose is singular.
+    """The part of a range that is NEAR the value of a number that a pose depends on, in which no
+    pose is singular.
 
     Panels crowd towards a singular pose.
     """
@@ -173,7 +183,8 @@ def _next_to(spec, path, value, span):
 
 
 def _reached(attempt, value, end, times):
-    """The value nearest to an end of a range whose attempt raises no error, by halving from the number's own on."""
+    """The value nearest to an end of a range whose attempt raises no error, by halving from the
+    number's own on."""
     inside = float(value)
     tried = float(end)
     beyond = float(end)
@@ -190,7 +201,8 @@ def _reached(attempt, value, end, times):
 
 
 def delays(spec):
-    """The largest delay of the slow environment up to which every delay is stable, in ticks; none if the loop has none."""
+    """The largest delay of the slow environment up to which every delay is stable, in ticks;
+    none if the loop has none."""
     path = "environment.delay"
     if path not in keys_of(spec):
         return None

@@ -20,8 +20,9 @@ Ranked = tuple[float, str | Callable[[], str]]
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    The numbers of `own_design`, those that capabilities add to them, those of `further`, and `answer`: "yes", "no" or "not
-    known" to what the spec asks, see `claims.questions`, with the answer to each of its `questions`.
+    The numbers of `own_design`, those that capabilities add to them, those of `further`, and
+    `answer`: "yes", "no" or "not known" to what the spec asks, see `claims.questions`, with the
+    answer to each of its `questions`.
     """
     facts = own_design(spec) | numbers(spec)
     return written(spec, facts | further(spec, facts))
@@ -52,7 +53,8 @@ def numbers(spec: Spec) -> dict:
 
 @np.errstate(all="ignore")  # of numbers that overflow
 def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = None) -> dict:
-    """What capabilities say in addition to the numbers of `own_design`; claims: those of all of them.
+    """What capabilities say in addition to the numbers of `own_design`; claims: those of all of
+    them.
 
     report: is called with the number of ranges that are done, and of all.
     """
@@ -83,7 +85,8 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
 
 
 def distance(limit: Facts) -> float:
-    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for ends that are far away."""
+    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for
+    ends that are far away."""
     value = limit["value"]
     if not limit["stable"] or not value:
         return 0.0

@@ -12,12 +12,21 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import LEAST_SURE, ROUNDING, SURELY, Inverse, WallLoop, shifted
+from wavesweep.contact.wall_loop import (
+    BOUNDS_OF_DOUBLES,
+    LEAST_SURE,
+    OPERATION_ROUNDING,
+    Inverse,
+    WallLoop,
+    shifted,
+)
 
 FIRST_ARCS = 64  # of half the circle
 MOST_ARCS = 8_000  # looked at in one check
-OVERLAP = 2.0**-44  # of neighbouring arcs, whose middles are sums of some dozens of rounded halves
-NEAREST = 0.5  # half an arc times the resolvent's norm, up to which its series converges well
+# of neighbouring arcs, whose middles are sums of some dozens of rounded halves
+ARC_OVERLAP = 2.0**-44
+# half an arc times the resolvent's norm, up to which its series converges well
+RESOLVENT_REACH = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,12 +48,12 @@ class Known:
 
     def __add__(self, other: Known) -> Known:
         value = self.value + other.value
-        return Known(value, self.error + other.error + ROUNDING * np.abs(value))
+        return Known(value, self.error + other.error + OPERATION_ROUNDING * np.abs(value))
 
     def __mul__(self, other: Known) -> Known:
         value = self.value * other.value
         error = self.size * other.error + self.error * np.abs(other.value)
-        return Known(value, error + 2 * ROUNDING * np.abs(value))
+        return Known(value, error + 2 * OPERATION_ROUNDING * np.abs(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +70,7 @@ class Multiplier:
     def allowed(self) -> bool:
         """Whether the weights are those of a multiplier."""
         total = self.before.sum() + self.after.sum()
-        rounded = SURELY * ROUNDING * self.before.size * total
+        rounded = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * self.before.size * total
         return bool((self.before >= 0).all() and (self.after >= 0).all() and total + rounded < 1)
 
     @cached_property
@@ -82,7 +91,7 @@ class Multiplier:
         back = np.exp(-1j * np.outer(angles, self.lags))
         on = back.conj()
         slope = back @ (1j * self.lags * self.before) - on @ (1j * self.lags * self.after)
-        lost = ROUNDING * (self.lags.size + 4) ** 2 * np.ones(angles.size)
+        lost = OPERATION_ROUNDING * (self.lags.size + 4) ** 2 * np.ones(angles.size)
         value = 1 - back @ self.before - on @ self.after
         return Known(value, lost), Known(slope, self.lags.size * lost)
 
@@ -107,7 +116,7 @@ class Multiplier:
         """Return `Re M/(z - 1)` and its derivative in the angle."""
         orders = np.arange(self.beside_pole.size)
         turned = np.outer(angles, orders)
-        lost = ROUNDING * (self.lags.size + 4) ** 3 * np.ones(angles.size)
+        lost = OPERATION_ROUNDING * (self.lags.size + 4) ** 3 * np.ones(angles.size)
         value = np.cos(turned) @ self.beside_pole
         slope = -np.sin(turned) @ (orders * self.beside_pole)
         return Known(value, lost), Known(slope, orders.size * lost)
@@ -154,7 +163,7 @@ def _least(loop, walls, multiplier, middles, half):
     On an arc, M differs by `rest_m` from `m + m1 s`, and `1 - K G_x - B G_v` without its pole by
     `rest_a` from `a + a1 s`, with s the angle from the middle.
     """
-    half = half + OVERLAP
+    half = half + ARC_OVERLAP
     curved = half**2 / 2
     about = _resolvents(loop, middles, half)
     m, m1 = multiplier.at(middles)
@@ -169,9 +178,9 @@ def _least(loop, walls, multiplier, middles, half):
         rest = half**2 * m1.size * a1.size + curved * multiplier.pole_bend * pole.size
         rest = rest + rest_m * (a.size + half * a1.size + rest_a)
         rest = rest + rest_a * (m.size + half * m1.size)
-        bound = value.value - half * np.abs(slope.value) - rest * (1 + 64 * ROUNDING)
-        bound = bound - SURELY * (value.error + half * slope.error)
-        bound = bound - SURELY * ROUNDING * (value.size + half * slope.size)
+        bound = value.value - half * np.abs(slope.value) - rest * (1 + 64 * OPERATION_ROUNDING)
+        bound = bound - BOUNDS_OF_DOUBLES * (value.error + half * slope.error)
+        bound = bound - BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (value.size + half * slope.size)
         least = np.minimum(least, np.where(about.converges, bound, np.nan))
         at_middle = np.minimum(at_middle, value.value)
     return least, at_middle
@@ -179,12 +188,16 @@ def _least(loop, walls, multiplier, middles, half):
 
 def _opened(loop, wall, about, curved):
     """Return `1 - K G_x - B G_v` without its pole at middles of arcs, its slope, and the rest."""
-    terms = SURELY * ROUNDING * (loop.B.size + 4)
+    terms = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (loop.B.size + 4)
     row, size_of_wall = wall @ loop.rows, np.abs(wall)
-    of_row = size_of_wall @ (loop.dRows + SURELY * ROUNDING * np.abs(loop.rows))
+    of_row = size_of_wall @ (
+        loop.dRows + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.rows)
+    )
     size = np.abs(row) + of_row
     direct = wall @ loop.direct
-    of_direct = size_of_wall @ (loop.dDirect + SURELY * ROUNDING * np.abs(loop.direct))
+    of_direct = size_of_wall @ (
+        loop.dDirect + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.direct)
+    )
     of_a = of_direct + about.size @ (of_row + terms * size) + size.sum() * about.error
     a = Known(1 - direct - about.X @ row, of_a + terms * (1 + abs(direct)))
     of_a1 = about.size1 @ (of_row + terms * size) + size.sum() * about.error1
@@ -218,13 +231,15 @@ def _resolvents(loop, middles, half):
     `(w0 + d - E)^-1 = T - d T^2 + d^2 (1 + d T)^-1 T^3` with `T = (w0 - E)^-1`."""
     w = shifted(middles)
     eye = np.eye(loop.B.size)
-    inverse = Inverse.of(w[:, None, None] * eye - loop.E, loop.dE + SURELY * ROUNDING * eye)
+    inverse = Inverse.of(
+        w[:, None, None] * eye - loop.E, loop.dE + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * eye
+    )
     B = np.broadcast_to(loop.B, (middles.size, loop.B.size))
     X, of_X = inverse.times(B, np.full(middles.size, loop.dB.max(initial=0.0)))
     X1, of_X1 = inverse.times(X, of_X)
     X2, of_X2 = inverse.times(X1, of_X1)
     near = half * inverse.size
     rest = half**2 * (np.abs(X2).max(-1, initial=0.0) + of_X2) / (1 - near)
-    converges = (inverse.alpha < LEAST_SURE) & (near < NEAREST)
+    converges = (inverse.alpha < LEAST_SURE) & (near < RESOLVENT_REACH)
     size, size1 = np.abs(X) + of_X[:, None], np.abs(X1) + of_X1[:, None]
-    return _Resolvents(1 + w, X, X1, size, size1, of_X, of_X1, SURELY * rest, converges)
+    return _Resolvents(1 + w, X, X1, size, size1, of_X, of_X1, BOUNDS_OF_DOUBLES * rest, converges)

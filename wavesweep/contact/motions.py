@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.contact.wall_loop import WallsAlong
 
 PERIODS = 40  # frames, the longest period that is looked for
-INSIDE = 1e-3  # of the value at which a motion begins to exist
+INSIDE_MOTION = 1e-3  # of the value at which a motion begins to exist
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +47,7 @@ def motion_beyond(
     walls: WallsAlong,
     end: float,
     limit: float,
-    inside: float = INSIDE,
+    inside: float = INSIDE_MOTION,
 ) -> Motion | None:
     """The motion nearest to `end` on the way to `limit`; None if none is found.
 

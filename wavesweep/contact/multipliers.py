@@ -10,7 +10,7 @@ from wavesweep.contact.circle_check import Multiplier
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong, shifted
 
 LAGS = 12  # frames before and after; 40 find no more
-LEAST = 1e-7  # share of |1 + L| by which the condition has to hold at every angle
+LEAST_SHARE = 1e-7  # share of |1 + L| by which the condition has to hold at every angle
 SUM = 1 - 1e-6  # of the weights
 
 
@@ -56,7 +56,7 @@ class Sampled:
             opened = self.opened(wall)
             sizes = 1 + np.abs(self.responses) @ np.abs(wall) + abs(wall[0] * self.residue)
             scale = np.minimum(np.abs(opened), sizes)
-            directions.append(opened / np.maximum(scale, LEAST * sizes))
+            directions.append(opened / np.maximum(scale, LEAST_SHARE * sizes))
         direction = np.concatenate(directions)
         rows = (np.tile(turns, (len(walls), 1)) * direction[:, None]).real
         limits = direction.real

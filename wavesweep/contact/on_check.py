@@ -1,4 +1,5 @@
-"""What `check` finds of contact: whether the spec's own wall may be any that pushes, and its saturations any curve."""
+"""What `check` finds of contact: whether the spec's own wall may be any that pushes, and its
+saturations any curve."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from wavesweep.program.analyses.claims import (
     curve_of,
     own_scope,
 )
-from wavesweep.program.tables.refuters import LONGEST
+from wavesweep.program.tables.refuters import LONGEST_REFUTER_TEXT
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -29,8 +30,9 @@ _STATUS = {
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
-    """contact: of a spec with [for_all] contact that has a wall, what is known of it, see `verdict.of_wall`; saturations: the
-    same of each block of type saturation, by its name; claims: the same, of the spec's own numbers and frames.
+    """contact: of a spec with [for_all] contact that has a wall, what is known of it, see
+    `verdict.of_wall`; saturations: the same of each block of type saturation, by its name; claims:
+    the same, of the spec's own numbers and frames.
     """
     if not spec.contact:
         return {}
@@ -51,7 +53,7 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
 
 def _claim(scope: Scope, verdict: Mapping[str, str]) -> Claim:
     status = _STATUS[verdict["verdict"]]
-    reason = shorten(verdict["counterexample"], LONGEST, placeholder=" ...")
+    reason = shorten(verdict["counterexample"], LONGEST_REFUTER_TEXT, placeholder=" ...")
     return Claim(AT_REST, scope, status, reason)
 
 

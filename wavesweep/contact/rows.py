@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.contact.motions import motion_beyond
-from wavesweep.contact.stretches import NEAR, Line
+from wavesweep.contact.stretches import TRIED_NEAR_END, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import name_of, path_of
@@ -24,7 +24,7 @@ from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters
 
 TEXT = 1000  # characters of a counterexample
-SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
+SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
 LINEAR = "no loss of contact, the linear wall"
 FREE = "no contact at all, the loop without a wall"
 CONTACT_RECORD = record_type(
@@ -118,7 +118,7 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
 
 def _row(line, interval, span) -> Row | None:
     """What is proved in an interval of the linear loop; None if nothing is."""
-    room = NEAR * (interval[1] - interval[0])
+    room = TRIED_NEAR_END * (interval[1] - interval[0])
     low = interval[0] if interval[0] == span[0] else interval[0] + room
     high = interval[1] if interval[1] == span[1] else interval[1] - room
     stretch = line.stretch(low, high)
@@ -156,4 +156,4 @@ def _is_settled(row, span):
     """Whether each end is next to what is refuted, or to the end of the range."""
     below = row.low - (span[0] if np.isnan(row.fails_below) else row.fails_below)
     beyond = (span[1] if np.isnan(row.fails_from) else row.fails_from) - row.high
-    return max(below, beyond) <= SETTLED * max(abs(row.high), abs(row.low))
+    return max(below, beyond) <= SETTLED_WITHIN * max(abs(row.high), abs(row.low))

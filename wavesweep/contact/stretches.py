@@ -8,17 +8,17 @@ import numpy as np
 
 from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
-from wavesweep.contact.multipliers import LEAST, Sampled
+from wavesweep.contact.multipliers import LEAST_SHARE, Sampled
 from wavesweep.contact.wall_loop import WallsAlong
 
 # Shares of a linear interval, where a first value is looked for.
 SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
-NEAR = 2e-4  # of a linear interval, how near to its ends a proof is tried
+TRIED_NEAR_END = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 1e-3  # of the end that is found, how far the next failure is known to be
-STEPS = 12  # at most, towards an end
+STEPS_TO_END = 12  # at most, towards an end
 SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
 MORE_ANGLES = 20  # of these
-ROOM = 2e-3  # of a stretch, which a check needs before the first motion that goes on
+ROOM_BEFORE_MOTION = 2e-3  # of a stretch, which a check needs before the first motion that goes on
 BACK = (0, 1e-3, 3e-3, 0.01, 0.03, 0.1)  # shares that are given up in turn, for a check
 
 
@@ -70,11 +70,11 @@ class Line:
         for _ in range(SAMPLED_AGAIN):
             ends = self.walls.at(low, high) if whole else self.walls.at(high)
             multiplier, margin = self.sampled.multiplier(ends)
-            if not margin > LEAST:
+            if not margin > LEAST_SHARE:
                 return None
             if not whole:
                 reached, _ = self.sampled.reach(multiplier, self.walls)
-                start = max(low, reached + NEAR * (high - reached))
+                start = max(low, reached + TRIED_NEAR_END * (high - reached))
             open_ = open_angles(self.walls.loop, self.walls.at(start, high), multiplier)
             if not open_.size:
                 return Piece(start, high, multiplier)
@@ -91,9 +91,9 @@ class Line:
         as it serves, or else halves the way that is left.
         """
         best, beyond, value = seed, limit, seed
-        for _ in range(STEPS):
+        for _ in range(STEPS_TO_END):
             multiplier, margin = self.sampled.multiplier(self.walls.at(value))
-            if margin > LEAST:
+            if margin > LEAST_SHARE:
                 reach = self.sampled.reach(multiplier, self.walls)
                 up = limit > seed
                 reached = min(reach[up], beyond) if up else max(reach[up], beyond)
@@ -113,12 +113,16 @@ class Line:
         """
         motion = motion_beyond(self.walls, low, high)
         ceiling = motion.value if motion else high
-        whole = self.proved(low, low + (1 - ROOM) * (ceiling - low) if motion else high)
+        whole = self.proved(
+            low, low + (1 - ROOM_BEFORE_MOTION) * (ceiling - low) if motion else high
+        )
         if whole is not None:
             return Stretch((whole,))
         values = [low + share * (ceiling - low) for share in SEEDS]
         margins = (self.sampled.multiplier(self.walls.at(value))[1] for value in values)
-        serves = (value for value, margin in zip(values, margins, strict=True) if margin > LEAST)
+        serves = (
+            value for value, margin in zip(values, margins, strict=True) if margin > LEAST_SHARE
+        )
         seed = next(serves, None)
         if seed is None:
             return None

@@ -1,4 +1,5 @@
-"""Whether a spec's own wall, and each of its saturations, may be any function with slopes from 0 to 1."""
+"""Whether a spec's own wall, and each of its saturations, may be any function with slopes from 0
+to 1."""
 
 from __future__ import annotations
 
@@ -54,7 +55,8 @@ def of_saturation(spec: Spec, block: str) -> dict[str, str]:
 
 
 def _verdict(cut: LinearFractional | None, K, B, linear, free) -> dict[str, str]:
-    """What is known of a cut with these numbers; linear, free: what the two extreme functions are called."""
+    """What is known of a cut with these numbers; linear, free: what the two extreme functions
+    are called."""
     loop = WallLoop.of(cut) if cut else None
     if loop is None:
         return {"verdict": "unknown", "counterexample": ""}

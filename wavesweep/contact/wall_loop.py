@@ -9,8 +9,8 @@ import numpy as np
 from wavesweep.engine.frames import ADVANCE, OFFSET, VELOCITY, LinearFractional, balance
 from wavesweep.engine.poles import count_outside
 
-ROUNDING = 2.0**-52  # of an operation, twice what it can be
-SURELY = 4.0  # times the bounds: they are computed in doubles as well
+OPERATION_ROUNDING = 2.0**-52  # of an operation, twice what it can be
+BOUNDS_OF_DOUBLES = 4.0  # times the bounds: they are computed in doubles as well
 LEAST_SURE = 1e-2  # what inverse times matrix may be off the identity
 
 
@@ -37,8 +37,8 @@ class Inverse:
         S = np.linalg.inv(A)
         size = np.abs(S)
         off = np.abs(np.eye(n) - S @ A)
-        rounded = ROUNDING * (n + 4) * (size @ np.abs(A) + np.eye(n))
-        off = off + SURELY * (rounded + size @ dA)
+        rounded = OPERATION_ROUNDING * (n + 4) * (size @ np.abs(A) + np.eye(n))
+        off = off + BOUNDS_OF_DOUBLES * (rounded + size @ dA)
         return Inverse(S, off, off.sum(-1).max(-1))
 
     @property
@@ -54,10 +54,10 @@ class Inverse:
         n = vector.shape[-1]
         result = (self.S @ vector[..., None])[..., 0]
         products = (np.abs(self.S) @ np.abs(vector)[..., None])[..., 0].max(-1)
-        rounded = ROUNDING * (n + 4) * products
+        rounded = OPERATION_ROUNDING * (n + 4) * products
         off = (self.alpha * np.abs(result).max(-1) + rounded) / (1 - self.alpha)
         bound = off + self.size * error
-        return result, SURELY * bound
+        return result, BOUNDS_OF_DOUBLES * bound
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,11 +117,13 @@ class WallLoop:
                 return None
             row, error = _row_times(inverse, cut.C[ADVANCE], cut.dC[ADVANCE])
             rows = np.stack([rows[0] + row, rows[1]])
-            dRows = np.stack([dRows[0] + error, dRows[1]]) + ROUNDING * np.abs(rows)
+            dRows = np.stack([dRows[0] + error, dRows[1]]) + OPERATION_ROUNDING * np.abs(rows)
             residue = float(direct[ADVANCE] - row @ B)
-            lost = ROUNDING * (B.size + 2) * (np.abs(row) @ np.abs(B) + abs(direct[ADVANCE]))
+            lost = (
+                OPERATION_ROUNDING * (B.size + 2) * (np.abs(row) @ np.abs(B) + abs(direct[ADVANCE]))
+            )
             of_products = error @ (np.abs(B) + dB) + np.abs(row) @ dB
-            dResidue = float(SURELY * (of_products + cut.dD[ADVANCE, 0] + lost))
+            dResidue = float(BOUNDS_OF_DOUBLES * (of_products + cut.dD[ADVANCE, 0] + lost))
         elif cut.integrates:
             residue = float(direct[ADVANCE])
             dResidue = float(cut.dD[ADVANCE, 0])
@@ -171,8 +173,10 @@ def _row_times(inverse, row, error):
     n, size = row.size, np.abs(inverse.S)
     alpha = inverse.alpha
     most = size + alpha / (1 - alpha) * size.max(0)
-    rounded = ROUNDING * (n + 4) * (np.abs(row) @ size)
-    return row @ inverse.S, SURELY * ((np.abs(row) @ inverse.off + error) @ most + rounded)
+    rounded = OPERATION_ROUNDING * (n + 4) * (np.abs(row) @ size)
+    return row @ inverse.S, BOUNDS_OF_DOUBLES * (
+        (np.abs(row) @ inverse.off + error) @ most + rounded
+    )
 
 
 def _in_units(cut):

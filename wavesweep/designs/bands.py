@@ -1,11 +1,13 @@
 """Values over a band of frequencies, from pieces on which no resonance may hide between the nodes.
 
-A function of the logarithm of the frequency is a polynomial through its values at the nodes of a piece if its last Legendre
-coefficients are small. They are small as well if a pole lies next to a zero, nearer than any node does. But the poles of a
-response are known: the eigenvalues of the frame, with images that lie the frame's rate apart. Times `x - p` for each pole p
-near the piece, a response has no pole left there. A polynomial through its values is then what it is, and has its zeros, which
-the argument principle counts. So a piece is settled only if the ellipse about it has no zero, and no pole, at which what is
-wanted is singular. Otherwise it is divided about them, the finer the nearer.
+A function of the logarithm of the frequency is a polynomial through its values at the nodes of a
+piece if its last Legendre coefficients are small. They are small as well if a pole lies next to a
+zero, nearer than any node does. But the poles of a response are known: the eigenvalues of the
+frame, with images that lie the frame's rate apart. Times `x - p` for each pole p near the piece, a
+response has no pole left there. A polynomial through its values is then what it is, and has its
+zeros, which the argument principle counts. So a piece is settled only if the ellipse about it has
+no zero, and no pole, at which what is wanted is singular. Otherwise it is divided about them, the
+finer the nearer.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,21 +18,26 @@ from itertools import chain
 import numpy as np
 from numpy.polynomial import legendre
 
-NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
+GAUSS_NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 HIGH = 4  # coefficients of a piece that have to be small
 PIECES = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
-CLEAR = 1.25  # sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
-NEAR = 1.7  # the same of that about the zeros and poles of which it is divided otherwise
-KNOWN = 2.5  # the same of that whose poles are divided out
-RIM = 64  # points of the ellipse, between which a value turns by at most
-TURN = np.pi / 2
-NEAREST = 1e-12  # in the logarithm of the frequency: how far from real frequencies a zero is taken to be at the least
-ROUNDS = 3  # of dividing about zeros: the first may see them only roughly
+# sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
+CLEAR_ELLIPSE = 1.25
+# the same of that about the zeros and poles of which it is divided otherwise
+ELLIPSE_OF_ZEROS = 1.7
+ELLIPSE_OF_POLES = 2.5  # the same of that whose poles are divided out
+RIM_SAMPLES = 64  # points of the ellipse, between which a value turns by at most
+MOST_TURN = np.pi / 2
+# in the logarithm of the frequency: how far from real frequencies a zero is taken to be at the
+# least
+LEAST_DISTANCE = 1e-12
+DIVISIONS = 3  # of dividing about zeros: the first may see them only roughly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BandModes:
-    """The modes of loops as complex frequencies (Hz), `(points, modes)`, NaN for none, and the rate of their frames (Hz)."""
+    """The modes of loops as complex frequencies (Hz), `(points, modes)`, NaN for none, and the
+    rate of their frames (Hz)."""
 
     frequency: np.ndarray
     rate: np.ndarray
@@ -44,7 +51,8 @@ class BandModes:
         return BandModes(np.concatenate([self.frequency, other.frequency], -1), self.rate)
 
     def logarithms(self, top: float) -> np.ndarray:
-        """The logarithms of the frequencies and of their images up to a frequency (Hz), on three sheets, `(points, any)`."""
+        """The logarithms of the frequencies and of their images up to a frequency (Hz), on three
+        sheets, `(points, any)`."""
         count = int(np.ceil(top / self.rate.min(initial=np.inf))) + 1
         images = self.frequency[:, :, None] + self.rate[:, None, None] * np.arange(
             -count, count + 1
@@ -56,10 +64,11 @@ class BandModes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """What is wanted at some frequencies, real, `(points, frequencies)`, and whether it is known, `(points,)`.
+    """What is wanted at some frequencies, real, `(points, frequencies)`, and whether it is known,
+    `(points,)`.
 
-    responses: pairs of a complex function of the frequency at the zeros of which it is singular, and of the modes that are the
-    only poles of that.
+    responses: pairs of a complex function of the frequency at the zeros of which it is singular,
+    and of the modes that are the only poles of that.
     """
 
     wanted: np.ndarray
@@ -79,9 +88,10 @@ def over_band(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill in the values of the points `some` over a band (Hz), and their certificates.
 
-    sample: takes points and frequencies (Hz). reduce: takes the Legendre coefficients of each piece, `(points, pieces, NODES)`,
-    and the share of each piece in the band, and gives values and whether these are settled. at_poles: whether what is wanted is
-    singular at the poles of the responses as well.
+    sample: takes points and frequencies (Hz). reduce: takes the Legendre coefficients of each
+    piece, `(points, pieces, GAUSS_NODES)`, and the share of each piece in the band, and gives
+    values and whether these are settled. at_poles: whether what is wanted is singular at the poles
+    of the responses as well.
     """
     ends = np.log(band)
 
@@ -104,7 +114,7 @@ def over_band(
         )
         open_ = [*chain.from_iterable(look(edges, batch) for batch in batches if batch.size)]
         some = np.array([at[0] for at, *_ in open_], int)
-    for _ in range(ROUNDS):
+    for _ in range(DIVISIONS):
         before, open_ = open_, []
         for at, row, functions in before:
             singular = np.concatenate(
@@ -115,12 +125,13 @@ def over_band(
 
 
 def _divided(edges, singular):
-    """The edges of pieces, with more of them about places in the complex plane, four times finer each towards these."""
-    away = 2 * np.maximum(np.abs(singular.imag), NEAREST)
+    """The edges of pieces, with more of them about places in the complex plane, four times finer
+    each towards these."""
+    away = 2 * np.maximum(np.abs(singular.imag), LEAST_DISTANCE)
     away = away[:, None] * 4.0 ** np.arange(int(np.ceil(np.log2(np.ptp(edges) / away.min()) / 2)))
     cuts = singular.real[:, None] + np.concatenate([-away, away], 1)
     nodes = np.unique(np.concatenate([edges, cuts[(cuts > edges[0]) & (cuts < edges[-1])]]))
-    return nodes[np.append(np.diff(nodes) > NEAREST / 4, True)]
+    return nodes[np.append(np.diff(nodes) > LEAST_DISTANCE / 4, True)]
 
 
 class _BandPieces:
@@ -133,7 +144,9 @@ class _BandPieces:
     @property
     def top(self) -> float:
         """The highest frequency (Hz) of the ellipses whose poles are divided out."""
-        return float(np.exp((self.middle + self.half * (KNOWN + 1 / KNOWN) / 2).max()))
+        return float(
+            np.exp((self.middle + self.half * (ELLIPSE_OF_POLES + 1 / ELLIPSE_OF_POLES) / 2).max())
+        )
 
 
 class _Function:
@@ -146,9 +159,11 @@ class _Function:
         ]
         with np.errstate(invalid="ignore"):
             size = _size(at)
-            order = np.argsort(size, -1)[..., : int((size < KNOWN).sum(-1).max(initial=0))]
+            order = np.argsort(size, -1)[
+                ..., : int((size < ELLIPSE_OF_POLES).sum(-1).max(initial=0))
+            ]
             at, size = (np.take_along_axis(array, order, -1) for array in (at, size))
-            self.poles = np.where(size < KNOWN, at, np.nan)
+            self.poles = np.where(size < ELLIPSE_OF_POLES, at, np.nan)
             factor = np.where(
                 np.isnan(self.poles)[..., None, :],
                 1.0,
@@ -159,22 +174,28 @@ class _Function:
             )
 
     def clear(self, *, at_poles):
-        """Whether the ellipses have no zero, and perhaps no pole, of each point; False if that is not known."""
+        """Whether the ellipses have no zero, and perhaps no pole, of each point; False if that
+        is not known."""
         rim = self.degrees @ _rim()
         with np.errstate(all="ignore"):
-            unseen = np.abs(self.degrees[..., -HIGH:]).max(-1) * CLEAR**NODES / (1 - CLEAR / KNOWN)
+            unseen = (
+                np.abs(self.degrees[..., -HIGH:]).max(-1)
+                * CLEAR_ELLIPSE**GAUSS_NODES
+                / (1 - CLEAR_ELLIPSE / ELLIPSE_OF_POLES)
+            )
             turns = np.angle(np.roll(rim, -1, -1) / rim)
             clear = (
                 (unseen < np.abs(rim).min(-1) / 2)
-                & (np.abs(turns).max(-1) < TURN)
+                & (np.abs(turns).max(-1) < MOST_TURN)
                 & (np.abs(turns.sum(-1)) < np.pi)
             )
             if at_poles:
-                clear &= ~(_size(self.poles) < CLEAR).any(-1)
+                clear &= ~(_size(self.poles) < CLEAR_ELLIPSE).any(-1)
         return clear.all(-1)
 
     def singular(self, row, *, at_poles):
-        """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the frequency, `(any,)`."""
+        """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the
+        frequency, `(any,)`."""
         singular = []
         pieces = self.pieces.middle, self.pieces.half
         for degrees, poles, middle, half in zip(
@@ -182,7 +203,7 @@ class _Function:
         ):
             if np.isfinite(degrees).all() and degrees.any():
                 at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
-                singular.append(middle + half * at[_size(at) < NEAR])
+                singular.append(middle + half * at[_size(at) < ELLIPSE_OF_ZEROS])
         return np.concatenate([np.zeros(0, complex), *singular])
 
 
@@ -193,24 +214,28 @@ def _size(at):
 
 @cache
 def _nodes():
-    return legendre.leggauss(NODES)
+    return legendre.leggauss(GAUSS_NODES)
 
 
 @cache
 def _to_degrees():
     node, weight = _nodes()
-    return legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
+    return (
+        legendre.legvander(node, GAUSS_NODES - 1) * weight[:, None] * (np.arange(GAUSS_NODES) + 0.5)
+    )
 
 
 @cache
 def _rim():
-    round_ = CLEAR * np.exp(2j * np.pi * np.arange(RIM) / RIM)
-    return legendre.legvander((round_ + 1 / round_) / 2, NODES - 1).T
+    round_ = CLEAR_ELLIPSE * np.exp(2j * np.pi * np.arange(RIM_SAMPLES) / RIM_SAMPLES)
+    return legendre.legvander((round_ + 1 / round_) / 2, GAUSS_NODES - 1).T
 
 
 def degrees_of(values: np.ndarray) -> np.ndarray:
-    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at its nodes.
+    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at
+    its nodes.
 
-    The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
+    The first is the mean. The highest are small if a function has no features narrower than the
+    nodes resolve.
     """
-    return values.reshape(len(values), -1, NODES) @ _to_degrees()
+    return values.reshape(len(values), -1, GAUSS_NODES) @ _to_degrees()

@@ -1,4 +1,5 @@
-"""How good designs are, the nearest miss if no design meets all bounds, and some designs of a front as specs."""
+"""How good designs are, the nearest miss if no design meets all bounds, and some designs of a
+front as specs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,8 +20,9 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.table import Table
 
-MOST = 10  # designs that are written
-WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all
+MOST_BEST_DESIGNS = 10  # designs that are written
+# of a bound: what its violation counts at most; values that are not known count more than all
+WORST_SHARE = 10.0
 LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
 EXPERIMENT = (
     "from",
@@ -37,8 +39,9 @@ BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`.
 
-    A violation is 0 if all bounds are kept and all values are certified; a design with fewer values that are missing or not
-    certified has the smaller one. Without a free wish the objective is the smallest margin with its sign reversed.
+    A violation is 0 if all bounds are kept and all values are certified; a design with fewer values
+    that are missing or not certified has the smaller one. Without a free wish the objective is the
+    smallest margin with its sign reversed.
     """
     objectives = []
     margins = []
@@ -77,7 +80,8 @@ def _objective(wish, value):
 def miss(
     spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]
 ) -> str:
-    """Return a text on the nearest miss and on the wishes that conflict with each other; units: of the wishes."""
+    """Return a text on the nearest miss and on the wishes that conflict with each other; units:
+    of the wishes."""
     design = spec.design
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
@@ -119,9 +123,11 @@ def _nearest(wish, record, scenarios, unit):
 
 
 def _against(design, records):
-    """Return a text on the first pair of bounds that each were met by some designs but never by the same one.
+    """Return a text on the first pair of bounds that each were met by some designs but never by the
+    same one.
 
-    If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
+    If there is no such pair, the text names the bounds that no design met; it is empty if there are
+    none.
     """
     met = {}
     for wish in design.wishes:
@@ -138,16 +144,20 @@ def _against(design, records):
 
 
 def chosen(rows: int) -> list[int]:
-    """Return the rows of the table that are written: equally spaced, the first and the last among them."""
-    return sorted({round(row) for row in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
+    """Return the rows of the table that are written: equally spaced, the first and the last
+    among them."""
+    return sorted(
+        {round(row) for row in np.linspace(0, rows - 1, min(rows, MOST_BEST_DESIGNS)).tolist()}
+    )
 
 
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
-    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table,
-    but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps. It sweeps no number that the search chose,
-    but for the one that a drawn loop is looked along, and keeps the experiment of [simulate].
+    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has
+    the value of the table, but for ratios, which no [sweep] has, and for what [for_all] has, which
+    it keeps. It sweeps no number that the search chose, but for the one that a drawn loop is looked
+    along, and keeps the experiment of [simulate].
     """
     tables = spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary}).tables()
     sweep = _sweep(spec, tables["sweep"], row, stop)

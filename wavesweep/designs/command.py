@@ -22,14 +22,16 @@ from wavesweep.program.cli.study_commands import one_spec
 def design(spec: str, checked: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 
-    SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their ranges; [design.wish] the
-    quantities wished for, each with a bound (at_least, at_most) or as good as possible; [design.for_all] devices, hands, delays
-    and ratios, of which the worst counts. With two wishes without a bound the result is their front, with one the best design,
-    and if all have bounds the design that keeps the tightest of them by the largest share.
+    SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their
+    ranges; [design.wish] the quantities wished for, each with a bound (at_least, at_most) or as
+    good as possible; [design.for_all] devices, hands, delays and ratios, of which the worst counts.
+    With two wishes without a bound the result is their front, with one the best design, and if all
+    have bounds the design that keeps the tightest of them by the largest share.
 
-    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/SPEC-*.toml are
-    specs of up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the
-    message names the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
+    A row of the table is a design, the best first, with the worst value of each wish and what sets
+    it. best/SPEC-*.toml are specs of up to ten of them, which every other command takes. If no
+    design meets all bounds, the exit code is 1, and the message names the nearest miss and the
+    wishes that stand against each other. An interrupted search goes on where it stopped.
 
     \b
     Example:

@@ -1,4 +1,5 @@
-"""Everything that a design has to hold for: combinations of devices, hands, timings and ratios, and the walls of a wish."""
+"""Everything that a design has to hold for: combinations of devices, hands, timings and ratios,
+and the walls of a wish."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,14 +14,14 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import Spec
 
 WALL_STIFFNESS = "environment.K_VE"
-OF_ALL = (
-    -1
-)  # in place of the number of a scenario, if a value is what is proved for all of [for_all]
+# in place of the number of a scenario, if a value is what is proved for all of [for_all]
+OF_ALL = -1
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Values by path, and ratios: path of a number -> (path of the other one, the first over the second)."""
+    """Values by path, and ratios: path of a number -> (path of the other one, the first over the
+    second)."""
 
     values: Mapping[str, float | int]
     ratios: Mapping[str, tuple[str, float]]
@@ -35,14 +36,16 @@ class Scenario:
 
 
 def described(scenarios: Sequence[Scenario], at: int) -> str:
-    """Return the words for what sets a worst value: the scenario of that number, or what is proved, OF_ALL."""
+    """Return the words for what sets a worst value: the scenario of that number, or what is
+    proved, OF_ALL."""
     return "[for_all]" if at == OF_ALL else scenarios[at].described()
 
 
 def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:
     """Return every combination of values that a spec's [design] has to hold for.
 
-    between: number of further values between two neighbouring values of each range; of whole numbers all that make a loop are.
+    between: number of further values between two neighbouring values of each range; of whole
+    numbers all that make a loop are.
     """
     scenarios = []
     for combination in product(*_choices(spec, between)):
@@ -61,7 +64,8 @@ def count_of(spec: Spec, between: int = 0) -> int:
 
 
 def _choices(spec, between):
-    """Return the choices of each number, as pairs of its path and a value, or of the other path and a ratio."""
+    """Return the choices of each number, as pairs of its path and a value, or of the other path
+    and a ratio."""
     choices, design = [], spec.design
     for axis in design.for_all:
         values = _filled(axis.values, between, axis.structural)
@@ -82,7 +86,8 @@ def _choices(spec, between):
 
 
 def _makes_a_loop(spec, axis, value):
-    """Whether a value between those of the axis suits the spec, as the steps of a delay that are half of it do."""
+    """Whether a value between those of the axis suits the spec, as the steps of a delay that are
+    half of it do."""
     if not axis.structural:
         return True
     try:
@@ -92,7 +97,8 @@ def _makes_a_loop(spec, axis, value):
 
 
 def _filled(values, between, structural):
-    """Return the values, with `between` further ones between each two neighbours, or all whole numbers."""
+    """Return the values, with `between` further ones between each two neighbours, or all whole
+    numbers."""
     ordered = sorted(set(values))
     if not between or len(ordered) < 2:
         return ordered
@@ -106,8 +112,8 @@ def _filled(values, between, structural):
 class Points:
     """Designs x scenarios x walls as points; the index of the design changes most slowly.
 
-    changes: path -> value of each point. ties: paths whose value is a factor of the wall's stiffness. shape: (designs,
-    scenarios, walls).
+    changes: path -> value of each point. ties: paths whose value is a factor of the wall's
+    stiffness. shape: (designs, scenarios, walls).
     """
 
     changes: Mapping[str, np.ndarray]
@@ -150,7 +156,8 @@ def points_of(
 ) -> Points:
     """Return the product of designs, scenarios and walls.
 
-    own: the spec's values. designs: path -> value of each design. walls: path of the wall -> its values, all combined.
+    own: the spec's values. designs: path -> value of each design. walls: path of the wall -> its
+    values, all combined.
     """
     count, combinations = len(next(iter(designs.values()))), list(product(*walls.values()))
     shape = (count, len(scenarios), len(combinations))

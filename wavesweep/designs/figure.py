@@ -1,4 +1,5 @@
-"""The figure of a design study: the front of two wishes, or a few designs next to the nominal one."""
+"""The figure of a design study: the front of two wishes, or a few designs next to the nominal
+one."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -21,7 +22,7 @@ from wavesweep.program.plots.labels import (
 )
 from wavesweep.program.plots.scales import by_factors
 from wavesweep.program.plots.style import (
-    FAINT,
+    FAINT_COLOUR,
     GRID,
     TWO_COLUMNS,
     Look,
@@ -33,7 +34,8 @@ from wavesweep.program.plots.style import (
 )
 from wavesweep.program.tables.columns import fields
 
-BETWEEN = 0.07  # inches above and below each panel, so that what stands below one and above the next do not meet
+# inches above and below each panel, so that what stands below one and above the next do not meet
+BETWEEN = 0.07
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
@@ -48,11 +50,13 @@ _NOMINAL = Look("#D55E00", (0, (1.5, 0.8)))
 
 
 def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
+    """Draw a `design` table: one wish over the other and, below, the varied numbers along the
+    front.
 
-    All values are the worst over what designs have to hold for. The labels of the axes say which side is better. Up to three
-    designs are not a front: each wish and each number has a panel with its value in every design and in the nominal one, and
-    the admittances are below. A single design has the next best one next to it.
+    All values are the worst over what designs have to hold for. The labels of the axes say which
+    side is better. Up to three designs are not a front: each wish and each number has a panel with
+    its value in every design and in the nominal one, and the admittances are below. A single design
+    has the next best one next to it.
     """
     wishes, varied = list(facts["spec"]["design"]["wish"]), list(facts["spec"]["design"]["vary"])
     free = [
@@ -111,7 +115,8 @@ def _scale_numbers(panel: Any, values: np.ndarray, whole: bool) -> None:
 def _draw_front(
     axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str, Any], labels: dict[str, str]
 ) -> None:
-    """The second of two wishes over the first one, and the nominal design if both are known of it; labels: of both axes."""
+    """The second of two wishes over the first one, and the nominal design if both are known of
+    it; labels: of both axes."""
     x, y = labels
     axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
     if own.get(x) is not None and own.get(y) is not None:
@@ -128,7 +133,8 @@ def _draw_front(
 def _draw_few(
     columns: Columns, facts: Mapping[str, Any], wishes: list[str], varied: list[str]
 ) -> Any:
-    """A panel for each wish and each varied number, with its value in each design, and the admittances of all."""
+    """A panel for each wish and each varied number, with its value in each design, and the
+    admittances of all."""
     spec, count = spec_of(facts), len(columns[wishes[0]])
     nominal = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
     designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **nominal}}
@@ -172,7 +178,8 @@ def _listed(name: str, values: Iterable[float], facts: Mapping[str, Any]) -> str
 
 
 def _studied(facts: Mapping[str, Any]) -> list[str]:
-    """Sentences on the walls and the band that each wish is for, and on what designs have to hold for."""
+    """Sentences on the walls and the band that each wish is for, and on what designs have to
+    hold for."""
     tables, study = facts["spec"], facts["spec"]["design"]
     wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
     names, environment = (
@@ -211,7 +218,8 @@ def _draw_values(
     looks: Sequence[Look],
     facts: Mapping[str, Any],
 ) -> None:
-    """The values of a wish or a number, each with its text, and for a wish its bound with the margins to it."""
+    """The values of a wish or a number, each with its text, and for a wish its bound with the
+    margins to it."""
     margins: list[float | None] = [None] * len(values)
     if name in WISHES:
         wish = wish_of(name, facts)
@@ -275,7 +283,9 @@ def _draw_admittances(
             bool(own_loop(changed).radii() < 1),
         )
         colour, said = (
-            (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
+            (look.colour, name)
+            if stable
+            else (paler(look.colour, FAINT_COLOUR), f"{name}, unstable")
         )
         axes.loglog(
             frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said

@@ -47,9 +47,10 @@ NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls b
 class Design(TableValue):
     """The table [design].
 
-    vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with the values for which a design
-    has to hold. hand: values of the operator's mass, damping and stiffness, empty if the hand is the spec's own. ratios: pairs
-    of paths and the values of the first one over the second. settings: by the names of DESIGN_KEYS.
+    vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with
+    the values for which a design has to hold. hand: values of the operator's mass, damping and
+    stiffness, empty if the hand is the spec's own. ratios: pairs of paths and the values of the
+    first one over the second. settings: by the names of DESIGN_KEYS.
     """
 
     vary: tuple[Axis, ...]
@@ -61,7 +62,8 @@ class Design(TableValue):
     place: Place = field(default=Place(), repr=False, compare=False)
 
     def with_hardware(self, hardware: Mapping[str, object], mistakes: Mistakes) -> Design:
-        """Return the design with the numbers of the device that wishes do not give; add a mistake for each that is missing.
+        """Return the design with the numbers of the device that wishes do not give; add a mistake
+        for each that is missing.
 
         hardware: numbers of the device, see `Spec.hardware`.
         """
@@ -116,7 +118,8 @@ class Design(TableValue):
             mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
     def unsuited_wishes(self, drawing: Drawing) -> Iterator[tuple[str, str, str]]:
-        """Yield key, what is expected and what is there instead for wishes whose ports this drawn loop does not have."""
+        """Yield key, what is expected and what is there instead for wishes whose ports this
+        drawn loop does not have."""
         ports = {"wall": drawing.wall, "hand": drawing.hand}
         drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
         for wish in self.wishes:
@@ -139,7 +142,8 @@ class Design(TableValue):
                 yield f"wish.{wish.name}", f"a loop with a {name} in [ports]", "none"
 
     def refuse_unsuited_axes(self, wall: set[str], mistakes: Mistakes) -> None:
-        """Add the mistakes of axes along which a drawn loop cannot be designed; wall: the paths of its wall's numbers."""
+        """Add the mistakes of axes along which a drawn loop cannot be designed; wall: the paths
+        of its wall's numbers."""
         for axis, table in [
             *((axis, "vary") for axis in self.vary),
             *((axis, "for_all") for axis in self.for_all),
@@ -157,7 +161,8 @@ class Design(TableValue):
                 mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
-        """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
+        """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest
+        stiffness of a wall."""
         ranges = {
             path: (value, value)
             for path, value in values.items()
@@ -210,7 +215,8 @@ class Design(TableValue):
 
 
 def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, object]]:
-    """Return ratios (number, the number that it follows, values) so that each comes after the one that it follows.
+    """Return ratios (number, the number that it follows, values) so that each comes after the one
+    that it follows.
 
     Those that follow themselves are left out.
     """
@@ -252,7 +258,8 @@ def build(request: Request) -> Design | None:
 
 
 def refuse_beyond_limits(request: Request, design: Design) -> None:
-    """Add the mistakes of numbers of a controller's loop that leave the range set by its other values."""
+    """Add the mistakes of numbers of a controller's loop that leave the range set by its other
+    values."""
     wall = next(
         (axis.stop for axis in request.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1]
     )
@@ -406,7 +413,8 @@ class _Reader:
     def numbers(
         self, path: str, leaf: Leaf, key: Key, count: int | None = None
     ) -> tuple[float, ...]:
-        """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
+        """The different numbers of a list; count: of its numbers, None for any. One number
+        stands alone, without a list."""
         if count == 1:
             numbers = [self.mistakes.check(key, leaf, path)]
         else:

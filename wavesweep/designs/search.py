@@ -1,11 +1,14 @@
-"""A search for the front of one or two objectives under constraints, in batches of a whole generation.
+"""A search for the front of one or two objectives under constraints, in batches of a whole
+generation.
 
-Q. Zhang, H. Li, MOEA/D: A multiobjective evolutionary algorithm based on decomposition, IEEE Trans. Evolutionary Computation
-11, 2007, with the differential evolution of H. Li, Q. Zhang, IEEE Trans. Evolutionary Computation 13, 2009: every place of the
-population minimises its own weighted largest objective, and takes over good designs that are found for its neighbours. Places
-that share designs follow a front across kinds of design that a search by rank and crowding (NSGA-II) loses. A feasible design
-beats an infeasible one, and of two infeasible ones the one that violates less wins (K. Deb, Computer Methods in Applied
-Mechanics and Engineering 186, 2000). The result is determined by the seed and the values of the designs.
+Q. Zhang, H. Li, MOEA/D: A multiobjective evolutionary algorithm based on decomposition, IEEE Trans.
+Evolutionary Computation 11, 2007, with the differential evolution of H. Li, Q. Zhang, IEEE Trans.
+Evolutionary Computation 13, 2009: every place of the population minimises its own weighted largest
+objective, and takes over good designs that are found for its neighbours. Places that share designs
+follow a front across kinds of design that a search by rank and crowding (NSGA-II) loses. A feasible
+design beats an infeasible one, and of two infeasible ones the one that violates less wins (K. Deb,
+Computer Methods in Applied Mechanics and Engineering 186, 2000). The result is determined by the
+seed and the values of the designs.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,15 +22,16 @@ from wavesweep.engine.rows import Rows
 from wavesweep.program.spec import Axis
 
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
-LEAST = 6  # places of a kind; with fewer a population is not divided by kinds
-APART = 0.45  # of the generations, each kind of design by itself
-LOOKS = (APART, 0.7, 0.85)  # of the generations, after which the best are examined
+LEAST_PLACES = 6  # places of a kind; with fewer a population is not divided by kinds
+GENERATIONS_APART = 0.45  # of the generations, each kind of design by itself
+LOOKS = (GENERATIONS_APART, 0.7, 0.85)  # of the generations, after which the best are examined
 LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
 SHARES = (0.3, 1.0)  # of the genes that a child takes from a difference
 FACTORS = (0.2, 1.0)  # least and largest share of a difference
 MUTATED = 0.5  # genes of a child, on average
 REACH = (-3.0, -0.5)  # decimal logarithms of the least and the largest size of a mutation
-FRESH = 0.06  # of a generation, drawn uniformly anew: what the others have all left behind can be found again
+# of a generation, drawn uniformly anew: what the others have all left behind can be found again
+FRESH = 0.06
 TAKEN = 2  # places that take over a child at most, so that one design does not fill all
 BAD = 1e9  # more than any objective is, measured across the front
 
@@ -36,8 +40,8 @@ BAD = 1e9  # more than any objective is, measured across the front
 class Judged(Rows):
     """Designs with their objectives and violations.
 
-    genes: in [0, 1], `(designs, genes)`. objectives: to be made small, `(designs, objectives)`. violation: `(designs,)`, 0 if
-    every constraint holds.
+    genes: in [0, 1], `(designs, genes)`. objectives: to be made small, `(designs, objectives)`.
+    violation: `(designs,)`, 0 if every constraint holds.
     """
 
     genes: np.ndarray
@@ -49,8 +53,9 @@ class Judged(Rows):
 class _Places:
     """Places of a population, in blocks of one kind of design.
 
-    weights: `(places, 2)`, of the objectives whose largest weighted value each place minimises; near: `(places, neighbours)`;
-    block: places of a kind; chosen, fixed: genes that make a kind, and their values.
+    weights: `(places, 2)`, of the objectives whose largest weighted value each place minimises;
+    near: `(places, neighbours)`; block: places of a kind; chosen, fixed: genes that make a kind,
+    and their values.
     """
 
     weights: np.ndarray
@@ -71,7 +76,8 @@ class _Places:
         return _Places(weights, near, block, chosen, kinds[kind])
 
     def partners(self, local, rng):
-        """Return another place for every place: a neighbour if `local` says so, otherwise any place of its kind."""
+        """Return another place for every place: a neighbour if `local` says so, otherwise any
+        place of its kind."""
         every = np.arange(len(self.near))
         begin = every // self.block * self.block
         of_kind = begin + rng.integers(self.block, size=every.size)
@@ -91,21 +97,23 @@ def generations(
 ) -> Iterator[Judged]:
     """Yield the best designs of all after each generation; no other design dominates them.
 
-    judge(number, x): returns the designs x `(designs, genes)` of that generation, judged. genes: number of genes. population:
-    designs of a generation. count: number of generations. seed: of the random numbers. first: designs of the first generation
-    besides random ones, `(designs, genes)`. choices: for every gene the number of its values if these are few, or 0. Every
-    combination of them is a kind of design, which has a share of the population to itself at first: a kind that is good only if
-    it is finely tuned would be lost among others. look(best): called at some generations, with the designs that would be
-    yielded last; it returns True if designs are judged differently from then on. Then one generation judges the population
-    again, and the best designs are taken from that generation.
+    judge(number, x): returns the designs x `(designs, genes)` of that generation, judged. genes:
+    number of genes. population: designs of a generation. count: number of generations. seed: of the
+    random numbers. first: designs of the first generation besides random ones, `(designs, genes)`.
+    choices: for every gene the number of its values if these are few, or 0. Every combination of
+    them is a kind of design, which has a share of the population to itself at first: a kind that is
+    good only if it is finely tuned would be lost among others. look(best): called at some
+    generations, with the designs that would be yielded last; it returns True if designs are judged
+    differently from then on. Then one generation judges the population again, and the best designs
+    are taken from that generation.
     """
     rng = np.random.default_rng(seed)
     together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
     places = together
     apart = 0
     kinds = prod(max(1, few) for few in choices)
-    if 1 < kinds <= population // LEAST:
-        apart = round(APART * count)
+    if 1 < kinds <= population // LEAST_PLACES:
+        apart = round(GENERATIONS_APART * count)
         chosen = np.flatnonzero(choices)
         values = [(np.arange(choices[gene]) + 0.5) / choices[gene] for gene in chosen]
         places = _Places.of(np.array(list(product(*values))), population // kinds, chosen)
@@ -139,7 +147,8 @@ def generations(
 
 
 def _children(parents, places, rng):
-    """Return a child for every place, and which of them are offered to the neighbours of their places alone."""
+    """Return a child for every place, and which of them are offered to the neighbours of their
+    places alone."""
     count, genes = parents.shape
     every = np.arange(count)
     local = rng.random(count) < LOCAL
@@ -165,8 +174,8 @@ def _children(parents, places, rng):
 def _settled(alive, children, best, places, local, rng):
     """Return the designs in every place after the children have been offered.
 
-    A child of neighbours is offered to the neighbours of its own place. Any other child is offered to the neighbours of the
-    place of its kind that it improves most.
+    A child of neighbours is offered to the neighbours of its own place. Any other child is offered
+    to the neighbours of the place of its kind that it improves most.
     """
     worth = _worth(best)
     now = worth(alive, places.weights)  # `(places,)`
@@ -191,9 +200,11 @@ def _settled(alive, children, best, places, local, rng):
 
 
 def _worth(best):
-    """Return a function of designs and weights that gives their largest weighted objective, as a share of the known front.
+    """Return a function of designs and weights that gives their largest weighted objective, as a
+    share of the known front.
 
-    For designs that violate constraints it gives a number that grows with the violation and is larger than all others.
+    For designs that violate constraints it gives a number that grows with the violation and is
+    larger than all others.
     """
     known = (best.violation == 0) & np.isfinite(best.objectives).all(1)
     front = best.objectives[known]
@@ -215,7 +226,8 @@ def _worth(best):
 
 
 def spread(designs: Judged, count: int) -> Judged:
-    """Return `count` of the designs, far from each other: those whose neighbours are nearest are left out one by one."""
+    """Return `count` of the designs, far from each other: those whose neighbours are nearest are
+    left out one by one."""
     across = np.ptp(designs.objectives, axis=0)
     scale = np.where(across > 0, across, 1.0)
     order = np.lexsort(designs.objectives.T[::-1])
@@ -232,9 +244,11 @@ _rounded = np.vectorize(lambda value: float(f"{value:.9g}"), otypes=[float])
 
 
 def undominated(designs: Judged) -> np.ndarray:
-    """Return the indices of the designs that no other dominates; of equal designs only the first is kept.
+    """Return the indices of the designs that no other dominates; of equal designs only the first is
+    kept.
 
-    Objectives are compared to the nine digits that they are good to: what differs by less is no reason to keep a design.
+    Objectives are compared to the nine digits that they are good to: what differs by less is no
+    reason to keep a design.
     """
     violation = designs.violation
     f = _rounded(designs.objectives)
@@ -269,7 +283,8 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
 
 
 def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
-    """Return the genes of one design, `(axes,)`; a value beyond its range is moved to the end of the range."""
+    """Return the genes of one design, `(axes,)`; a value beyond its range is moved to the end of
+    the range."""
     genes = []
     for axis in vary:
         value = values[axis.path]
@@ -290,8 +305,8 @@ def differing(
 ) -> np.ndarray:
     """Return the indices of the first designs that differ from those found, and from each other.
 
-    They differ if a number is another choice, or another by a share `apart` of its range. genes: `(designs, axes)`, the best
-    first; found: the same of others. most: of them.
+    They differ if a number is another choice, or another by a share `apart` of its range. genes:
+    `(designs, axes)`, the best first; found: the same of others. most: of them.
     """
     few = np.array([len(axis.values or ()) for axis in vary])
 

@@ -1,4 +1,5 @@
-"""A design study: a search in chunks on workers that can be resumed after an interruption, and the front as a table."""
+"""A design study: a search in chunks on workers that can be resumed after an interruption, and
+the front as a table."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -46,32 +47,36 @@ from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.kind import count
 from wavesweep.program.tables.table import Table, facts_of
 
-CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
+# designs of a task at most: those of one structure are the faster, the more they are
+DESIGNS_OF_TASK = 48
 FRONT = 48  # designs of the table at most
-PROVED = 6  # designs with [for_all], the best in the search and the spec's own, that are proved for all of it
-TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
+# designs with [for_all], the best in the search and the spec's own, that are proved for all of it
+PROVED = 6
+# designs of a search that are checked for all, if none of the front holds for it
+DESIGNS_TRIED = 2000
 RUNNERS_UP = 3  # further designs next to a single best one
-APART = 0.1  # of a number's range: how far apart these are
-ADDED = 4  # combinations at a time that the search holds for besides
-FINER = 4096  # combinations that a design of the front is checked over at most
+FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
+COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
+MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
 BETWEEN = (
     63,
     15,
     7,
     3,
 )  # values between two of a range: the most of these with which the combinations are few, which are
-OFTEN = 20  # at most, of those that the search looks at from time to time
-FINEST = 256  # at most, of those of the last check
+MOST_OFTEN_LOOKED_AT = 20  # at most, of those that the search looks at from time to time
+MOST_LAST_COMBINATIONS = 256  # at most, of those of the last check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """What a search looks at.
 
-    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
-    designs have to hold for in the search; more are added during it. finer, finest: those that the front is checked over during
-    the search, and at its end. stop: the largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the
-    front is checked; None for no such check.
+    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged.
+    scenarios: combinations that designs have to hold for in the search; more are added during it.
+    finer, finest: those that the front is checked over during the search, and at its end. stop: the
+    largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is
+    checked; None for no such check.
     """
 
     genes: dict[int, np.ndarray]
@@ -83,7 +88,8 @@ class Study:
 
 
 def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
-    """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if it is settled."""
+    """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if
+    it is settled."""
     fields = [("slice", "<i4")]
     for wish in wishes:
         fields.append((wish.name, "<f8"))
@@ -113,7 +119,8 @@ def _task(job, chunk):
 
 
 def _evaluation(job, scenarios, designs, count: int, last: bool):
-    """What computes the records of designs; last: whether they are of the front, for which more is checked."""
+    """What computes the records of designs; last: whether they are of the front, for which more
+    is checked."""
     spec = job.grid.spec
     if last:
         box = job.asked.box
@@ -154,7 +161,8 @@ def evaluated(
 
 
 def _hold(spec, scenarios, designs, box, records):
-    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled.
+    """Fill in the stiffest wall that is stable with every hand of the box, and whether that is
+    settled.
 
     Walls are checked up to `z_width`, the stiffest one of the scenarios.
     """
@@ -199,11 +207,12 @@ def design(
 ) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
-    Returns the front if some wishes have no bound, otherwise the best design, as a table. for_hands: "box" to check the front
-    for every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
-    progress, checkpoint and force, see `Work`. The result depends on the seed and not on the workers.
-    Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
-    run.
+    Returns the front if some wishes have no bound, otherwise the best design, as a table.
+    for_hands: "box" to check the front for every hand between the ends of the ranges as well,
+    "vertices" for finer values alone. given: jobs, backend, scheduler, progress, checkpoint and
+    force, see `Work`. The result depends on the seed and not on the workers. Errors: UsageError for
+    a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of
+    a run.
     """
     started = time.perf_counter()
     work = Work.of(given)
@@ -286,14 +295,16 @@ def design(
 
 
 def _ends_with_walls(wish, records):
-    """Whether the best value of a wish among the designs of a result is that of a wall at which the range of walls ends."""
+    """Whether the best value of a wish among the designs of a result is that of a wall at which
+    the range of walls ends."""
     value = records[wish.name] if wish.kind.more else -records[wish.name]
     best = np.argmax(np.where(np.isnan(value), -np.inf, value))
     return bool(records[f"{wish.name}_at_end"][best])
 
 
 def _proof_of(spec):
-    """The proof of designs for all of [for_all], and the values of [design.for_all]; None without [for_all]."""
+    """The proof of designs for all of [for_all], and the values of [design.for_all]; None
+    without [for_all]."""
     return spec.for_all and spec.for_all.proof(spec)
 
 
@@ -326,7 +337,8 @@ def _refuse_for_all(spec, wanted, for_hands):
 
 
 def _stiffest_searched(spec, wishes):
-    """The stiffest wall that is searched. Errors: SpecError if a wish asks for more, or if there is no range."""
+    """The stiffest wall that is searched. Errors: SpecError if a wish asks for more, or if there
+    is no range."""
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
@@ -349,7 +361,8 @@ def _stiffest_searched(spec, wishes):
 
 
 def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
-    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
+    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it
+    cannot be done."""
     if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
         raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
     wanted = spec.asking("design").design
@@ -364,10 +377,10 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
                 grid.spec.with_values(
                     {axis.path: value}
                 )  # or an error that names what it does not suit
-    often = _between(grid.spec, OFTEN)
-    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= FINER))
+    often = _between(grid.spec, MOST_OFTEN_LOOKED_AT)
+    finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_CHECKED))
     finest = finer
-    between = _between(grid.spec, FINEST)
+    between = _between(grid.spec, MOST_LAST_COMBINATIONS)
     if between:
         finest = scenarios_of(grid.spec, between)
     box = box_of(spec) if for_hands == "box" else None
@@ -377,7 +390,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
     rounds = wanted.settings["generations"]
     population = wanted.settings["population"]
-    chunks = Chunks(rounds + 1, max(population, FRONT), 1, CHUNK)
+    chunks = Chunks(rounds + 1, max(population, FRONT), 1, DESIGNS_OF_TASK)
     total = rounds * population
     return Job(
         DESIGNS,
@@ -392,12 +405,14 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
 
 
 def _between(spec, most: int) -> int:
-    """The largest number of values between two of each range with which there are at most so many combinations, or 0."""
+    """The largest number of values between two of each range with which there are at most so
+    many combinations, or 0."""
     return next((number for number in BETWEEN if count_of(spec, number) <= most), 0)
 
 
 def _refuse_unreachable(spec, wishes):
-    """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay ends within its frame."""
+    """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay
+    ends within its frame."""
     most = {"damping_ratio": 1.0}
     if not spec.drawing:
         most["delay_margin"] = float(longest_delay(spec.values))
@@ -412,7 +427,8 @@ def _refuse_unreachable(spec, wishes):
 
 
 def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
-    """Return the ranges of mass, damping and stiffness of all hands between the ends of the ranges of [design.for_all].
+    """Return the ranges of mass, damping and stiffness of all hands between the ends of the ranges
+    of [design.for_all].
 
     Errors: UsageError if these or the wishes do not define a box.
     """
@@ -459,7 +475,8 @@ class _Run:
         self.since = 0  # the first generation that was judged over all that is held for now
 
     def judge(self, number: int, genes: np.ndarray) -> Judged:
-        """Return the designs of a generation, judged; those of one structure are computed together."""
+        """Return the designs of a generation, judged; those of one structure are computed
+        together."""
         self.latest = number
         wanted = self.job.grid.spec.design
         values = designs_of(wanted.vary, genes)
@@ -471,7 +488,8 @@ class _Run:
         return Judged(genes, *judged(wanted, records))
 
     def look(self, best: Judged) -> bool:
-        """Check designs of the front over the finer choice, and add the worst scenarios to those that the search holds for.
+        """Check designs of the front over the finer choice, and add the worst scenarios to those
+        that the search holds for.
 
         The worst of a range need not be at its ends. Returns whether anything was added.
         """
@@ -486,7 +504,9 @@ class _Run:
         often = np.bincount(decide, minlength=len(study.finer))
         order = np.argsort(-often, kind="stable")[: np.count_nonzero(often)]
         worst = [study.finer[at] for at in order.tolist()]
-        new = [scenario for scenario in worst if scenario not in study.scenarios][:ADDED]
+        new = [scenario for scenario in worst if scenario not in study.scenarios][
+            :COMBINATIONS_ADDED
+        ]
         if not new:
             return False
         study.scenarios.extend(new)
@@ -501,16 +521,18 @@ class _Run:
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
     def kept(self, genes: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The designs of the front that keep their bounds over all that it is checked for, and their records.
+        """The designs of the front that keep their bounds over all that it is checked for, and
+        their records.
 
-        A search that sees some values of a range finds what is good there alone. If no design of the front keeps its bounds in
-        between, those of all generations are tried, the best first; if none of them does, the records of the front remain.
+        A search that sees some values of a range finds what is good there alone. If no design of
+        the front keeps its bounds in between, those of all generations are tried, the best first;
+        if none of them does, the records of the front remain.
         """
         _, violation = judged(self.job.grid.spec.design, records)
         good = violation == 0
         if good.any():
             return genes[good], records[good]
-        candidates = self.feasible()[:TRIED]
+        candidates = self.feasible()[:DESIGNS_TRIED]
         for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)):
             if not len(batch):
                 break
@@ -528,7 +550,8 @@ class _Run:
         return genes[order[violation[order] == 0]]
 
     def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
+        """Those of some designs that keep their bounds over all that a front is checked for, and
+        their records."""
         wanted = self.job.grid.spec.design
         designs = designs_of(wanted.vary, genes)
         records = _evaluation(self.job, self.job.asked.finest, designs, len(genes), last=True)()
@@ -537,20 +560,24 @@ class _Run:
         return genes[good], records[good]
 
     def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
-        """The first of some designs, the best first, that differ from those of a result and from each other."""
-        return others[differing(self.job.grid.spec.design.vary, others, genes, APART, RUNNERS_UP)]
+        """The first of some designs, the best first, that differ from those of a result and from
+        each other."""
+        return others[
+            differing(self.job.grid.spec.design.vary, others, genes, FRONT_DISTANCE, RUNNERS_UP)
+        ]
 
     def runners_up(
         self, genes: np.ndarray, others: np.ndarray, records: np.ndarray
     ) -> list[dict[str, Any]]:
-        """The next best designs after the only one of a result: their numbers, and their wishes at their worst.
+        """The next best designs after the only one of a result: their numbers, and their wishes at
+        their worst.
 
         others: that were checked as it was, the best first, with their records.
         """
         if len(genes) > 1:
             return []
         spec = self.job.grid.spec
-        at = differing(spec.design.vary, others, genes, APART, RUNNERS_UP)
+        at = differing(spec.design.vary, others, genes, FRONT_DISTANCE, RUNNERS_UP)
         columns, _ = _columns(spec, self.job, others[at], records[at])
         found = []
         for row in range(len(others[at])):
@@ -560,7 +587,8 @@ class _Run:
         return found
 
     def everything(self) -> np.ndarray:
-        """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
+        """Return the records of the search, of all generations that were judged over the same
+        scenarios as the last one."""
         first = generation(self.job, self.since).start
         last = generation(self.job, self.job.chunks.loops - 1).start
         numbers = [number for number in self.store.finished() if first <= number < last]
@@ -581,7 +609,8 @@ def seconds_of(job: Job) -> float:
 
 
 def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
-    """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
+    """Return the wishes of the spec's own design, at their worst, as those of the front; None if
+    there is no value."""
     nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
     proof = _proof_of(spec)
     measured = evaluate(spec, spec.design.wishes, job.asked.finest, nominal, job.asked.stop, proof)
@@ -656,7 +685,7 @@ def _notices(job):
     if spec.for_all:
         yield from _proof_notices(spec)
     if not _checked(job):
-        yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
+        yield f"values between the ends of the ranges were not checked: with them there are more than {MOST_CHECKED} combinations"
     if all(wish.kind.reads for wish in spec.design.wishes):
         alone = " and ".join(wish.name for wish in spec.design.wishes)
         yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"

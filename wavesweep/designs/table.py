@@ -40,7 +40,8 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
 
 
 def wish_units(spec: Spec) -> dict[str, str]:
-    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
+    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of
+    its port."""
     if not spec.design:
         return {}
     units = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0])
@@ -103,7 +104,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _best(
     columns: Columns, wishes: Sequence[Wish], varied: Iterable[str]
 ) -> tuple[dict[str, dict], dict[str, dict]]:
-    """For each wish the values of all wishes, and the varied numbers, of the design that is the best in it."""
+    """For each wish the values of all wishes, and the varied numbers, of the design that is the
+    best in it."""
     values = {}
     numbers = {}
     for best_in in wishes:
@@ -137,7 +139,8 @@ def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
 
 
 def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> dict[str, float]:
-    """Return the margins of a design's wishes to their bounds, as shares of these; values: of the wishes."""
+    """Return the margins of a design's wishes to their bounds, as shares of these; values: of
+    the wishes."""
     margins = {}
     for name, value in values.items():
         wish = wish_of(name, facts)
@@ -147,7 +150,8 @@ def margins_of(values: Mapping[str, float | None], facts: Mapping[str, Any]) -> 
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    """Yield a line for the front, one for each design that is the best in a wish, and one for the spec's own design."""
+    """Yield a line for the front, one for each design that is the best in a wish, and one for
+    the spec's own design."""
     searched = count(found["searched"], "design")
     evaluated = (
         f"{searched} evaluated, each at its worst over {count(found['scenarios'], 'combination')}"
@@ -191,7 +195,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
 
 
 def _notes(found: Numbers) -> Iterator[Line]:
-    """Yield where walls end with their range, the files, and what is proved, not certified or does not hold."""
+    """Yield where walls end with their range, the files, and what is proved, not certified or
+    does not hold."""
     if found["at_end"]:
         where = f"where the range of {found['wall']} ends, at {found['walls_to']:g}"
         yield (

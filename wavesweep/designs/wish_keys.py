@@ -25,17 +25,20 @@ _MODES = {
         1,
     ),
 }
-# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
+# Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of
+# the wishes that need them.
 OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
 
 
 @dataclass(frozen=True, slots=True)
 class WishKind:
-    """A quantity that may be wished for. more: whether more of it is better. title: its name in figures.
+    """A quantity that may be wished for. more: whether more of it is better. title: its name in
+    figures.
 
-    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it. reads: how the paths begin of all
-    numbers that it reads; empty if it reads the whole loop. measure: of one that a capability offers, from the loops of a batch,
-    their number and its own options to the value of each, and whether that is certified.
+    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it. reads:
+    how the paths begin of all numbers that it reads; empty if it reads the whole loop. measure: of
+    one that a capability offers, from the loops of a batch, their number and its own options to the
+    value of each, and whether that is certified.
     """
 
     unit: str
@@ -156,7 +159,8 @@ WISHES = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of values.
+    """A wish: the name of its kind, its bound (None: as good as possible), and its options as
+    tuples of values.
 
     places: of its keys.
     """
@@ -172,7 +176,8 @@ class Wish:
         return WISHES[self.name]
 
     def margin(self, value: Any) -> Any:
-        """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
+        """Return the margin to the bound, as a share of it (of 1e-6 if it is 0); negative if the
+        bound is violated."""
         share = (value - self.bound) / (abs(self.bound or 0.0) or 1e-6)
         return share if self.kind.more else -share
 

@@ -1,4 +1,5 @@
-"""Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
+"""Every quantity that may be wished for, at its worst over all that a design has to hold for, of
+many designs at once."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.designs.bands import HIGH, NODES, BandModes, Sampled, over_band
+from wavesweep.designs.bands import GAUSS_NODES, HIGH, BandModes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
@@ -25,24 +26,28 @@ from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
-from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, SETTLED
+from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, SETTLED_TO
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import drawn_groups, frames_per_clock
 
-UNSEEN = 1e-4  # how small the last coefficients of a piece have to be compared with the mean; the error is far less
-DENSE = 8 * NODES  # points of a piece among which a least value is looked for
+# how small the last coefficients of a piece have to be compared with the mean; the error is far
+# less
+UNSEEN = 1e-4
+DENSE_POINTS = 8 * GAUSS_NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)
-BATCH = 512  # points at a time: more leave the processor's cache
+POINTS_AT_ONCE = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
-BEGUN = 1e-9  # of the range of walls: ratios begin there, as at no wall the numbers that follow it leave a drift
+# of the range of walls: ratios begin there, as at no wall the numbers that follow it leave a drift
+BEGUN = 1e-9
 DELAY = "environment.delay"
-TOLD = 1e-9  # between least damping ratios by several lines of modes, that are the same
+TOLD_DIFFERENCE = 1e-9  # between least damping ratios by several lines of modes, that are the same
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorstMeasure(Rows):
-    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified.
+    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all
+    values are certified.
 
     at_end: whether it is that of a wall at which the range of walls ends.
     """
@@ -61,12 +66,14 @@ def evaluate(
     stop: float,
     proof: Any = None,
 ) -> dict[str, WorstMeasure]:
-    """Return the worst values of designs: wish -> `WorstMeasure`. The designs need not be the product of some axes.
+    """Return the worst values of designs: wish -> `WorstMeasure`. The designs need not be the
+    product of some axes.
 
-    spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
-    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. proof: if given, walls are those that are proved
-    for all of it, and other values are missing where a loop is refuted, and not certified where it is not proved.
-    Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
+    spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path ->
+    value of each design, `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m.
+    proof: if given, walls are those that are proved for all of it, and other values are missing
+    where a loop is refuted, and not certified where it is not proved. Accuracy: that of stable
+    intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
     measured = {}
     searched = {}  # damping of the walls -> points, and the stiffest wall of each
@@ -129,7 +136,8 @@ def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
 def _where_solvable(
     spec, points: Points, measure: Callable[[Points], tuple], *blank: np.ndarray
 ) -> tuple:
-    """What `measure` gives for the points, arrays over them, filled into blank ones: numbers that make no loop are left out."""
+    """What `measure` gives for the points, arrays over them, filled into blank ones: numbers
+    that make no loop are left out."""
     waiting = [np.arange(points.size)]
     while waiting:
         batch = waiting.pop()
@@ -146,7 +154,7 @@ def _where_solvable(
     return blank
 
 
-def _batches(spec, points: Points, most: int = BATCH):
+def _batches(spec, points: Points, most: int = POINTS_AT_ONCE):
     """Yield the indices of at most `most` points of one structure at a time, and their loops."""
     for members, loops in drawn_groups(spec, points.changes, points.size, {}):
         for start in range(0, members.size, most):
@@ -155,7 +163,8 @@ def _batches(spec, points: Points, most: int = BATCH):
 
 
 def _of_each(points, of, paths):
-    """Return what `of` says of the values of some paths, which no scenario changes, of each point."""
+    """Return what `of` says of the values of some paths, which no scenario changes, of each
+    point."""
     columns = {path: points.changes[path] for path in paths}
     first, back = distinct_rows(columns, points.size)
     said = []
@@ -167,9 +176,11 @@ def _of_each(points, of, paths):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stiffest:
-    """Of each point the stiffest wall up to which every wall is stable, and the stiffness felt of it, if both are certified.
+    """Of each point the stiffest wall up to which every wall is stable, and the stiffness felt of
+    it, if both are certified.
 
-    of_all: whether the wall is less than that of the scenarios, as what is proved for all of [for_all] is.
+    of_all: whether the wall is less than that of the scenarios, as what is proved for all of
+    [for_all] is.
     """
 
     wall: np.ndarray
@@ -222,7 +233,8 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
 
 
 def _felt_over(spec, band, points, stiffest):
-    """Return the least size over a band (Hz) of what the wall of each point adds to free motion, and whether it is certified.
+    """Return the least size over a band (Hz) of what the wall of each point adds to free motion,
+    and whether it is certified.
 
     It is 0 without a wall.
     """
@@ -262,7 +274,8 @@ def _felt_over(spec, band, points, stiffest):
 
 
 def _free_motion(spec, wish, points):
-    """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is unstable."""
+    """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is
+    unstable."""
     stable = _radii(spec, points) < 1
     modes = _modes(spec, points)
 
@@ -280,12 +293,14 @@ def _free_motion(spec, wish, points):
 
 
 def _extreme(band, size, response, least):
-    """Return the least or the largest size over a band (Hz) of a response of so many points, and whether it is certified.
+    """Return the least or the largest size over a band (Hz) of a response of so many points, and
+    whether it is certified.
 
-    response: takes points and frequencies, gives the response, its error, `(points, frequencies)`, and where it is singular
-    (see `Sampled`). Between frequencies its size is that of a polynomial through the logarithm. least: `np.min` or `np.max`.
+    response: takes points and frequencies, gives the response, its error, `(points, frequencies)`,
+    and where it is singular (see `Sampled`). Between frequencies its size is that of a polynomial
+    through the logarithm. least: `np.min` or `np.max`.
     """
-    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
+    dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE_POINTS), GAUSS_NODES - 1).T
 
     def sample(at, frequency):
         size, off, responses = response(at, frequency)
@@ -304,7 +319,8 @@ def _extreme(band, size, response, least):
 
 
 def _transparency(spec, wish, points):
-    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is unstable.
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is
+    unstable.
 
     A design with an unstable loop has no value, and its other loops are left out: they count as 0.
     """
@@ -377,7 +393,9 @@ def _responses(spec, frequency, points) -> Response:
     """The responses at the hand, `(points, frequencies)`."""
     shape = points.size, frequency.size
     responses = Response(*(np.empty(shape, kind) for kind in (complex, complex, float, float)))
-    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+    for members, loops in _batches(
+        spec, points, max(1, POINTS_AT_ONCE * GAUSS_NODES // frequency.size)
+    ):
         found = responses_of(loops, members.size, frequency, ERROR / 2)
         for array, values in zip(responses, found, strict=True):
             array[members] = values
@@ -385,11 +403,15 @@ def _responses(spec, frequency, points) -> Response:
 
 
 def _admittances(spec, points, frequency):
-    """Return the admittances at the hand and bounds on their relative errors, `(points, frequencies)`."""
+    """Return the admittances at the hand and bounds on their relative errors, `(points,
+    frequencies)`."""
     value = np.empty((points.size, frequency.size), complex)
     error = np.empty((points.size, frequency.size))
-    for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
+    for members, loops in _batches(
+        spec, points, max(1, POINTS_AT_ONCE * GAUSS_NODES // frequency.size)
+    ):
+        # Through the modes; the few that this is too rough for are computed again, slowly, by
+        # themselves.
         response = responses_of(loops, members.size, frequency, np.inf)
         value[members] = response.admittance
         error[members] = response.admittance_error
@@ -402,7 +424,8 @@ def _admittances(spec, points, frequency):
 
 
 def _coupled(spec, points):
-    """Direct coupling at the fast rate of the points: the spec, different points, and which of these each one has."""
+    """Direct coupling at the fast rate of the points: the spec, different points, and which of
+    these each one has."""
     spec = spec.with_values({"controller.kind": "dc"})
     read = keys_of_page(spec.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
@@ -411,7 +434,8 @@ def _coupled(spec, points):
 
 
 def _offered(spec, wish, points):
-    """What a capability measures. Of points that differ only in numbers that it does not read, it is computed once."""
+    """What a capability measures. Of points that differ only in numbers that it does not read,
+    it is computed once."""
     value, certified = _unknown(points.size)
     options = {name: wish.options[name][0] for name in wish.kind.own_options}
     reads = wish.kind.reads
@@ -430,7 +454,8 @@ def _offered(spec, wish, points):
 
 
 def _delay_margin(spec, wish, points):
-    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any.
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop
+    is unstable without any.
 
     A result that is in place with the next frame cannot be later.
     """
@@ -472,23 +497,26 @@ def _damping_ratio(spec, wish, loops, size):
     with np.errstate(all="ignore"):
         exponents = [*np.moveaxis(np.log1p(delta), -1, 0)[..., None]]
         lines = np.stack([*lines_of_each(loops.read, exponents, ranges=True)], axis=1)
-    # The wish has the ratio by the own line; it is sure if no line that may be the own one makes another ratio the least.
+    # The wish has the ratio by the own line; it is sure if no line that may be the own one makes
+    # another ratio the least.
     own, lowest, highest = (2 * np.pi * period[:, None] * lines[..., at] for at in range(3))
     least, sure = least_damping(E, gone, pairs=pairs, turns=own)
     for turns in (lowest, highest):
         other, _ = least_damping(E, gone, pairs=pairs, turns=turns)
-        sure &= np.abs(other - least) <= TOLD
+        sure &= np.abs(other - least) <= TOLD_DIFFERENCE
     return np.where(certain, least, np.nan), certain & sure
 
 
 def _settling(spec, wish, loops, size):
-    """Time in which the mode that decays most slowly falls to 2 %, s: ln(50) time constants; missing if the loop is unstable."""
+    """Time in which the mode that decays most slowly falls to 2 %, s: ln(50) time constants;
+    missing if the loop is unstable."""
     value, certified = _time_constant(spec, wish, loops, size)
-    return -np.log(SETTLED) * value, certified
+    return -np.log(SETTLED_TO) * value, certified
 
 
 def _time_constant(spec, wish, loops, size):
-    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
+    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is
+    unstable."""
     del spec, wish
     E, certain = _frames(loops, size)
     drawn = loops.drawn()
@@ -515,7 +543,8 @@ def _chatter(spec, wish, loops, size):
 
 
 def _depth(spec, wish, loops, size):
-    """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
+    """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop
+    is unstable."""
     del spec
     felt = felt_of(loops, size)
     radius = loops.read.radii(size)
@@ -526,7 +555,8 @@ def _depth(spec, wish, loops, size):
 
 
 def _batched(measure):
-    """The measure of points that `measure` gives of those of one structure, from their loops and their number."""
+    """The measure of points that `measure` gives of those of one structure, from their loops and
+    their number."""
 
     def of_points(spec, wish, points):
         value, certified = _unknown(points.size)
@@ -538,7 +568,8 @@ def _batched(measure):
 
 
 def slowest(delta):
-    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
+    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most,
+    `(...)`."""
     last = np.argmax(np.abs(1 + delta), -1)
     return np.take_along_axis(delta, last[..., None], -1)[..., 0]
 

@@ -1,7 +1,8 @@
 """The engine: multirate loops in, arrays out. It knows no files, no specs, no tables and no commands.
 
-Its front is `loop_from_blocks` and `loop_from_drawing`, which make a `ClosedLoop`; see docs/engine.md. Modules without an
-underscore are for everybody, all others for the engine itself. Names are loaded when they are first touched.
+Its front is `loop_from_blocks` and `loop_from_drawing`, which make a `ClosedLoop`; see
+docs/engine.md. Modules without an underscore are for everybody, all others for the engine itself.
+Names are loaded when they are first touched.
 """
 
 from collections.abc import Callable, Mapping

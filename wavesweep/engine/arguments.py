@@ -11,8 +11,8 @@ from wavesweep.engine.errors import UsageError
 def real_numbers(values: Any) -> np.ndarray | None:
     """Return a number, or nested lists or an array of numbers, as an array; None if an item is not a real number.
 
-    Texts, booleans and masked numbers are refused, since their meaning is uncertain. Numbers without an array type, such as
-    fractions, become doubles.
+    Texts, booleans and masked numbers are refused, since their meaning is uncertain. Numbers
+    without an array type, such as fractions, become doubles.
     """
     try:
         array = np.asarray(values)

@@ -45,12 +45,14 @@ class StableIntervals:
 
     All fields are arrays `(rows,)`, sorted by loop, then by value.
 
-    loop: index of the loop among those asked for, flat. low, high: ends, in the unit of the number, NaN without an interval.
-    low_omega, high_omega: angular frequency (rad/s) of the oscillation that starts at the end, as it is seen once a frame; NaN
-    where the range ends the interval. low_hz, high_hz: the strongest line (Hz) of that oscillation between the ticks.
-    certified: whether all intervals of the loop are proved, and that there are no others. doubt: why not, a word of
-    `wavesweep.engine.doubts`; empty if certified. residual: of the characteristic equation at the ends, relative. open_low,
-    open_high: from where to where the number lies at which nothing is known; NaN if everything is.
+    loop: index of the loop among those asked for, flat. low, high: ends, in the unit of the number,
+    NaN without an interval. low_omega, high_omega: angular frequency (rad/s) of the oscillation
+    that starts at the end, as it is seen once a frame; NaN where the range ends the interval.
+    low_hz, high_hz: the strongest line (Hz) of that oscillation between the ticks. certified:
+    whether all intervals of the loop are proved, and that there are no others. doubt: why not, a
+    word of `wavesweep.engine.doubts`; empty if certified. residual: of the characteristic equation
+    at the ends, relative. open_low, open_high: from where to where the number lies at which nothing
+    is known; NaN if everything is.
     """
 
     loop: NDArray[np.int32]
@@ -71,9 +73,10 @@ class StableIntervals:
 class ClosedLoopPoles:
     """The poles of one loop per frame, the slowest first, without those that drift; arrays `(poles,)`.
 
-    z: eigenvalues of the frame. s: `log(z)/frame_s` (1/s); -inf for a pole at 0. damping_ratio: -Re s/|s|; NaN for poles at 0
-    and 1. certain: whether rounding cannot take the pole across the unit circle. shares: participation of each state in each
-    pole, `(poles, states)`, from 0 to 1. states: a name for each.
+    z: eigenvalues of the frame. s: `log(z)/frame_s` (1/s); -inf for a pole at 0. damping_ratio: -Re
+    s/|s|; NaN for poles at 0 and 1. certain: whether rounding cannot take the pole across the unit
+    circle. shares: participation of each state in each pole, `(poles, states)`, from 0 to 1.
+    states: a name for each.
     """
 
     z: NDArray[np.complex128]
@@ -88,9 +91,10 @@ class ClosedLoopPoles:
 class InputResponse:
     """The response of an output to an input at some frequencies.
 
-    frequency_hz: `(points,)`. value: complex, `(..., points)`, in the output's unit per the input's; NaN if it is not known.
-    error: bound on its relative error, likewise. stable: whether the loop is stable, `(...)`; the response of one that is not
-    is that of its equations, and no experiment shows it.
+    frequency_hz: `(points,)`. value: complex, `(..., points)`, in the output's unit per the
+    input's; NaN if it is not known. error: bound on its relative error, likewise. stable: whether
+    the loop is stable, `(...)`; the response of one that is not is that of its equations, and no
+    experiment shows it.
     """
 
     frequency_hz: Floats
@@ -115,8 +119,8 @@ class ExtremeGain:
 class LiftedStateSpace:
     """One loop from frame to frame: `x[k+1] = A x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.
 
-    u and y have the inputs and outputs of all ticks of a frame one after the other, `r[0], r[1], ...`. frame_s: period of the
-    frame (s). states: a name for each.
+    u and y have the inputs and outputs of all ticks of a frame one after the other, `r[0], r[1],
+    ...`. frame_s: period of the frame (s). states: a name for each.
     """
 
     A: Floats
@@ -144,12 +148,13 @@ class LiftedStateSpace:
 class ClosedLoop:
     """A closed loop of blocks that run at several rates, made by `loop_from_blocks` or `loop_from_drawing`.
 
-    Methods take other values of its numbers as a dict by name, each a number or an array; arrays broadcast together, and
-    what is returned has their shape. `loop.spectral_radius({"kp": [1.0, 2.0], "tau": 0.01})` is two loops. A number that is
-    not named keeps the value that it was made with. The rate of the tick has the name `rates.tick_hz`.
+    Methods take other values of its numbers as a dict by name, each a number or an array; arrays
+    broadcast together, and what is returned has their shape. `loop.spectral_radius({"kp": [1.0,
+    2.0], "tau": 0.01})` is two loops. A number that is not named keeps the value that it was made
+    with. The rate of the tick has the name `rates.tick_hz`.
 
-    drawing: the structure. values: path -> value of each number. state_names: names of states in place of those that the blocks
-    give them, such as "plant angle" for "plant x0".
+    drawing: the structure. values: path -> value of each number. state_names: names of states in
+    place of those that the blocks give them, such as "plant angle" for "plant x0".
     """
 
     drawing: Drawing
@@ -217,20 +222,23 @@ class ClosedLoop:
     ) -> StableIntervals:
         """All stable intervals along one of the numbers, with a certificate.
 
-        A number that multiplies one signal is cut out of the frame: `det(z - F(p)) = 0` is one real polynomial in the cosine of
-        the angle, whose roots are all crossings of the unit circle. Along any other number the eigenvalues are followed as
-        polynomials on panels, and a dominant diagonal proves that none is missed. See docs/proof.md.
+        A number that multiplies one signal is cut out of the frame: `det(z - F(p)) = 0` is one real
+        polynomial in the cosine of the angle, whose roots are all crossings of the unit circle.
+        Along any other number the eigenvalues are followed as polynomials on panels, and a dominant
+        diagonal proves that none is missed. See docs/proof.md.
 
         Parameters
         ----------
         along : str
-            Name of the number; not one that decides how the loop is built, such as a number of ticks.
+            Name of the number; not one that decides how the loop is built, such as a number of
+            ticks.
         span : tuple of float
             (low, high) of the range that is searched, in the unit of the number.
         numbers : dict, optional
             Other values of other numbers: name -> number or array.
         prover : callable, optional
-            Is asked about stretches that doubles leave in doubt; see `wavesweep.engine._search.question.Prover`.
+            Is asked about stretches that doubles leave in doubt; see
+            `wavesweep.engine._search.question.Prover`.
 
         Returns
         -------
@@ -240,14 +248,16 @@ class ClosedLoop:
         Raises
         ------
         UsageError
-            For a name or a value that the loop does not have, or a range in which there is a value without a loop.
+            For a name or a value that the loop does not have, or a range in which there is a value
+            without a loop.
         IllPosedLoopError
             If a loop of direct terms has no solution.
 
         Notes
         -----
-        Accuracy: ends usually to 1e-12 relative along a number that multiplies one signal, 1e-9 along others. If `certified` is
-        false, `doubt` says why, and what is between `open_low` and `open_high` may be stable or not.
+        Accuracy: ends usually to 1e-12 relative along a number that multiplies one signal, 1e-9
+        along others. If `certified` is false, `doubt` says why, and what is between `open_low` and
+        `open_high` may be stable or not.
         """
         key, ends = self._key(along), real_numbers(span)
         if key.structural:
@@ -297,8 +307,8 @@ class ClosedLoop:
         Returns
         -------
         ndarray
-            In the shape of the arrays; infinite after overflow, NaN if rounding could move it by a thousandth of itself or
-            of 1.
+            In the shape of the arrays; infinite after overflow, NaN if rounding could move it by a
+            thousandth of itself or of 1.
 
         Raises
         ------
@@ -333,8 +343,8 @@ class ClosedLoop:
 
         Notes
         -----
-        Accuracy: that of eigenvalues in double precision, computed as z - 1, so that slow poles keep all digits of their
-        distance from 1.
+        Accuracy: that of eigenvalues in double precision, computed as z - 1, so that slow poles
+        keep all digits of their distance from 1.
         """
         loops = self._single(numbers).read
         drawn, drift = loops.drawn(), loops.drift()
@@ -358,7 +368,8 @@ class ClosedLoop:
     ) -> InputResponse:
         """The steady response of an output to a sinusoidal input that is held over each tick.
 
-        The component at the frequency of the input itself: a loop of several rates answers with images of it too.
+        The component at the frequency of the input itself: a loop of several rates answers with
+        images of it too.
 
         Parameters
         ----------
@@ -382,7 +393,8 @@ class ClosedLoop:
 
         Notes
         -----
-        Accuracy: every value has a bound on its relative error, which counts the rounding of the loop's entries.
+        Accuracy: every value has a bound on its relative error, which counts the rounding of the
+        loop's entries.
         """
         self._refuse_ends(source, output)
         asked_hz = real_numbers(frequency_hz)
@@ -408,9 +420,10 @@ class ClosedLoop:
     def hinf_norm(self, source: str, output: str, numbers: Numbers = None) -> ExtremeGain:
         """The largest gain from an input to an output: the H-infinity norm of the loop lifted over a frame.
 
-        `sum |y[k]|^2 <= value^2 sum |u[k]|^2` over all ticks k, for every input that is held over the ticks, from rest. It is
-        the largest singular value of the lifted loop over all frequencies, found by level sets (S. Boyd, V. Balakrishnan; N.
-        Bruinsma, M. Steinbuch, 1990), and counts the images that `response` leaves out.
+        `sum |y[k]|^2 <= value^2 sum |u[k]|^2` over all ticks k, for every input that is held over
+        the ticks, from rest. It is the largest singular value of the lifted loop over all
+        frequencies, found by level sets (S. Boyd, V. Balakrishnan; N. Bruinsma, M. Steinbuch,
+        1990), and counts the images that `response` leaves out.
 
         Parameters
         ----------
@@ -422,8 +435,9 @@ class ClosedLoop:
         Returns
         -------
         ExtremeGain
-            In the output's unit per the input's; infinite for a loop that is not stable, whether or not the output shows it, or
-            whose output drifts; NaN if it is not known whether the loop is stable.
+            In the output's unit per the input's; infinite for a loop that is not stable, whether or
+            not the output shows it, or whose output drifts; NaN if it is not known whether the loop
+            is stable.
 
         Raises
         ------
@@ -432,8 +446,8 @@ class ClosedLoop:
 
         Notes
         -----
-        Accuracy: 1e-10 relative if certified. Over frames of more than 64 inputs or outputs, that no gain is larger is proved
-        to 5e-9 at least.
+        Accuracy: 1e-10 relative if certified. Over frames of more than 64 inputs or outputs, that
+        no gain is larger is proved to 5e-9 at least.
         """
 
         def largest(ticks: TickMaps) -> tuple[Floats, Floats, Bools]:
@@ -445,8 +459,9 @@ class ClosedLoop:
     def passivity_index(self, source: str, output: str, numbers: Numbers = None) -> ExtremeGain:
         """How passive the loop is between an input and an output: the least energy that it takes up per energy of the input.
 
-        `sum u[k] y[k] >= value sum u[k]^2` over all ticks k, from rest: the loop is passive if the index is at least 0. It is
-        the smallest eigenvalue of the Hermitian part of the lifted loop over all frequencies (input feedforward passivity).
+        `sum u[k] y[k] >= value sum u[k]^2` over all ticks k, from rest: the loop is passive if the
+        index is at least 0. It is the smallest eigenvalue of the Hermitian part of the lifted loop
+        over all frequencies (input feedforward passivity).
 
         Parameters
         ----------
@@ -456,7 +471,8 @@ class ClosedLoop:
         Returns
         -------
         ExtremeGain
-            In the output's unit per the input's; -inf where `hinf_norm` is infinite, and NaN where it is NaN.
+            In the output's unit per the input's; -inf where `hinf_norm` is infinite, and NaN where
+            it is NaN.
 
         Raises
         ------
@@ -577,7 +593,8 @@ class ClosedLoop:
     ) -> Iterator[tuple[NDArray[np.intp], Loops]]:
         """Yield indices and loops of one structure; of these a number that is zero in one is zero in all.
 
-        along: for intervals along a number, which take the longest tick that the loops have in common.
+        along: for intervals along a number, which take the longest tick that the loops have in
+        common.
         """
         size = next((values.size for values in arrays.values()), 1)
         shaping = {path for path in arrays if self._names.keys[path].structural}

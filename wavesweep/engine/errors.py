@@ -50,8 +50,9 @@ class IllPosedLoopError(WavesweepError):
 class Mistake(NamedTuple):
     """One mistake of a spec: its place, its key, the expected value and the value found.
 
-    `location` is `file:line:column`, the place of a value in words, or empty if the spec is not text. `key` is empty if the
-    text is not TOML at all. `suggestion` is the nearest correct name, or empty.
+    `location` is `file:line:column`, the place of a value in words, or empty if the spec is not
+    text. `key` is empty if the text is not TOML at all. `suggestion` is the nearest correct name,
+    or empty.
     """
 
     location: str

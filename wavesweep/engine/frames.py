@@ -18,10 +18,21 @@ if TYPE_CHECKING:
     from wavesweep.engine._monodromy.open_ticks import OpenTicks
     from wavesweep.engine._monodromy.periodic import Change, Ticks, in_a_row
     from wavesweep.engine._monodromy.product import blocks_of, pattern_of, product_with_errors
-    from wavesweep.engine._monodromy.rounding import ENTRIES, ROUNDING, balance, both
+    from wavesweep.engine._monodromy.rounding import (
+        ENTRY_ROUNDING,
+        SHORT_SUM_ROUNDING,
+        balance,
+        both,
+    )
     from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
     from wavesweep.engine._search.frames_along import frames_where_solvable
-    from wavesweep.engine._search.open_loops import FEW, TINY, Opened, by_zeros, open_loops
+    from wavesweep.engine._search.open_loops import (
+        IN_PLACE_OF_ZERO,
+        REMEMBERED_LOOPS,
+        Opened,
+        by_zeros,
+        open_loops,
+    )
     from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
 else:
     __getattr__ = on_demand(
@@ -39,10 +50,16 @@ else:
             "_monodromy.open_ticks": ("OpenTicks",),
             "_monodromy.periodic": ("Change", "Ticks", "in_a_row"),
             "_monodromy.product": ("blocks_of", "pattern_of", "product_with_errors"),
-            "_monodromy.rounding": ("ENTRIES", "ROUNDING", "balance", "both"),
+            "_monodromy.rounding": ("ENTRY_ROUNDING", "SHORT_SUM_ROUNDING", "balance", "both"),
             "_monodromy.unit_circle": ("inverse", "on_circle", "solve"),
             "_search.frames_along": ("frames_where_solvable",),
-            "_search.open_loops": ("FEW", "Opened", "TINY", "by_zeros", "open_loops"),
+            "_search.open_loops": (
+                "REMEMBERED_LOOPS",
+                "Opened",
+                "IN_PLACE_OF_ZERO",
+                "by_zeros",
+                "open_loops",
+            ),
             "_stability.sampled_frames": ("Frames", "level", "pole_inside"),
         }
     )

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._search.interval_search import Search, Searches
     from wavesweep.engine._search.question import Prover, Question
-    from wavesweep.engine._stability.along_any import EXACT, stable_along_any
+    from wavesweep.engine._stability.along_any import END_ROUNDING, stable_along_any
     from wavesweep.engine._stability.boundary import terms_of, times
     from wavesweep.engine._stability.intervals import Intervals
     from wavesweep.engine._stability.positive import Cover, FunctionValues, any_positive, positive
-    from wavesweep.engine._stability.regions import NEAR_ZERO
+    from wavesweep.engine._stability.regions import SHARE_OF_SPAN
     from wavesweep.engine._stability.stable import stable_intervals
 else:
     __getattr__ = on_demand(
@@ -29,11 +29,11 @@ else:
             "_search.interval_records": ("FAILURES", "blank_records", "record_type", "unanswered"),
             "_search.interval_search": ("Search", "Searches"),
             "_search.question": ("Prover", "Question"),
-            "_stability.along_any": ("EXACT", "stable_along_any"),
+            "_stability.along_any": ("END_ROUNDING", "stable_along_any"),
             "_stability.boundary": ("terms_of", "times"),
             "_stability.intervals": ("Intervals",),
             "_stability.positive": ("Cover", "FunctionValues", "any_positive", "positive"),
-            "_stability.regions": ("NEAR_ZERO",),
+            "_stability.regions": ("SHARE_OF_SPAN",),
             "_stability.stable": ("stable_intervals",),
         }
     )

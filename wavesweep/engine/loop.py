@@ -26,8 +26,8 @@ Span = tuple[float, float]
 class Loops(NamedTuple):
     """Loops of one structure with their numbers put in.
 
-    drawing: the structure. values: path -> number, or array over the loops of a batch; a number that is zero in one of them is
-    zero in all.
+    drawing: the structure. values: path -> number, or array over the loops of a batch; a number
+    that is zero in one of them is zero in all.
     """
 
     drawing: Drawing
@@ -145,7 +145,8 @@ class Loops(NamedTuple):
     def drawn(self, out: str = "", beside: str = "") -> MultirateLoop:
         """The loops compiled to blocks on a common tick, perhaps without one number or two.
 
-        out, beside: these; what they multiply is the signal PRODUCT, what comes of it FACTOR, of the second one BESIDE.
+        out, beside: these; what they multiply is the signal PRODUCT, what comes of it FACTOR, of
+        the second one BESIDE.
         """
         return from_drawing.assembled(self.drawing, self.values, out, beside)
 
@@ -158,7 +159,8 @@ class Loops(NamedTuple):
     ) -> MarginalModes:
         """What nothing opposes in the loops.
 
-        out, second: numbers that are taken out, see `drawn`. watched: signals that are read in every tick.
+        out, second: numbers that are taken out, see `drawn`. watched: signals that are read in
+        every tick.
         """
         with np.errstate(all="ignore"):
             return _drift(*self.twins(out, second), tuple(watched))
@@ -187,7 +189,8 @@ class Loops(NamedTuple):
     def radii(self, size: int = 1) -> Floats:
         """Spectral radius per frame of each of `size` loops, `(size,)`, without drift.
 
-        Infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+        Infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of
+        1.
         """
         radii = np.array(
             np.broadcast_to(radius_of(*self.frames_with_reliability(self.drift())), (size,))

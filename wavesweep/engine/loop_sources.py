@@ -21,21 +21,24 @@ if TYPE_CHECKING:
 
     Matrix = Sequence[Sequence[float | str]] | NDArray[Any]
 
-SAME_RATE = 1e-9  # relative difference from a whole number of ticks up to which a sample time is meant to be one
+# relative difference from a whole number of ticks up to which a sample time is meant to be one
+SAME_RATE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StateSpaceBlock:
     """A linear block: `x' = A x + B u`, `y = C x + D u`, or `x[k+1] = A x[k] + B u[k]` at every so many ticks.
 
-    A `(n, n)`, B `(n, m)`, C `(p, n)`, D `(p, m)`; D may be 0. Entries are numbers, or texts that are expressions in the
-    numbers of the loop, such as "-k/m". every: None for a continuous block, which is exact between ticks; else it runs at the
-    ticks phase, phase + every, and so on, and its outputs hold in between. inputs, outputs: names of its ports. states:
-    names of its states; x0, x1, ... if there are none.
+    A `(n, n)`, B `(n, m)`, C `(p, n)`, D `(p, m)`; D may be 0. Entries are numbers, or texts that
+    are expressions in the numbers of the loop, such as "-k/m". every: None for a continuous block,
+    which is exact between ticks; else it runs at the ticks phase, phase + every, and so on, and its
+    outputs hold in between. inputs, outputs: names of its ports. states: names of its states; x0,
+    x1, ... if there are none.
 
-    What a continuous block reads is held over each tick, but for the terms of its wire that read another continuous block:
-    these act continuously, as a spring between two masses has to. `loop.assumptions` names them. A program that computes
-    such a term from samples is drawn as a block of its own, `{"type": "hold"}`.
+    What a continuous block reads is held over each tick, but for the terms of its wire that read
+    another continuous block: these act continuously, as a spring between two masses has to.
+    `loop.assumptions` names them. A program that computes such a term from samples is drawn as a
+    block of its own, `{"type": "hold"}`.
     """
 
     A: Matrix
@@ -62,8 +65,9 @@ def loop_from_drawing(tables: Mapping[str, Any]) -> ClosedLoop:
     Parameters
     ----------
     tables : dict
-        `rates`, `numbers`, `block`, `signals`, `wire`, `ports` and `type`, as a spec has them, with the same keys and
-        expressions: docs/drawn-loops.md describes them, docs/blocks.md lists the blocks.
+        `rates`, `numbers`, `block`, `signals`, `wire`, `ports` and `type`, as a spec has them, with
+        the same keys and expressions: docs/drawn-loops.md describes them, docs/blocks.md lists the
+        blocks.
 
     Returns
     -------
@@ -111,16 +115,17 @@ def loop_from_blocks(
     Parameters
     ----------
     blocks : dict
-        By name: a `StateSpaceBlock`; a state-space system or a transfer function of python-control or scipy.signal, which is
-        continuous or has a sample time of whole ticks; or the keys of any other block as a dict, see docs/blocks.md. Ports and
-        states of systems have the names that they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ...,
-        `y0`, ..., and `x0`, ...
+        By name: a `StateSpaceBlock`; a state-space system or a transfer function of python-control
+        or scipy.signal, which is continuous or has a sample time of whole ticks; or the keys of any
+        other block as a dict, see docs/blocks.md. Ports and states of systems have the names that
+        they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ..., `y0`, ...,
+        and `x0`, ...
     wires : dict
-        Input `"block.port"` -> expression that is linear in outputs of blocks and in inputs, such as `"ref - kp*plant.y"`. A
-        port without a wire is a mistake; "0" leaves it at rest.
+        Input `"block.port"` -> expression that is linear in outputs of blocks and in inputs, such
+        as `"ref - kp*plant.y"`. A port without a wire is a mistake; "0" leaves it at rest.
     rate_hz : float
-        Rate of the common tick (Hz), at which continuous blocks get what other blocks and inputs give them; what they give each
-        other acts continuously, see `ClosedLoop.assumptions`.
+        Rate of the common tick (Hz), at which continuous blocks get what other blocks and inputs
+        give them; what they give each other acts continuously, see `ClosedLoop.assumptions`.
     numbers : dict, optional
         Numbers that expressions read by name, and that can be varied.
     inputs : iterable of str, optional
@@ -135,7 +140,8 @@ def loop_from_blocks(
     Raises
     ------
     UsageError
-        For a system that is no block, or with a sample time that is open or no whole number of ticks.
+        For a system that is no block, or with a sample time that is open or no whole number of
+        ticks.
     SpecError
         With all other mistakes at once.
 

@@ -6,7 +6,7 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._energy.hinf import (
-        NEAR,
+        NEAR_CIRCLE,
         SOFT,
         START,
         Peak,
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
         reached,
         read,
     )
-    from wavesweep.engine._energy.norms import TOLERANCE, squared_norm
+    from wavesweep.engine._energy.norms import NORM_TOLERANCE, squared_norm
 else:
     __getattr__ = on_demand(
         {
             "_energy.hinf": (
-                "NEAR",
+                "NEAR_CIRCLE",
                 "Peak",
                 "SOFT",
                 "START",
@@ -45,6 +45,6 @@ else:
                 "reached",
                 "read",
             ),
-            "_energy.norms": ("TOLERANCE", "squared_norm"),
+            "_energy.norms": ("NORM_TOLERANCE", "squared_norm"),
         }
     )

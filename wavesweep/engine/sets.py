@@ -7,7 +7,7 @@ from wavesweep.engine import on_demand
 if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
     from wavesweep.engine._sets.taylor_models import (
-        LEAST,
+        LEAST_POSITIVE,
         UNIT,
         Polynomials,
         TaylorModel,
@@ -19,7 +19,7 @@ else:
         {
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
             "_sets.taylor_models": (
-                "LEAST",
+                "LEAST_POSITIVE",
                 "Polynomials",
                 "TaylorModel",
                 "UNIT",

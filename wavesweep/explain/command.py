@@ -20,7 +20,7 @@ from wavesweep.program.spec import find_key
 from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
 from wavesweep.program.tables.fields import DOUBTS, OF_ALONG, OF_WALL, Field, all_columns
 
-MANY = 4  # tables that have a column
+MOST_TABLES = 4  # tables that have a column
 GROUPS = {
     "doubt": "Words of doubt",
     "term": "Ideas",
@@ -56,8 +56,9 @@ def _completed(
 def explain(words: tuple[str, ...]) -> None:
     """Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do.
 
-    Without a WORD all words are listed. A word may have several meanings, as certified in several tables; each is explained.
-    Keys of a spec are explained by `wavesweep keys`. With --json the meanings are printed as one JSON object.
+    Without a WORD all words are listed. A word may have several meanings, as certified in several
+    tables; each is explained. Keys of a spec are explained by `wavesweep keys`. With --json the
+    meanings are printed as one JSON object.
 
     \b
     Examples:
@@ -109,7 +110,7 @@ def _columns() -> dict[Field, list[str]]:
 
 def _some(tables: list[str]) -> str:
     """The names of tables, of many the first."""
-    shown = tables if len(tables) <= MANY else [*tables[: MANY - 1], "..."]
+    shown = tables if len(tables) <= MOST_TABLES else [*tables[: MOST_TABLES - 1], "..."]
     return ", ".join(shown)
 
 

@@ -1,7 +1,8 @@
 """Words of this program and its messages that a user may not know: what each means, and what to do.
 
-The documents have the same texts, see `docs/reference.py`. Columns are explained in `tables.fields`, words of doubt in
-`doubts`, keys of a spec in `spec`. Synonyms stand together, with a comma.
+The documents have the same texts, see `docs/reference.py`. Columns are explained in
+`tables.fields`, words of doubt in `doubts`, keys of a spec in `spec`. Synonyms stand together, with
+a comma.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,5 @@
-"""The answers of a page: the numbers of one design, its stable intervals, and a plane of two parameters, as JSON has them."""
+"""The answers of a page: the numbers of one design, its stable intervals, and a plane of two
+parameters, as JSON has them."""
 
 from __future__ import annotations
 
@@ -37,16 +38,16 @@ from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
 
 COLUMNS = 61  # of a plane, before a figure computes more
-FEWEST = 9  # of a plane whose columns take long
-SECONDS = 0.4  # that these may take
-POINTS = 90  # frequencies of a response
-ROUNDS = 6  # of false position for the intervals through the design
-EDGE = 0.05  # of a plane that is left beyond the design
-ROOM = 1.25  # times the highest limit, in two digits: up to where a plane goes
-WIDER = 8.0  # times the range in which no limit is found
+FEWEST_COLUMNS = 9  # of a plane whose columns take long
+SECONDS_OF_ANSWER = 0.4  # that these may take
+FREQUENCIES = 90  # frequencies of a response
+FALSE_POSITIONS = 6  # of false position for the intervals through the design
+EDGE_OF_PLANE = 0.05  # of a plane that is left beyond the design
+ROOM_OF_PLANE = 1.25  # times the highest limit, in two digits: up to where a plane goes
+WIDER_RANGE = 8.0  # times the range in which no limit is found
 PIXELS = (800, 400)  # of the plane
-ROUGH = 2  # pixels to which a preview is right
-FINER = 8  # parts of the cells of a preview in which lines are not right
+PREVIEW_PIXELS = 2  # pixels to which a preview is right
+PARTS_OF_CELLS = 8  # parts of the cells of a preview in which lines are not right
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ class Plane:
 
     @classmethod
     def of(cls, given: Mapping[str, object]) -> Plane:
-        """The plane that a page asks for. Errors: KeyError, TypeError or ValueError for anything else."""
+        """The plane that a page asks for. Errors: KeyError, TypeError or ValueError for anything
+        else."""
         x = given["x"]
         y = given["y"]
         if not (isinstance(x, str) and isinstance(y, str) and x != y):
@@ -92,9 +94,9 @@ def preview(
 ) -> dict:
     """The fastest preview of a plane, and the intervals through the design if these come with it.
 
-    By the boundary's explicit curve if the plane is that of a wall, by proved columns if y is a gain, see `is_gain`, and
-    otherwise by so many cells along each side; without any this plane is left out, and so are columns. search: path -> range of
-    the stable intervals through the design.
+    By the boundary's explicit curve if the plane is that of a wall, by proved columns if y is a
+    gain, see `is_gain`, and otherwise by so many cells along each side; without any this plane is
+    left out, and so are columns. search: path -> range of the stable intervals through the design.
     """
     cut = None if spec.drawing else wall_cut(spec.values)
     if cut is not None and {plane.x, plane.y} == set(WALL):
@@ -104,14 +106,15 @@ def preview(
     if by_gain or (cut is not None and plane.y in WALL):
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
         low, high = plane.y_span
-        gaps = known_gaps(curve.columns, view, ROUGH * (high - low) / view.high)
+        gaps = known_gaps(curve.columns, view, PREVIEW_PIXELS * (high - low) / view.high)
         shape = plane_of(PlaneCurve(curve.columns, gaps), view)
         return {"plane": {**shape, "how": "columns"}}
     return {"plane": _cell_plane(spec, plane, cells)}
 
 
 def is_gain(spec: Spec, plane: Plane) -> bool:
-    """Whether intervals along y are those of a single gain of a frame, which take a few milliseconds for many values of x."""
+    """Whether intervals along y are those of a single gain of a frame, which take a few
+    milliseconds for many values of x."""
     try:
         _, way = cost_of(spec, _axis(spec, plane.y, (), plane.y_span))
     except WavesweepError:
@@ -120,7 +123,8 @@ def is_gain(spec: Spec, plane: Plane) -> bool:
 
 
 def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
-    """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
+    """The wall's plane and the intervals through the design by the boundary's explicit curve;
+    K_VE may be either axis."""
     solved = WALL.index(plane.y)  # 0: K_VE, 1: B_VE
     window = (plane.y_span, plane.x_span) if solved == 0 else (plane.x_span, plane.y_span)
     theta, walls = refined_curve(cut, window)
@@ -128,7 +132,9 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
     for path, span in search.items():
         along = WALL.index(path)
         other_value = spec.values[WALL[1 - along]]
-        (column,) = quick_columns(cut, theta, walls, along, np.array([other_value]), span, ROUNDS)
+        (column,) = quick_columns(
+            cut, theta, walls, along, np.array([other_value]), span, FALSE_POSITIONS
+        )
         intervals = [{"low": low, "high": high} for low, high in column]
         ranges.append({"path": path, "span": span, "intervals": intervals})
     shape = _preview(
@@ -138,13 +144,14 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
 
 
 def _preview(plane, columns_at) -> dict:
-    """The plane by columns without a proof, which lie closer together where lines between them are not right.
+    """The plane by columns without a proof, which lie closer together where lines between them are
+    not right.
 
     columns_at: gives a list of intervals for each of some values of x.
     """
     low, high = plane.y_span
     view = View(plane.x, False, *PIXELS)
-    rough = ROUGH * (high - low) / view.high
+    rough = PREVIEW_PIXELS * (high - low) / view.high
     intervals_at = {}
 
     def compute(places):
@@ -162,7 +169,7 @@ def _preview(plane, columns_at) -> dict:
     finer = []  # the cells in which lines are not right yet, divided
     for left, right in pairwise(places):
         if (left, right) not in gaps:
-            finer.append([left, *view.between(left, right, FINER), right])
+            finer.append([left, *view.between(left, right, PARTS_OF_CELLS), right])
     compute([x for cell in finer for x in cell[1:-1]])
     for cell in finer:
         gaps |= known_gaps({x: intervals_at[x] for x in cell}, view, rough)
@@ -196,12 +203,13 @@ def _axis(spec, path, values, span=None) -> Axis:
 
 
 def certified_plane(spec: Spec, plane: Plane) -> dict:
-    """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure."""
+    """The plane by the stable intervals along y of the table, at values of x and, between them,
+    of the figure."""
     along = _axis(spec, plane.y, (), plane.y_span)
     seconds, way = cost_of(spec, along)
-    count = FEWEST
+    count = FEWEST_COLUMNS
     if way is Way.CUT:
-        count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))
+        count = int(np.clip(SECONDS_OF_ANSWER / seconds, FEWEST_COLUMNS, COLUMNS))
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
     sweep = {
         "along": along.name,
@@ -213,7 +221,8 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
 
 
 def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[PlaneCurve, View]:
-    """The stable intervals along y at some values of x and, with facts, where a figure of these asks for more."""
+    """The stable intervals along y at some values of x and, with facts, where a figure of these
+    asks for more."""
     across = _axis(spec, plane.x, x)
     along = _axis(spec, plane.y, (), plane.y_span)
     rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
@@ -223,11 +232,12 @@ def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[PlaneCurve, Vi
 
 
 def plane_of(curve: PlaneCurve, view: View) -> dict:
-    """The columns of a curve, each with its intervals as (low, high, certified), and what a picture shows of it, see `Region`.
+    """The columns of a curve, each with its intervals as (low, high, certified), and what a picture
+    shows of it, see `Region`.
 
-    known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the
-    certified parts of the boundary. bars: (x, low, high, certified). unknown: (from, to, low, high), the last two None of what
-    is not known outside the areas.
+    known: which gaps between the columns are known. partly: whether other intervals of the column
+    may be missing. lines: the certified parts of the boundary. bars: (x, low, high, certified).
+    unknown: (from, to, low, high), the last two None of what is not known outside the areas.
     """
     region = region_of(curve, view)
     places = sorted(curve.columns)
@@ -263,7 +273,8 @@ INTERVAL = (*ENDS, *FELT, "low_hz", "high_hz", "open_places", "open_low", "open_
 
 
 def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
-    """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`."""
+    """The stable intervals of the spec's own design along a number within a span, as rows of the
+    table of `zwidth`."""
     rows = in_memory(job_over(make_grid(spec, (), path), _axis(spec, path, (), span)))
     columns = {name: rows[name].tolist() for name in INTERVAL}
     intervals = []
@@ -279,7 +290,8 @@ def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
 
 
 def response(spec: Spec, loop: Lifted | None) -> dict | None:
-    """Admittance (m/N) and impedance (N/m) over the frequencies of [bode], as in the table of `bode`; None without a hand."""
+    """Admittance (m/N) and impedance (N/m) over the frequencies of [bode], as in the table of
+    `bode`; None without a hand."""
     if loop is None:
         return None
     frequency = frequencies(spec)
@@ -306,11 +318,12 @@ def frequencies(spec: Spec) -> np.ndarray:
     """Frequencies in Hz, evenly over the decades that the spec's [bode] has."""
     rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
     wanted = [f for f in spec.frequency_hz if 0 < f <= rate / 2] or [rate / 1e4, rate / 2]
-    return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), POINTS), None, rate / 2))
+    return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), FREQUENCIES), None, rate / 2))
 
 
 def first_plane(spec: Spec, sliders) -> Plane | None:
-    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep]; None if it has no two numbers."""
+    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep];
+    None if it has no two numbers."""
     smooth = {slider.path: slider for slider in sliders if slider.search}
     if len(smooth) < 2:
         return None
@@ -330,8 +343,8 @@ def fitted(
 ) -> Plane:
     """The plane of two numbers with ranges that show the boundary, if it has one, and the design.
 
-    sliders: by their paths. The range of y ends a little above the highest limit of stability, if there is one within the range
-    that is searched, or within up to `widest` times this.
+    sliders: by their paths. The range of y ends a little above the highest limit of stability, if
+    there is one within the range that is searched, or within up to `widest` times this.
     """
     up = sliders[y]
     x_span = _with(spec, sliders[x], *x_span)
@@ -342,7 +355,7 @@ def fitted(
         end = low + factor * (high - low)
         plane = Plane(x, y, x_span, (low, end))
         try:
-            curve, _ = _columns(spec, plane, np.linspace(*x_span, FEWEST))
+            curve, _ = _columns(spec, plane, np.linspace(*x_span, FEWEST_COLUMNS))
         except WavesweepError:  # somewhere in the range there is no loop
             return whole_plane
         columns = [intervals for intervals, _ in curve.columns.values()]
@@ -350,18 +363,18 @@ def fitted(
             interval.high for intervals in columns for interval in intervals if interval.high < end
         ]
         if limits:
-            top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
+            top = low + float(f"{ROOM_OF_PLANE * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, end)))
         if not all(columns):
             return whole_plane
-        factor *= WIDER
+        factor *= WIDER_RANGE
     return whole_plane
 
 
 def _with(spec, slider, low, high):
     """A range with the slider's value in it, and space beyond this, as far as the spec takes it."""
     value = slider.value
-    beyond = value + EDGE * (max(high, value) - low)
+    beyond = value + EDGE_OF_PLANE * (max(high, value) - low)
     first = taken(spec, slider.path, value, min(low, value))
     last = taken(spec, slider.path, value, max(high, beyond))
     return first, last

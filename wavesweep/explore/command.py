@@ -46,13 +46,15 @@ def explore(
 ) -> None:
     """Show the boundary of stability in a browser, and vary every number by a slider.
 
-    SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
-    them (K_VE over B_VE to begin with), the stable intervals through the design, the felt stiffness, admittance and
-    impedance, and the norm of the wave channel. All of it follows while a slider is dragged; if the sliders rest, the
-    intervals are certified and marked so. A button copies the design as TOML.
+    SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable
+    designs in the plane of two of them (K_VE over B_VE to begin with), the stable intervals through
+    the design, the felt stiffness, admittance and impedance, and the norm of the wave channel. All
+    of it follows while a slider is dragged; if the sliders rest, the intervals are certified and
+    marked so. A button copies the design as TOML.
 
-    The server answers on this machine alone, at an address with a secret in it, and ends if the page is closed or by Ctrl-C.
-    With --save the page is written to a file that needs no server, with figures, tables, spec and facts of the sweep.
+    The server answers on this machine alone, at an address with a secret in it, and ends if the
+    page is closed or by Ctrl-C. With --save the page is written to a file that needs no server,
+    with figures, tables, spec and facts of the sweep.
 
     \b
     Examples:

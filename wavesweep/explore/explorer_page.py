@@ -1,4 +1,5 @@
-"""The page of a spec: its text with the data in it, the answers to its questions, and the file that needs no server."""
+"""The page of a spec: its text with the data in it, the answers to its questions, and the file
+that needs no server."""
 
 import base64
 import hashlib
@@ -40,15 +41,14 @@ from wavesweep.program.spec import Spec
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
 PREVIEW_S = 0.02  # that a preview by cells may take
 ANSWER_S = 2.0  # that an answer may take, before it is cut
-WIDEST = (
-    64.0  # times the range of a number that is searched for a limit, if the axes are to show one
-)
+# times the range of a number that is searched for a limit, if the axes are to show one
+WIDEST_SEARCH = 64.0
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
 MOST_OF_PLANE = 100  # the same if numbers of the axes of its plane have sliders too
 LEAST_STOPS = 2  # of such a number, beside its own value; with fewer it has no slider
-ROUNDED = 1e-9  # of a root that is a whole number
-MOST_ROWS = 5000  # of its table
+PAGE_ROUNDING = 1e-9  # of a root that is a whole number
+MOST_PAGE_ROWS = 5000  # of its table
 NOTHING = MappingProxyType(
     {"measured": {}, "cuts": [], "routes": []}
 )  # that capabilities show in addition
@@ -116,7 +116,8 @@ class Page:
         }
 
     def _said(self, answer):
-        """The function with errors about a design as part of its answer, and the keys or fields that they are about.
+        """The function with errors about a design as part of its answer, and the keys or fields
+        that they are about.
 
         What takes too long is cut.
         """
@@ -155,7 +156,8 @@ class Page:
         )
 
     def _preview(self, spec, plane, search, wanted=True):
-        """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
+        """The fastest preview of a plane, with as many cells as the one before shows that there
+        is time for."""
         if plane.y not in self._by_gain:
             self._by_gain[plane.y] = is_gain(spec, plane)
         started = time.perf_counter()
@@ -182,11 +184,14 @@ class Page:
         x, y = (self._smooth(question[name]) for name in ("x", "y"))
         sliders = {slider.path: slider for slider in sliders_of(spec)}
         return {
-            "plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))
+            "plane": asdict(
+                fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST_SEARCH)
+            )
         }
 
     def _plane(self, spec, given):
-        """A plane whose corners are designs. Errors: SpecError `at` the field of another end, KeyError for other keys."""
+        """A plane whose corners are designs. Errors: SpecError `at` the field of another end,
+        KeyError for other keys."""
         plane = Plane.of(given)
         for axis, path, span in (("x", plane.x, plane.x_span), ("y", plane.y, plane.y_span)):
             for end, value in enumerate(span):
@@ -233,11 +238,13 @@ def _sentence(error: str) -> str:
 
 
 def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -> str:
-    """The page with the results of the spec's sweep in it: figures, table, spec and facts. It asks no server.
+    """The page with the results of the spec's sweep in it: figures, table, spec and facts. It asks
+    no server.
 
     progress: a function of (done, total), the designs and tables of the page.
 
-    Each number of the sweep has a slider, whose places are values of the sweep, up to MOST_DESIGNS designs.
+    Each number of the sweep has a slider, whose places are values of the sweep, up to MOST_DESIGNS
+    designs.
     """
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
@@ -272,10 +279,12 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
 
 
 def _stops(page):
-    """The places of the sliders of a saved page by path, and how many designs are left out since they are too many.
+    """The places of the sliders of a saved page by path, and how many designs are left out since
+    they are too many.
 
-    Numbers beside the plane have all of their values. Those of its axes share what is left of MOST_OF_PLANE: some of their
-    values or, of a range, places between its ends, and always the spec's own.
+    Numbers beside the plane have all of their values. Those of its axes share what is left of
+    MOST_OF_PLANE: some of their values or, of a range, places between its ends, and always the
+    spec's own.
     """
     plane = (page.plane.x, page.plane.y) if page.plane else ()
     axes = {axis.path: axis for axis in page.spec.sweep}
@@ -287,9 +296,8 @@ def _stops(page):
     if count > MOST_DESIGNS:
         return {}, count
     swept = [slider for slider in page.sliders if slider.path in plane and slider.path in axes]
-    each = (
-        int((MOST_OF_PLANE / count) ** (1 / max(1, len(swept))) + ROUNDED) - 1
-    )  # and the own value
+    # and the own value
+    each = int((MOST_OF_PLANE / count) ** (1 / max(1, len(swept))) + PAGE_ROUNDING) - 1
     if each < LEAST_STOPS:
         return stops, 0
     for slider in swept:
@@ -307,7 +315,8 @@ def _stops(page):
 
 
 def _design(page, values, planes):
-    """The answers about a design. planes: those of earlier designs, by the numbers beside their axes."""
+    """The answers about a design. planes: those of earlier designs, by the numbers beside their
+    axes."""
     spec, plane = changed(page.spec, values), page.plane
     answer = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
@@ -347,7 +356,7 @@ def _table(title, table):
         "title": title,
         "kind": table.kind,
         "units": [field.unit for field in fields],
-        "csv": "\n".join(lines[: MOST_ROWS + 1]),
+        "csv": "\n".join(lines[: MOST_PAGE_ROWS + 1]),
         "rows": len(lines) - 1,
         "facts": {
             name: fact for name, fact in table.facts.items() if name != "timings"
@@ -357,7 +366,8 @@ def _table(title, table):
 
 
 def page_text(data: Mapping[str, object]) -> str:
-    """The text of a page with data in it; a policy in it lets its own script run, and nothing be fetched from elsewhere."""
+    """The text of a page with data in it; a policy in it lets its own script run, and nothing be
+    fetched from elsewhere."""
     text, style, *scripts = (
         (files(__package__) / name).read_text(encoding="utf-8")
         for name in ("page.html", "page.css", *SCRIPTS)

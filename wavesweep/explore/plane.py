@@ -1,11 +1,13 @@
-"""The stability boundary in the plane of both wall parameters, as one explicit curve; fast, and without a proof.
+"""The stability boundary in the plane of both wall parameters, as one explicit curve; fast, and
+without a proof.
 
-At `z = exp(j theta)` the characteristic equation `one = K_VE x + B_VE v` (see `boundary`) is complex, and both parameters are
-real: two linear equations with the solution (Cramer)
+At `z = exp(j theta)` the characteristic equation `one = K_VE x + B_VE v` (see `boundary`) is
+complex, and both parameters are real: two linear equations with the solution (Cramer)
 
     K_VE = Im(conj(one) v) / Im(conj(x) v),    B_VE = Im(conj(x) one) / Im(conj(x) v).
 
-At z = 1 and z = -1 all three terms are real, and the boundary is a straight line (D-decomposition, Neimark 1948).
+At z = 1 and z = -1 all three terms are real, and the boundary is a straight line (D-decomposition,
+Neimark 1948).
 """
 
 import numpy as np
@@ -16,11 +18,12 @@ from wavesweep.engine.poles import is_stable
 
 
 def plane_curve(cut: LinearFractional, theta) -> np.ndarray:
-    """Return the walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2, points)`.
+    """Return the walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2,
+    points)`.
 
-    cut: one loop. theta: angles in (0, pi), rad per frame. Infinite or NaN at an angle at which no wall has one, or all on a
-    line have.
-    Accuracy: that of a solve, about 1e-12 relative; it falls with `Im(conj(x) v)`, towards z = 1 and z = -1.
+    cut: one loop. theta: angles in (0, pi), rad per frame. Infinite or NaN at an angle at which no
+    wall has one, or all on a line have. Accuracy: that of a solve, about 1e-12 relative; it falls
+    with `Im(conj(x) v)`, towards z = 1 and z = -1.
     """
     t = _terms(cut, np.asarray(theta, float))
     with np.errstate(all="ignore"):
@@ -29,7 +32,8 @@ def plane_curve(cut: LinearFractional, theta) -> np.ndarray:
 
 
 def plane_lines(cut: LinearFractional) -> np.ndarray:
-    """Return the straight parts of the boundary, `unit = K_VE x + B_VE v` at z = 1 and at z = -1: rows (unit, x, v), `(2, 3)`.
+    """Return the straight parts of the boundary, `unit = K_VE x + B_VE v` at z = 1 and at z = -1:
+    rows (unit, x, v), `(2, 3)`.
 
     cut: one loop. A row with x = v = 0 is no line.
     """
@@ -46,8 +50,8 @@ def _terms(cut, theta):
         return terms_of(cut, w, response[..., 0])
 
 
-POINTS = 160  # angles of a curve at the start
-HALVINGS = 4  # of steps longer than a hundredth of a window
+CURVE_ANGLES = 160  # angles of a curve at the start
+CURVE_HALVINGS = 4  # of steps longer than a hundredth of a window
 
 
 def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray]:
@@ -56,11 +60,11 @@ def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray
     cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
     """
     low, high = np.asarray(window, float).T[:, :, None]
-    slow = np.geomspace(1e-4, 0.1, POINTS // 2)
-    fast = np.linspace(0.1, np.pi - 1e-6, POINTS // 2 + 1)
+    slow = np.geomspace(1e-4, 0.1, CURVE_ANGLES // 2)
+    fast = np.linspace(0.1, np.pi - 1e-6, CURVE_ANGLES // 2 + 1)
     theta = np.concatenate([slow, fast[1:]])
     walls = plane_curve(cut, theta)
-    for _ in range(HALVINGS):
+    for _ in range(CURVE_HALVINGS):
         with np.errstate(all="ignore"):
             place = (walls - low) / (high - low)
             near = (np.abs(place - 0.5) < 1).all(0)
@@ -77,11 +81,13 @@ def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray
 def quick_columns(
     cut: LinearFractional, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
 ) -> list[list[tuple[float, float]]]:
-    """Return the stable intervals of one wall parameter for each value of the other, from a curve: without a proof.
+    """Return the stable intervals of one wall parameter for each value of the other, from a curve:
+    without a proof.
 
-    cut: one loop. theta, walls: along the curve, see `refined_curve`. solved: 0 for intervals of K_VE, 1 for B_VE. fixed:
-    values of the other one, `(columns,)`. span: (low, high) of the intervals. rounds: of false position, by which the ends are
-    improved. Eigenvalues in the middle decide which of the parts between two ends are stable.
+    cut: one loop. theta, walls: along the curve, see `refined_curve`. solved: 0 for intervals of
+    K_VE, 1 for B_VE. fixed: values of the other one, `(columns,)`. span: (low, high) of the
+    intervals. rounds: of false position, by which the ends are improved. Eigenvalues in the middle
+    decide which of the parts between two ends are stable.
     """
     column, value = _crossings(cut, theta, walls, solved, fixed, rounds)
     with np.errstate(all="ignore"):
@@ -147,7 +153,8 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
 
 
 def _steps_across(across, fixed):
-    """Return each pair of a line `across = fixed` and a step of a curve that crosses it: two arrays of indices."""
+    """Return each pair of a line `across = fixed` and a step of a curve that crosses it: two
+    arrays of indices."""
     order = np.argsort(fixed)
     usable = np.isfinite(across)
     # How many lines lie below each point of the curve: a step crosses those between its ends.

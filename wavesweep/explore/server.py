@@ -1,7 +1,9 @@
-"""The server of a page: on this machine's loopback alone, behind a token, and over as soon as the page is closed.
+"""The server of a page: on this machine's loopback alone, behind a token, and over as soon as the
+page is closed.
 
-A request is answered only if it names this address as its host (a page of another site cannot make a browser do so), comes
-from the page itself if it has an origin, and has the token in its path. There is no path to any file.
+A request is answered only if it names this address as its host (a page of another site cannot make
+a browser do so), comes from the page itself if it has an origin, and has the token in its path.
+There is no path to any file.
 """
 
 import hmac
@@ -15,12 +17,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
 
 LOOPBACK = "127.0.0.1"
-LARGEST = 64 * 1024  # bytes of a question
+LARGEST_QUESTION = 64 * 1024  # bytes of a question
 BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
-GRACE = (
-    3.0  # s without any page after which the server ends; a page that is loaded again takes less
-)
-LOOK = 0.25  # s between two looks at the pages
+# s without any page after which the server ends; a page that is loaded again takes less
+GRACE = 3.0
+LOOK_AT_PAGES = 0.25  # s between two looks at the pages
 HEADERS = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -35,15 +36,15 @@ Answer = Callable[[Mapping[str, object]], Mapping[str, object]]
 class Server(ThreadingHTTPServer):
     """A server of one page and of the answers to its questions.
 
-    page: gives the text of the page. answers: name of a question -> function from its JSON to that of the answer. port: 0 for
-    any free one.
+    page: gives the text of the page. answers: name of a question -> function from its JSON to that
+    of the answer. port: 0 for any free one.
     """
 
     request_queue_size = 512  # a browser may ask for many things at once, and others may knock
 
     daemon_threads = True
     block_on_close = False
-    timeout = LOOK
+    timeout = LOOK_AT_PAGES
 
     def __init__(
         self, page: Callable[[], str], answers: Mapping[str, Answer], port: int = 0
@@ -79,7 +80,8 @@ class Server(ThreadingHTTPServer):
             self._seen = time.monotonic()
 
     def handle_error(self, request, client_address) -> None:  # noqa: ARG002 - the names of the base
-        """Print an error in one line, and nothing about a connection that the browser has given up."""
+        """Print an error in one line, and nothing about a connection that the browser has given
+        up."""
         error = sys.exception()
         if not isinstance(error, OSError):
             sys.stderr.write(f"Error: {type(error).__name__}: {error} (a fault of wavesweep)\n")
@@ -124,7 +126,12 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
             return
         length = self.headers.get("Content-Length", "")
-        if not length.isascii() or not length.isdigit() or len(length) > 9 or int(length) > LARGEST:
+        if (
+            not length.isascii()
+            or not length.isdigit()
+            or len(length) > 9
+            or int(length) > LARGEST_QUESTION
+        ):
             self._refuse(
                 HTTPStatus.REQUEST_ENTITY_TOO_LARGE
                 if length.isdigit()
@@ -139,7 +146,8 @@ class Handler(BaseHTTPRequestHandler):
         self._send(HTTPStatus.OK, as_json(answer).encode(), "application/json")
 
     def _asked(self, asking: bool = False) -> str | None:
-        """The last part of the path; None, with a refusal, unless host, origin and token are those of the page."""
+        """The last part of the path; None, with a refusal, unless host, origin and token are
+        those of the page."""
         _, token, name = (*self.path.partition("?")[0].split("/", 2), "", "")[:3]
         if not (
             self._from_here(asking)
@@ -159,7 +167,8 @@ class Handler(BaseHTTPRequestHandler):
         return right and (not asking or self.headers.get_content_type() == "application/json")
 
     def _stay(self) -> None:
-        """Keep the connection until the page has gone; a browser does not slow this down in a tab that is not seen."""
+        """Keep the connection until the page has gone; a browser does not slow this down in a
+        tab that is not seen."""
         self._head(HTTPStatus.OK, "text/event-stream", None)
         self.server.open_page(1)
         try:

@@ -1,4 +1,5 @@
-"""The numbers of a spec that a page can vary, with the range of each slider, and the spec with other numbers."""
+"""The numbers of a spec that a page can vary, with the range of each slider, and the spec with
+other numbers."""
 
 import re
 from collections.abc import Container, Mapping
@@ -8,7 +9,7 @@ from typing import Any
 
 from wavesweep.engine.errors import SpecError
 from wavesweep.haptics.controller_page import keys_of_page
-from wavesweep.program.analyses.own_design import FAR, USUAL
+from wavesweep.program.analyses.own_design import FARTHEST_FACTOR, USUAL
 from wavesweep.program.reading.keys import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load
 from wavesweep.program.spec.resolving import longest_delay
@@ -17,8 +18,8 @@ from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.sweep.grid import is_plain
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
-HALVINGS = 12  # steps towards an end that the spec accepts
-DIGITS = 3  # of that end
+SLIDER_HALVINGS = 12  # steps towards an end that the spec accepts
+END_DIGITS = 3  # of that end
 HAND = {
     "operator.mass": 0.5,
     "operator.damping": 5.0,
@@ -30,10 +31,11 @@ HAND = {
 class Slider:
     """A number that can be varied.
 
-    path, name: its key, as a path and as it is called. low, high: ends of the slider. least, most: limits of the spec, None if
-    there are none. scale: "log" or "linear". step: 1 for whole numbers. search: the range that is searched for stable
-    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps. stops: the only places of
-    the slider, empty if it has all. limited: why an end is where other numbers of the spec put it; empty if none is.
+    path, name: its key, as a path and as it is called. low, high: ends of the slider. least, most:
+    limits of the spec, None if there are none. scale: "log" or "linear". step: 1 for whole numbers.
+    search: the range that is searched for stable intervals, None if the key decides the structure
+    of the loop. values: those that the spec sweeps. stops: the only places of the slider, empty if
+    it has all. limited: why an end is where other numbers of the spec put it; empty if none is.
     """
 
     path: str
@@ -54,9 +56,11 @@ class Slider:
 
 
 def sliders_of(spec: Spec) -> list[Slider]:
-    """The sliders of all numbers that the spec's loop reads and that it keeps when another one moves, in the order of its keys.
+    """The sliders of all numbers that the spec's loop reads and that it keeps when another one
+    moves, in the order of its keys.
 
-    A spec that gives the slow rate has a slider of that, and not of the ratio. A delay of a frame has none.
+    A spec that gives the slow rate has a slider of that, and not of the ratio. A delay of a frame
+    has none.
     """
     return [_slider(spec, spec.names.keys[path]) for path in _paths(spec)]
 
@@ -134,7 +138,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
             low = min(value, *axis.values) if axis and axis.values else value
             scale = "linear"
         else:
-            low = max(value, 0.0) / FAR
+            low = max(value, 0.0) / FARTHEST_FACTOR
             scale = "log" if low > 0 else "linear"
     stops = _stops(spec, key)
     if stops:
@@ -186,12 +190,13 @@ def _accepts(spec, path, value):
 
 
 def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) -> float:
-    """The end of a range or, if other numbers rule it out, a short number near the last one that the spec accepts."""
+    """The end of a range or, if other numbers rule it out, a short number near the last one that
+    the spec accepts."""
     if _accepts(spec, path, end):
         return end
     start = value
     rounding = ROUND_CEILING if end < value else ROUND_FLOOR
-    for _ in range(HALVINGS):
+    for _ in range(SLIDER_HALVINGS):
         middle = (value * end) ** 0.5 if value * end > 0 else (value + end) / 2
         if whole:
             middle = round(middle)
@@ -199,7 +204,7 @@ def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) 
             value = middle
         else:
             end = middle
-    short = float(Context(prec=DIGITS, rounding=rounding).create_decimal(value))
+    short = float(Context(prec=END_DIGITS, rounding=rounding).create_decimal(value))
     fits = (
         not whole
         and min(start, value) <= short <= max(start, value)
@@ -252,7 +257,11 @@ def _range(key, value, axis, most):
 def _usual(key, value, most):
     """The range of a slider about a value, for a number that is not swept."""
     if key.above_low and value > 0:
-        return value / FAR, min(value * FAR, most or value * FAR), "log"
+        return (
+            value / FARTHEST_FACTOR,
+            min(value * FARTHEST_FACTOR, most or value * FARTHEST_FACTOR),
+            "log",
+        )
     symbol = next((name for name, path in SYMBOLS.items() if path == key.path), "")
     usual = USUAL.get(symbol, HAND.get(key.path, 1.0))
     if value < 0:
@@ -272,7 +281,8 @@ def _search(spec, key, value, axis, ends):
 
 
 def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
-    """The spec with other numbers; a whole number may come as a float. Errors: SpecError with every mistake."""
+    """The spec with other numbers; a whole number may come as a float. Errors: SpecError with
+    every mistake."""
     changes: dict[str, float] = {}
     for path, value in values.items():
         key = spec.names.find(path)
@@ -291,8 +301,8 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
 def text_of(spec: Spec) -> str:
     """The spec as TOML, with the keys that its loop reads and those that it gives.
 
-    Frequencies of [bode] end at half the rate. Other parts of [sweep], [bode], [simulate] and [design] that its numbers rule
-    out are left out.
+    Frequencies of [bode] end at half the rate. Other parts of [sweep], [bode], [simulate] and
+    [design] that its numbers rule out are left out.
     """
     tables = (spec.asking("design") if spec.design else spec).tables()
     if _keeps_slow_rate(spec) and tables["rates"].pop("ratio", None):
@@ -332,7 +342,8 @@ def _simulate_table(spec):
 
 
 def _drop_mistakes(tables):
-    """Leave out the parts of [sweep], [bode], [simulate] and [design] that a spec of these tables would be refused for."""
+    """Leave out the parts of [sweep], [bode], [simulate] and [design] that a spec of these
+    tables would be refused for."""
     try:
         load(tables)
     except SpecError as error:

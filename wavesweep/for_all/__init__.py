@@ -1,1 +1,2 @@
-"""Loops that are stable whatever some numbers are, and in whatever order frames follow each other."""
+"""Loops that are stable whatever some numbers are, and in whatever order frames follow each
+other."""

@@ -1,4 +1,5 @@
-"""The ranges and chances of the table [for_all] as a value; a spec has it, so that it loads no numpy."""
+"""The ranges and chances of the table [for_all] as a value; a spec has it, so that it loads no
+numpy."""
 
 from __future__ import annotations
 
@@ -16,11 +17,12 @@ DELAY = "environment.delay"
 class ForAllRanges(TableValue):
     """The table [for_all].
 
-    axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
-    unknown but constant. lost: how many slow results in a row may fail to come. At random instead: shares, weights of lengths
-    of frames, a row if they are independent, or for each length a row of those of the next; delays, weights of
-    environment.delay, a row, or one for each length of the frame; both empty if none are given; loss, the probability that a
-    result never comes.
+    axes: the range or the values of each number. varying: paths of those that may change from frame
+    to frame; the others are unknown but constant. lost: how many slow results in a row may fail to
+    come. At random instead: shares, weights of lengths of frames, a row if they are independent, or
+    for each length a row of those of the next; delays, weights of environment.delay, a row, or one
+    for each length of the frame; both empty if none are given; loss, the probability that a result
+    never comes.
     """
 
     members: ClassVar[str] = "[for_all]"
@@ -38,12 +40,14 @@ class ForAllRanges(TableValue):
 
     @property
     def lengths(self) -> tuple[tuple[float, ...], ...]:
-        """The probabilities of lengths of frames, a row, or one after each length; of a single length without shares."""
+        """The probabilities of lengths of frames, a row, or one after each length; of a single
+        length without shares."""
         return tuple(tuple(each / sum(row) for each in row) for row in self.shares or ((1.0,),))
 
     @property
     def results(self) -> tuple[tuple[float, ...], ...]:
-        """The probabilities of delays, and then that a result never comes: a row, or one in frames of each length."""
+        """The probabilities of delays, and then that a result never comes: a row, or one in
+        frames of each length."""
         rows = self.delays or ((1.0,),)
         return tuple(
             (*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows
@@ -64,7 +68,8 @@ class ForAllRanges(TableValue):
         return tuple(axis for axis in self.axes if axis not in self.changing)
 
     def apart(self, values: Mapping[str, object]) -> list[str]:
-        """The numbers of a spec with these values that the table leaves out, each with its value, as texts."""
+        """The numbers of a spec with these values that the table leaves out, each with its
+        value, as texts."""
         own = ((axis, values[axis.path]) for axis in self.axes)
         return [
             f"{axis.name} = {value:g}"
@@ -73,7 +78,8 @@ class ForAllRanges(TableValue):
         ]
 
     def ends(self, design: Any) -> tuple[Axis, ...]:
-        """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
+        """The numbers that are constant as axes of [design.for_all], which the search looks at:
+        their ends, or their values.
 
         Numbers that the design varies, or already has to hold for, are left out.
         """
@@ -85,7 +91,8 @@ class ForAllRanges(TableValue):
         )
 
     def beside(self, design: Any) -> Self:
-        """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
+        """Return the table with the values of [design.for_all] for the numbers that it does not
+        have itself."""
         known = {axis.path for axis in self.axes}
         hand = ((f"operator.{part}", values) for part, values in design.hand.items())
         axes = [axis for axis in design.for_all if axis.path not in known]

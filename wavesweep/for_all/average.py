@@ -1,7 +1,9 @@
-"""Boxes of unknown numbers while what varies is at random: forms that decay on average in a part of a box.
+"""Boxes of unknown numbers while what varies is at random: forms that decay on average in a part of
+a box.
 
-They are the solution of a linear equation in the middle of the part, `P_i - sum w A' P_j A = Q`, and their slopes along each
-number follow from its derivative. `norm_check` proves what is found here.
+They are the solution of a linear equation in the middle of the part, `P_i - sum w A' P_j A = Q`,
+and their slopes along each number follow from its derivative. `norm_check` proves what is found
+here.
 """
 
 from dataclasses import dataclass
@@ -29,11 +31,13 @@ class OnAverage:
 
 
 def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None], float]:
-    """Return for each of some single matrices, `(cells, n, n)`, a form for the middle of its cell and its further terms
-    `(monomials - 1, 1, n, n)`, None if it does not decay there; and the work for each.
+    """Return for each of some single matrices, `(cells, n, n)`, a form for the middle of its cell
+    and its further terms `(monomials - 1, 1, n, n)`, None if it does not decay there; and the work
+    for each.
 
-    They are the Taylor series of `P - A' P A = Q`, with Q in units of the states in which P and the moments that follow Q are
-    alike in the middle. So the slack is Q but for terms of a higher order than that of A.
+    They are the Taylor series of `P - A' P A = Q`, with Q in units of the states in which P and the
+    moments that follow Q are alike in the middle. So the slack is Q but for terms of a higher order
+    than that of A.
     """
     cells, n = A.rest.shape[:2]
     degree = A.exponents.sum(1)
@@ -74,7 +78,8 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
 
 @lru_cache(maxsize=16)
 def _pairs_by_order(numbers, most):
-    """The pairs of monomials whose product has each degree from 1 on, sorted by that product, and where each product begins."""
+    """The pairs of monomials whose product has each degree from 1 on, sorted by that product,
+    and where each product begins."""
     table, first, second, target = monomials(numbers, most)
     degree = table.sum(1)[target]
     by_order = []
@@ -92,7 +97,8 @@ def _products(one, other, pairs):
 
 
 def _powers(M):
-    """The matrices that decay, as indices, and their powers by 1, 2, 4 and so on until nothing is left."""
+    """The matrices that decay, as indices, and their powers by 1, 2, 4 and so on until nothing
+    is left."""
     powers = []
     with np.errstate(all="ignore"):
         for _ in range(DOUBLINGS):
@@ -120,7 +126,8 @@ def _diagonal(X):
 def forms_on_average(
     A: Polynomials, graph: Graph, weight: np.ndarray
 ) -> tuple[tuple[Centre, np.ndarray] | None, float]:
-    """Return forms for the middle of a box and their slopes, None if moments do not decay there; and the work.
+    """Return forms for the middle of a box and their slopes, None if moments do not decay there;
+    and the work.
 
     Errors: LinAlgError if a matrix is singular to rounding.
     """

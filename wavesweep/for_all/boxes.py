@@ -24,13 +24,14 @@ __all__ = [
     "varying",
 ]
 
-WORK = 1e11  # operations that the proof for a box may take
-ORDER = 6  # of polynomials at most: with a complex factor there are twice as many states
+OPERATIONS_OF_BOX = 1e11  # operations that the proof for a box may take
+MOST_ORDER = 6  # of polynomials at most: with a complex factor there are twice as many states
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stable:
-    """What is proved of a box: all loops up to `end` of its first side, and whether that is all of it.
+    """What is proved of a box: all loops up to `end` of its first side, and whether that is all of
+    it.
 
     met: the numbers next to which the proof has ended, if it is not.
     """
@@ -50,15 +51,17 @@ def proved_stable(
 ) -> Stable:
     """Return up to where all loops of a box are stable, from an end of its first side on.
 
-    sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other numbers, with their ends `(2,
-    numbers)`. up: from the low end on.
+    sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other
+    numbers, with their ends `(2, numbers)`. up: from the low end on.
     """
     all_sides = [
         *sides,
         *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True)),
     ]
     whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
-    found = cover(constant_frames(loop, all_sides, whole, ORDER), whole, ALWAYS, WORK, up)
+    found = cover(
+        constant_frames(loop, all_sides, whole, MOST_ORDER), whole, ALWAYS, OPERATIONS_OF_BOX, up
+    )
     if not found.open:
         return Stable(found.end, True, None)
     place = found.point if found.word else found.open[0].mean(0)

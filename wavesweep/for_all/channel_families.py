@@ -1,9 +1,11 @@
-"""From a loop with channels to a family of matrices, one for each thing that may happen to the messages of a moment.
+"""From a loop with channels to a family of matrices, one for each thing that may happen to the
+messages of a moment.
 
-A channel sends a message in each of its runs. The message is in place at once, or late by some ticks, or lost. One that is
-older than the newest one that has arrived is dropped. The states of a channel are what it shows, and a register for each
-message that may be under way; an empty register is set to zero in every tick, since one that kept its value would be an
-eigenvalue of 1 in every frame. A matrix belongs to a step, from a moment at which some channel sends to the next. What may
+A channel sends a message in each of its runs. The message is in place at once, or late by some
+ticks, or lost. One that is older than the newest one that has arrived is dropped. The states of a
+channel are what it shows, and a register for each message that may be under way; an empty register
+is set to zero in every tick, since one that kept its value would be an eigenvalue of 1 in every
+frame. A matrix belongs to a step, from a moment at which some channel sends to the next. What may
 follow depends on how many messages in a row were lost, and on when those under way arrive.
 """
 
@@ -28,23 +30,26 @@ from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
-from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
+from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.plan import ANY
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
 ANY_NUMBER = -1  # of messages in a row that are lost
 MOST_SYMBOLS = 600  # matrices, beyond which no norm would be found in a useful time
-STILL = 1e-9  # of its terms: a change of what drifts below this is rounding
-# Where a channel takes what it shows, or what is in a register, apart from the number of a register.
+NO_DRIFT = 1e-9  # of its terms: a change of what drifts below this is rounding
+# Where a channel takes what it shows, or what is in a register, apart from the number of a
+# register.
 KEPT, SENT, NOTHING = "kept", "sent", "nothing"
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """A channel: when it sends, in ticks, how late its messages may be, and how many in a row may be lost.
+    """A channel: when it sends, in ticks, how late its messages may be, and how many in a row may
+    be lost.
 
-    zero: whether it shows zero without a message, and not the last one. lost: ANY_NUMBER if they are lost at random.
+    zero: whether it shows zero without a message, and not the last one. lost: ANY_NUMBER if they
+    are lost at random.
     """
 
     name: str
@@ -64,7 +69,8 @@ class Channel:
         return tick % self.every == self.phase
 
     def block(self, shows, registers) -> Block:
-        """The channel in a tick in which it shows, and holds afterwards, what it takes from these places."""
+        """The channel in a tick in which it shows, and holds afterwards, what it takes from
+        these places."""
         n = 1 + self.registers
         taps, direct = np.zeros((n, n)), np.zeros((n, 1))
         for row, source in enumerate((shows, *registers)):
@@ -80,10 +86,12 @@ class Channel:
     def tick(
         self, tick: int, arriving: tuple[int, ...], late: int | None
     ) -> tuple[tuple, tuple[int, ...]]:
-        """What the channel takes from where in a tick, and the ticks until those messages arrive that are then under way.
+        """What the channel takes from where in a tick, and the ticks until those messages arrive
+        that are then under way.
 
-        arriving: the same before, the oldest message first, which is the first to arrive as well: one that a newer message
-        overtakes is dropped when that is sent. late: of the message that it sends, if it does.
+        arriving: the same before, the oldest message first, which is the first to arrive as well:
+        one that a newer message overtakes is dropped when that is sent. late: of the message that
+        it sends, if it does.
         """
         sends, arrives = self.sends(tick), arriving[:1] == (0,)
         waiting = arriving[arrives:]
@@ -103,7 +111,8 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """What happens to the messages that channels send at a moment: ticks by which each is late, LOST of one that is lost.
+    """What happens to the messages that channels send at a moment: ticks by which each is late,
+    LOST of one that is lost.
 
     moment: the number of the moment in the frame, after which all channels are in step again.
     """
@@ -113,7 +122,8 @@ class Sent:
 
     @staticmethod
     def by_channel(word: Sequence["Sent"]) -> dict[str, list[int | None]]:
-        """Return what happens to the messages of each channel in a word, which is turned so that it begins with a frame."""
+        """Return what happens to the messages of each channel in a word, which is turned so that
+        it begins with a frame."""
         first = next(i for i, letter in enumerate(word) if letter.moment == 0)
         ticks_by_channel: dict[str, list[int | None]] = {}
         for letter in (*word[first:], *word[:first]):
@@ -141,8 +151,9 @@ def frames_with_messages(
 ) -> LoopFrames:
     """Return the family of a drawn loop with channels, along a number that one wire or gain reads.
 
-    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for a number that the loop reads
-    in several places, for channels with too many things that may happen, or for messages that carry what drifts.
+    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for a
+    number that the loop reads in several places, for channels with too many things that may happen,
+    or for messages that carry what drifts.
     """
     if number and not scalar_place(drawing, name_of(number)):
         raise UsageError(
@@ -188,7 +199,7 @@ def messages_over(
     rows, ticks = _ticks(loop, channels, steps, held)
     _refuse_moved(ticks, drift)
     _, groups = drift.relative_ticks(ticks)
-    enclosed = EnclosedLoop(drawing, values, sides, ORDER)
+    enclosed = EnclosedLoop(drawing, values, sides, TOTAL_DEGREE)
     names = frozenset(channel.name for channel in channels)
     kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
     places = [
@@ -251,10 +262,12 @@ def _ticks(
 
 
 def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple]:
-    """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after it and possible before it.
+    """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after
+    it and possible before it.
 
-    A state is the moment's number, and for each channel how many messages in a row were lost and when those under way arrive.
-    A kind of tick is the first tick in the frame in which the same blocks run, and what each channel takes from where in it.
+    A state is the moment's number, and for each channel how many messages in a row were lost and
+    when those under way arrive. A kind of tick is the first tick in the frame in which the same
+    blocks run, and what each channel takes from where in it.
     """
     frame = loop.ticks
     _, first_tick, same = np.unique(
@@ -335,7 +348,8 @@ def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoo
 def _at(
     loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple
 ) -> MultirateLoop:
-    """The loop of two ticks of which the first is a tick of a frame, in which channels take from these places; all run then."""
+    """The loop of two ticks of which the first is a tick of a frame, in which channels take from
+    these places; all run then."""
     channel_blocks = {
         channel.name: channel.block(*places)
         for channel, places in zip(channels, taken, strict=True)
@@ -356,7 +370,8 @@ def _at(
 
 
 def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
-    """Raise UsageError if a drift moves what a channel carries, so that a message that is lost would change it."""
+    """Raise UsageError if a drift moves what a channel carries, so that a message that is lost
+    would change it."""
     for lead, trailing in (*drift.constant, *((lead, ()) for lead in drift.varying)):
         shift = np.zeros(len(drift.states))
         shift[lead] = 1.0
@@ -364,7 +379,9 @@ def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
         for tick_map in ticks.maps:
             if (
                 lead in drift.varying
-                or (np.abs(tick_map.E @ shift) > STILL * (np.abs(tick_map.E) @ np.abs(shift))).any()
+                or (
+                    np.abs(tick_map.E @ shift) > NO_DRIFT * (np.abs(tick_map.E) @ np.abs(shift))
+                ).any()
             ):
                 raise UsageError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "

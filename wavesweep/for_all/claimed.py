@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 
 def scope_of(spec: Spec, rules: Rules, cases: Sequence[Case]) -> Scope:
-    """The loops of some cases, whose frames are those of the plan of each; spec: has the numbers of all other keys."""
+    """The loops of some cases, whose frames are those of the plan of each; spec: has the numbers
+    of all other keys."""
     frames = own_scope(spec).frames
     messages: tuple[Messages, ...] = ()
     table = rules.for_all

@@ -1,4 +1,5 @@
-"""Members of a box of numbers that grow most, looked for by a random climb over all numbers at once.
+"""Members of a box of numbers that grow most, looked for by a random climb over all numbers at
+once.
 
 A claim about a set is tried here before it is proved, and again where its proof has trouble. The
 climb knows nothing of how a loop reads its numbers: it starts at many places, and moves along some
@@ -20,13 +21,13 @@ from wavesweep.for_all.patterns import short_words
 
 SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside those that are given
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
-NEXT = 64
+CANDIDATES = 64
 MOVES = 8  # of each in a step, half of them along some numbers alone
-STEPS = 80
-FIRST = 0.4  # step of each, in halves of a range
+CLIMB_STEPS = 80
+FIRST_STEP = 0.4  # step of each, in halves of a range
 LONGER, SHORTER = 2.0, 0.7  # the next step of one that has moved, and of one that has not
 DECADE = 10.0  # ratio of the ends of a range above which steps are factors
-OPERATIONS = 3e8  # of a climb
+OPERATIONS_OF_CLIMB = 3e8  # of a climb
 OF_A_MEMBER = 2e4  # operations beside those of its matrices
 EIGENVALUES = 25  # operations are so many times n^3
 DRAWN = 48  # members that a proof is held against
@@ -60,7 +61,7 @@ class Climbed:
 
 
 def climb(
-    growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS
+    growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS_OF_CLIMB
 ) -> Climbed:
     """Return the members of a box `(2, numbers)` that grow most, as far as a climb finds them.
 
@@ -75,14 +76,14 @@ def climb(
     scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
     points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
     found = _ranked(points, growth.of(points))
-    others = np.linspace(BEST, min(len(points), NEXT) - 1, OTHERS).astype(int)
+    others = np.linspace(BEST, min(len(points), CANDIDATES) - 1, OTHERS).astype(int)
     chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
     points = found.points[chosen]
     values = found.growth[chosen]
-    step = np.full((len(points), 1), FIRST)
+    step = np.full((len(points), 1), FIRST_STEP)
     left = most - len(found.points)
     last = np.zeros((len(points), wide.size))
-    for _ in range(STEPS):
+    for _ in range(CLIMB_STEPS):
         if left < 0:
             break
         moves = step * rng.normal(size=(MOVES, len(points), wide.size))
@@ -103,7 +104,8 @@ def climb(
 
 
 def contradicted(growth: Growth, box: np.ndarray) -> bool:
-    """Return whether a member of a box grows, all of which is proved not to: some are drawn, others each time."""
+    """Return whether a member of a box grows, all of which is proved not to: some are drawn,
+    others each time."""
     shares = np.random.default_rng().random((DRAWN, box.shape[1]))
     points = box[0] + shares * (box[1] - box[0])
     return bool((growth.of(points) > 1 + BEYOND).any())
@@ -131,7 +133,8 @@ def corners_of(box: np.ndarray) -> np.ndarray:
 
 
 def on_edges_of(box: np.ndarray, count: int) -> np.ndarray:
-    """Return so many points on each edge of a box, evenly, by factors where it spans decades: `(points, numbers)`."""
+    """Return so many points on each edge of a box, evenly, by factors where it spans decades:
+    `(points, numbers)`."""
     numbers = box.shape[1]
     shares = np.linspace(-1.0, 1.0, count + 2)[1:-1]
     points = []
@@ -207,7 +210,8 @@ def growth_in_words(
 def growth_on_average(
     frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray
 ) -> Growth:
-    """Return the growth of second moments per frame; see `growth_in_words`. weight: of the edges."""
+    """Return the growth of second moments per frame; see `growth_in_words`. weight: of the
+    edges."""
 
     def of(points):
         A = frames_at(points)

@@ -1,4 +1,5 @@
-"""What a search for designs asks of [for_all]: whether loops are proved for all of it, and how they rank before that."""
+"""What a search for designs asks of [for_all]: whether loops are proved for all of it, and how
+they rank before that."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field, replace
@@ -29,7 +30,8 @@ class DesignProof:
         return self.rules.vary
 
     def refuse_unsuitable(self, spec: Spec, along: str) -> None:
-        """Raise UsageError for numbers that designs cannot be proved for; along: of walls, empty without these."""
+        """Raise UsageError for numbers that designs cannot be proved for; along: of walls, empty
+        without these."""
         refuse_unsuitable_ranges(spec, along)
 
     def verdict(self, spec: Spec) -> str:
@@ -37,13 +39,15 @@ class DesignProof:
         return verdict(spec, self.rules)["verdict"]
 
     def stiffest(self, spec: Spec, path: str, stop: float) -> float:
-        """The stiffest wall, at most `stop`, up to which every loop of a design is proved to be stable."""
+        """The stiffest wall, at most `stop`, up to which every loop of a design is proved to be
+        stable."""
         return proved_from_zero(spec, path, stop, self.rules)
 
 
 @dataclass(frozen=True, slots=True)
 class DesignRanking(DesignProof):
-    """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own values of ranges.
+    """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own
+    values of ranges.
 
     words: that refuted earlier designs, for each rule of which frames may follow which.
     """

@@ -1,12 +1,14 @@
-"""The least damping with which a switched system takes in no less energy than it gives back, whatever the order.
+"""The least damping with which a switched system takes in no less energy than it gives back,
+whatever the order.
 
-The system goes from states s and a displacement u to `A s + B u`, and takes in `z' S z + d u^2` meanwhile, z being s and u. If
-`s' P_i s` is stored at node i of a graph, it never gives back more than was stored as long as
+The system goes from states s and a displacement u to `A s + B u`, and takes in `z' S z + d u^2`
+meanwhile, z being s and u. If `s' P_i s` is stored at node i of a graph, it never gives back more
+than was stored as long as
 
     F = [P_i 0; 0 d] + S - [A B]' P_j [A B]
 
-is positive definite on every edge from i to j. The least such d is a semidefinite program in P and d. `every_hand_proof`
-checks what is found here.
+is positive definite on every edge from i to j. The least such d is a semidefinite program in P and
+d. `every_hand_proof` checks what is found here.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,21 +20,21 @@ from wavesweep.engine.frames import balance
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpacked
 
-CLOSE = 1e-7  # of the damping: distance from the optimum at which the program ends
+OPTIMUM_DISTANCE = 1e-7  # of the damping: distance from the optimum at which the program ends
 CENTRED = 0.5  # Newton decrement below which a point counts as the centre
 FASTER = 8.0  # factor of the weight of the damping from one centre to the next
 SWEEPS = 12  # over the states, for their units
-STEPS = 400  # of Newton's method
+NEWTON_STEPS_OF_ENERGY = 400  # of Newton's method
 RIDGE = 1e-11  # of the diagonal of the Hessian, against rounding
-SHORTEST = 1e-9  # part of a step below which rounding leaves no room
+SHORTEST_STEP = 1e-9  # part of a step below which rounding leaves no room
 SCALES = np.geomspace(1e-6, 1e6, 49)  # of the first energies, in the size of what is taken in
 
 
 def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     """Return the smallest graph of ticks whose walks are the allowed sequences of words.
 
-    words: the kinds of ticks of each word; follows: `(words, words)`, which may come after which. A node is what may still
-    happen: the rests of words, each with the words that may come then.
+    words: the kinds of ticks of each word; follows: `(words, words)`, which may come after which. A
+    node is what may still happen: the rests of words, each with the words that may come then.
     """
     after = [tuple(np.flatnonzero(row).tolist()) for row in follows]
     nodes, edges, open_ = {}, [], []
@@ -63,10 +65,12 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
 def least_damping(
     M: np.ndarray, S: np.ndarray, follows: np.ndarray
 ) -> Iterator[tuple[Centre, float]]:
-    """Yield energies and dampings with which every edge dissipates, from the least damping on; nothing if none are found.
+    """Yield energies and dampings with which every edge dissipates, from the least damping on;
+    nothing if none are found.
 
-    M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges, edges)`. The edges are the
-    symbols of the graph of the energies. Accuracy: CLOSE, unless rounding ends the program earlier.
+    M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges,
+    edges)`. The edges are the symbols of the graph of the energies. Accuracy: OPTIMUM_DISTANCE,
+    unless rounding ends the program earlier.
     """
     n, size = M.shape[1], np.abs(S).sum(0)
     size[:n] = np.abs(M).sum(0)
@@ -86,7 +90,8 @@ def least_damping(
 
 
 def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
-    """The centres for growing weights w: the minima of the barrier `w d - sum log det F + sum tr P` in P and d."""
+    """The centres for growing weights w: the minima of the barrier `w d - sum log det F + sum tr
+    P` in P and d."""
     n, graph = centre.P.shape[-1], centre.graph
     M, S = centre.inverse @ M[graph.symbol], S[graph.symbol].copy()
     M[..., :n] = M[..., :n] @ centre.basis
@@ -109,19 +114,22 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
     P, d = _first(slack, centre.P, np.abs(S).max())
     unit = abs(d) or 1.0
     P, d, S, weight, found, steps = P / unit, d / unit, S / unit, 1.0, [], 0
-    while steps < STEPS and len(M) * (n + 1) > CLOSE * weight * max(abs(d), CLOSE):
+    while steps < NEWTON_STEPS_OF_ENERGY and len(M) * (n + 1) > OPTIMUM_DISTANCE * weight * max(
+        abs(d), OPTIMUM_DISTANCE
+    ):
         weight, decrement = weight * FASTER, np.inf
-        while decrement > CENTRED and steps < STEPS:
+        while decrement > CENTRED and steps < NEWTON_STEPS_OF_ENERGY:
             steps, length, before = steps + 1, 1.0, barrier(P, d)
             try:
                 change, step, decrement = _newton(slack(P, d), M, weight, graph, len(P))
             except np.linalg.LinAlgError:  # singular to rounding
                 return found
             while (
-                length > SHORTEST and not barrier(P + length * change, d + length * step) < before
+                length > SHORTEST_STEP
+                and not barrier(P + length * change, d + length * step) < before
             ):
                 length *= 0.7
-            if length <= SHORTEST:
+            if length <= SHORTEST_STEP:
                 return found
             P, d = P + length * change, d + length * step
         found.append((replace(centre, P=P * unit), d * unit))
@@ -129,7 +137,8 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
 
 
 def _first(slack: Callable, P, size):
-    """Energies to begin with, and a damping with which all edges dissipate: the least over some scales of P."""
+    """Energies to begin with, and a damping with which all edges dissipate: the least over some
+    scales of P."""
     n, best = P.shape[-1], (np.inf, P)
     for scale in SCALES * size:
         F = slack(scale * P, 0.0)

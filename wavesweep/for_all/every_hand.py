@@ -1,8 +1,9 @@
-"""Intervals that hold for every passive hand and all of [for_all], whatever the frames do: the loops are those without waves.
+"""Intervals that hold for every passive hand and all of [for_all], whatever the frames do: the
+loops are those without waves.
 
-The force against the hand and the device's damping are linear in the number along which the intervals lie. So the energies that
-are stored at two of its values add up to those of any value between them: passive values are an interval, and what is proved at
-two of them is proved between.
+The force against the hand and the device's damping are linear in the number along which the
+intervals lie. So the energies that are stored at two of its values add up to those of any value
+between them: passive values are an interval, and what is proved at two of them is proved between.
 """
 
 from collections.abc import Callable
@@ -48,9 +49,10 @@ STARTS = (
     0.5,
     0.002,
 )  # of the range, where a passive value is looked for
-CLOSE = 1e-5  # of an end, or of the range, how near the last value on its other side is
-LARGE = 1e9  # N*s/m: more than anything is short of
-SLOW = 1e-3  # rad per tick, below which the motion is the same in each repetition of a pattern
+END_DISTANCE = 1e-5  # of an end, or of the range, how near the last value on its other side is
+LARGE_DAMPING = 1e9  # N*s/m: more than anything is short of
+# rad per tick, below which the motion is the same in each repetition of a pattern
+STANDING_ANGLE = 1e-3
 REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
 
 
@@ -89,7 +91,8 @@ class EveryHandGuarantee(Guarantee):
 
 
 def refuse(spec: Spec, rules: Rules, along: str) -> None:
-    """Raise UsageError for a loop, ranges, or a number along which nothing can be said of every passive hand."""
+    """Raise UsageError for a loop, ranges, or a number along which nothing can be said of every
+    passive hand."""
     drawing = own_loop(spec, along).drawing
     _refuse_loop(spec, rules, drawing)
     with placed(spec):
@@ -138,7 +141,8 @@ def _refuse_loop(spec, rules, drawing):
 
 
 def _acts_once(ruled: Drawing, name: str) -> bool:
-    """Whether a single wire or gain of a loop with a ruler reads a number, and what it gives does not come back to it."""
+    """Whether a single wire or gain of a loop with a ruler reads a number, and what it gives
+    does not come back to it."""
     place = scalar_place(ruled, name)
     start = place.split(".")[1] if place else ""
     sources = {}
@@ -153,8 +157,9 @@ def _acts_once(ruled: Drawing, name: str) -> bool:
 
 
 def damping(spec: Spec) -> dict[str, object] | None:
-    """What every passive hand needs of the device's damping, for all of [for_all]: `needed` and `refuted` (N*s/m, None if it is
-    not known), the device's own, and the counterexample. None for loops of which nothing is said."""
+    """What every passive hand needs of the device's damping, for all of [for_all]: `needed` and
+    `refuted` (N*s/m, None if it is not known), the device's own, and the counterexample. None
+    for loops of which nothing is said."""
     rules = Rules.of(spec)
     loop = Loops(own_loop(spec).drawing, dict(spec.values))
     if not rules.vary or device_of(loop.drawing) is None or held_loop(loop).reads_velocity:
@@ -179,7 +184,8 @@ def damping(spec: Spec) -> dict[str, object] | None:
 
 
 class _Margin:
-    """What is left of the device's damping beyond what every passive hand needs, at values of the number along."""
+    """What is left of the device's damping beyond what every passive hand needs, at values of
+    the number along."""
 
     def __init__(self, rules: Rules, case: Case, along: str):
         from wavesweep.for_all.every_hand_proof import with_ruler
@@ -224,8 +230,9 @@ class _Margin:
         return self.known[key]
 
     def _decays(self, loop, p) -> bool:
-        """Whether the states that the hand does not meet decay, which has to be so between two values as well: they may not
-        depend on the number, but at 0, which takes a branch out of the loop."""
+        """Whether the states that the hand does not meet decay, which has to be so between two
+        values as well: they may not depend on the number, but at 0, which takes a branch out of
+        the loop."""
         if loop.unmet is None:
             return True
         self.unmet = self.unmet or loop.unmet if p else self.unmet
@@ -237,7 +244,7 @@ class _Margin:
         if not needed.word:
             return ""
         loop, omega = next(row for row in self.known.values() if row[1] is needed)[0], needed.omega
-        alike = omega * loop.period < SLOW
+        alike = omega * loop.period < STANDING_ANGLE
         moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
         return f"{text_of(loop, needed.word)}, a hand that moves {moves}"
 
@@ -280,7 +287,8 @@ def _signed(margin, part) -> Callable[[float], float]:
 def _edge(
     missing: Callable[[float], float], inside: float, limit: float
 ) -> tuple[float, float | None]:
-    """The last value found at which nothing is missing, from one where it is so towards a limit, and the first one beyond."""
+    """The last value found at which nothing is missing, from one where it is so towards a limit,
+    and the first one beyond."""
     from scipy.optimize import brentq
 
     if missing(limit) <= 0:
@@ -289,13 +297,17 @@ def _edge(
 
     def looked(p):
         margins_seen[p] = missing(p)
-        return min(margins_seen[p], LARGE)
+        return min(margins_seen[p], LARGE_DAMPING)
 
-    least = CLOSE * abs(limit - inside)
-    end = brentq(looked, inside, limit, xtol=CLOSE * least, rtol=CLOSE / 4)
+    least = END_DISTANCE * abs(limit - inside)
+    end = brentq(looked, inside, limit, xtol=END_DISTANCE * least, rtol=END_DISTANCE / 4)
     for side in (-1, 1):
         looked(
-            float(np.clip(end + side * CLOSE / 2 * max(abs(end), least), *sorted((inside, limit))))
+            float(
+                np.clip(
+                    end + side * END_DISTANCE / 2 * max(abs(end), least), *sorted((inside, limit))
+                )
+            )
         )
     within = [p for p, value in margins_seen.items() if value <= 0]
     return max(within, key=lambda p: abs(p - inside)), min(

@@ -1,17 +1,21 @@
-"""The damping with which a loop is stable with every passive hand, whatever its frames do, proved in ball arithmetic.
+"""The damping with which a loop is stable with every passive hand, whatever its frames do, proved
+in ball arithmetic.
 
-The hand is continuous and may push within a tick. While the device moves by u in a tick of length T, its damper takes at least
-`d u^2/T`, and the force against it, which is held, takes `f u` (see `passive.over_ranges.reaction_maps`). So what matters is the
-switched system from displacements to forces, with the position x of the device prescribed. At rest all its states are multiples
-of x. Counted from there they follow `s+ = A s + B u`, and the force is `f = k x + C s + D u`. With the stored energy
-`k x^2/2 + s' P_i s` at node i of an automaton of ticks, no hand takes out more than was stored if
+The hand is continuous and may push within a tick. While the device moves by u in a tick of length
+T, its damper takes at least `d u^2/T`, and the force against it, which is held, takes `f u` (see
+`passive.over_ranges.reaction_maps`). So what matters is the switched system from displacements to
+forces, with the position x of the device prescribed. At rest all its states are multiples of x.
+Counted from there they follow `s+ = A s + B u`, and the force is `f = k x + C s + D u`. With the
+stored energy `k x^2/2 + s' P_i s` at node i of an automaton of ticks, no hand takes out more than
+was stored if
 
     F = [P_i 0; 0 d/T] + [0 C'/2; C/2 D - k/2] - [A B]' P_j [A B]
 
-is positive definite for every kind of tick from node i to j: x cancels, but for `k u^2/2`. The nodes are what may still happen,
-such as the ticks since the last sample and whether its result is in place. `for_all.dissipation` finds P and the least d in
-doubles; here F is computed in balls, and eliminated. With less than what a kind of frame needs that is repeated for ever
-(`damping_peak`), a hand takes out energy: this refutes.
+is positive definite for every kind of tick from node i to j: x cancels, but for `k u^2/2`. The
+nodes are what may still happen, such as the ticks since the last sample and whether its result is
+in place. `for_all.dissipation` finds P and the least d in doubles; here F is computed in balls, and
+eliminated. With less than what a kind of frame needs that is repeated for ever (`damping_peak`), a
+hand takes out energy: this refutes.
 """
 
 from dataclasses import dataclass, replace
@@ -34,8 +38,8 @@ from wavesweep.for_all.patterns import shortest_through
 from wavesweep.for_all.plan import Plan
 from wavesweep.haptics.held_loop import device_of
 
-BITS = 192
-MOST = 1500  # unknown numbers of the stored energies, which take some seconds
+PROOF_BITS = 192
+MOST_UNKNOWNS = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
 LONGEST, TRIED = (
     3,
@@ -45,15 +49,16 @@ NEAR, LEAST = (
     1e-4,
     0.01,
 )  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
-ROOM = 1e-12  # of the damping, for the rounding of a product
+ROOM_OF_DAMPING = 1e-12  # of the damping, for the rounding of a product
 
 
 @dataclass(frozen=True, slots=True)
 class Needed:
     """Damping of device and hand together, N*s/m.
 
-    proved: suffices for every passive hand and every order of frames; infinite if none is proved. refuted: with less, a passive
-    hand that moves at `omega` (rad/s) takes out energy for ever while the pattern `word` is repeated; -infinite without one.
+    proved: suffices for every passive hand and every order of frames; infinite if none is proved.
+    refuted: with less, a passive hand that moves at `omega` (rad/s) takes out energy for ever while
+    the pattern `word` is repeated; -infinite without one.
     """
 
     proved: float
@@ -64,7 +69,8 @@ class Needed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unmet:
-    """The frames of states that the hand does not meet, less identity, as a `Family` of no number; dE: bounds on the errors."""
+    """The frames of states that the hand does not meet, less identity, as a `Family` of no
+    number; dE: bounds on the errors."""
 
     E: np.ndarray
     dE: np.ndarray
@@ -104,10 +110,11 @@ class Unmet:
 class EveryHand:
     """A loop whose frames vary, as the hand sees it.
 
-    kinds: of each kind of tick `[A B]` and `[C D - k/2]` as matrices of balls. stiffness: k, N/m; with the device's own it
-    has to be 0 or more. unmet: the states that the hand does not meet and that last from frame to frame, which have to decay
-    as well; None without. graph: the automaton, whose symbols are kinds. period: of a tick, s. words: the kinds of ticks of
-    each symbol; symbols, follows: see `LoopFrames`.
+    kinds: of each kind of tick `[A B]` and `[C D - k/2]` as matrices of balls. stiffness: k, N/m;
+    with the device's own it has to be 0 or more. unmet: the states that the hand does not meet and
+    that last from frame to frame, which have to decay as well; None without. graph: the automaton,
+    whose symbols are kinds. period: of a tick, s. words: the kinds of ticks of each symbol;
+    symbols, follows: see `LoopFrames`.
     """
 
     kinds: tuple[tuple[arb_mat, arb_mat], ...]
@@ -123,9 +130,10 @@ class EveryHand:
     def of(plan: Plan) -> "EveryHand | None":
         """Return the loop of a plan; None if it does not settle to a force with a stiffness.
 
-        Nothing may read the velocity of the mass that the hand holds. Errors: UsageError if it is too large.
+        Nothing may read the velocity of the mass that the hand holds. Errors: UsageError if it is
+        too large.
         """
-        with ctx.workprec(BITS):
+        with ctx.workprec(PROOF_BITS):
             index, maps = _ticks(plan)
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
@@ -142,36 +150,42 @@ class EveryHand:
                 [reduce(_after, (ticks[index] for index in word)) for word in words], rest, follows
             )
         n = kinds[0][0].nrows()
-        if (most := graph.nodes * n * (n + 1) // 2) > MOST:
+        if (most := graph.nodes * n * (n + 1) // 2) > MOST_UNKNOWNS:
             raise UsageError(
-                f"hand passive while frames vary: expected at most {MOST} unknown numbers of stored energies, found {most}; "
+                f"hand passive while frames vary: expected at most {MOST_UNKNOWNS} unknown numbers of stored energies, found {most}; "
                 "choose shorter frames, or fewer delays of results"
             )
         period = 1 / float(Loops(plan.drawing, plan.values).rate)
         return EveryHand(kinds, stiffness, unmet, graph, period, words, symbols, follows)
 
     def pulls(self, stiffness: float) -> bool:
-        """Whether the loop and a spring of the device (N/m) push it away from where it is, all in all."""
-        with ctx.workprec(BITS):
-            return bool(self.stiffness + arb(stiffness - ROOM * abs(stiffness)) < 0)
+        """Whether the loop and a spring of the device (N/m) push it away from where it is, all
+        in all."""
+        with ctx.workprec(PROOF_BITS):
+            return bool(self.stiffness + arb(stiffness - ROOM_OF_DAMPING * abs(stiffness)) < 0)
 
     def needed(self) -> Needed:
-        """Return the damping that is needed. Accuracy: 1e-7, unless rounding ends the search for energies earlier."""
+        """Return the damping that is needed. Accuracy: 1e-7, unless rounding ends the search for
+        energies earlier."""
         n = self.kinds[0][0].nrows()
         M, rows = (np.array([_doubles(kind[place]) for kind in self.kinds]) for place in (0, 1))
         S = np.zeros((len(M), n + 1, n + 1))
         S[:, n, :] += rows[:, 0] / 2
         S[:, :, n] += rows[:, 0] / 2
-        edges, proved = self.graph.symbol, np.inf if n else float(ROOM - S.min() * self.period)
+        edges, proved = (
+            self.graph.symbol,
+            np.inf if n else float(ROOM_OF_DAMPING - S.min() * self.period),
+        )
         follows = self.graph.target[:, None] == self.graph.source
         for centre, damping in least_damping(M[edges], S[edges], follows) if n else ():
             if centre.norms.graph.is_complete(follows) and self._dissipates(centre.norms, damping):
-                proved = float(damping * self.period * (1 + ROOM * np.sign(damping)))
+                proved = float(damping * self.period * (1 + ROOM_OF_DAMPING * np.sign(damping)))
                 break
         return Needed(proved, *self._refuted(M, rows, proved))
 
     def _refuted(self, M, rows, proved):
-        """The most damping that a pattern needs which is repeated for ever, that pattern, and the frequency.
+        """The most damping that a pattern needs which is repeated for ever, that pattern, and the
+        frequency.
 
         Patterns that need most are made longer until one needs about what is proved. The first ones
         have as many losses in a row as there may be.
@@ -197,7 +211,8 @@ class EveryHand:
         return best
 
     def _needed_by(self, word, maps):
-        """The damping that a repeated pattern needs, -infinite if it is not known, the pattern, and the frequency."""
+        """The damping that a repeated pattern needs, -infinite if it is not known, the pattern,
+        and the frequency."""
         ticks = TickMaps.of(maps, np.concatenate([self.words[symbol] for symbol in word]), ())
         lifted = ticks.lifted()
         if not self.follows[word[-1], word[0]] or (lifted.E.size and not is_stable(lifted.E)[0]):
@@ -207,8 +222,9 @@ class EveryHand:
         return value, word, float(peak.theta[0] / (self.period * ticks.kind.size))
 
     def _dissipates(self, norms: Norms, damping: float) -> bool:
-        """Whether F is positive definite on every edge, and each P as well: elimination meets positive pivots alone."""
-        with ctx.workprec(BITS):
+        """Whether F is positive definite on every edge, and each P as well: elimination meets
+        positive pivots alone."""
+        with ctx.workprec(PROOF_BITS):
             stored = [arb_mat(P.tolist()) for P in norms.P]
             definite = all(map(_definite, (P.tolist() for P in stored)))
             for source, edge, target in zip(
@@ -245,8 +261,9 @@ def _doubles(matrix):
 
 
 def with_ruler(drawing: Drawing) -> Drawing:
-    """Return the loop whose device is a ruler: it moves by a constant displacement in each tick, and another block takes the
-    force that pushes it, without the hand's. Their states are the first three: X, PUSH, FORCE."""
+    """Return the loop whose device is a ruler: it moves by a constant displacement in each tick,
+    and another block takes the force that pushes it, without the hand's. Their states are the
+    first three: X, PUSH, FORCE."""
     device, zero = device_of(drawing), ("number", 0.0, 0)
     pushes, takes = f"{device}!push", f"{device}!force"
     explicit = (("method", "explicit"),)
@@ -279,7 +296,8 @@ def with_ruler(drawing: Drawing) -> Drawing:
 
 
 def _ticks(plan: Plan):
-    """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
+    """The index of each kind of tick at each period of the slow blocks, and its map of a loop
+    with a ruler."""
     index, maps, balls = {}, {}, offered("ticks")
     if balls is None:
         raise UsageError(
@@ -307,7 +325,8 @@ def _ticks(plan: Plan):
 
 
 def _timed(row, maps, joined):
-    """The kinds of a row of ticks, in which moments without time are joined with the tick behind them."""
+    """The kinds of a row of ticks, in which moments without time are joined with the tick behind
+    them."""
     word, before = [], ()
     for kind in row:
         before = (*before, kind)
@@ -326,8 +345,8 @@ def _pattern(matrix):
 
 
 def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndarray] | None:
-    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force, counted from their rest; the
-    stiffness k; and which of the states are none of these.
+    """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force,
+    counted from their rest; the stiffness k; and which of the states are none of these.
 
     None if nothing rests alike in all of them.
     """

@@ -1,7 +1,8 @@
 """Drift that depends on the numbers of a loop, set aside in all ticks alike.
 
-A rest e is kept by every kind of tick, `E e = 0`. With the lead S, a state that moves with it, and the others R, `E_R V = -E_S`
-in all ticks together, and the states counted from the rest, `x_R - V x_S`, follow `E_RR - V E_SR` whatever x_S is.
+A rest e is kept by every kind of tick, `E e = 0`. With the lead S, a state that moves with it, and
+the others R, `E_R V = -E_S` in all ticks together, and the states counted from the rest, `x_R - V
+x_S`, follow `E_RR - V E_SR` whatever x_S is.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,8 @@ from wavesweep.engine.sets import UNIT
 def lasting(
     drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray
 ) -> MarginalModes:
-    """Return the drift with the lead that moves most at all corners of a box of numbers, so that V stays finite in all of it.
+    """Return the drift with the lead that moves most at all corners of a box of numbers, so that V
+    stays finite in all of it.
 
     ticks_at: gives the ticks at points of the box. More than one lead is left as it is.
     """
@@ -33,7 +35,8 @@ def lasting(
 
 
 def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return changes of the states that are kept, counted from the rest, and bounds on their errors; V, dV: of `shift_of`."""
+    """Return changes of the states that are kept, counted from the rest, and bounds on their
+    errors; V, dV: of `shift_of`."""
     rest = np.array(drift.remaining, int)
     leads = np.array(drift.varying, int)
     to_rest = (..., rest[:, None], rest)
@@ -51,12 +54,12 @@ def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, n
 
 
 def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return V, `(..., rest, leads)`, and a bound on its error, from the changes of all kinds of ticks `(kinds, ..., n, n)`.
+    """Return V, `(..., rest, leads)`, and a bound on its error, from the changes of all kinds of
+    ticks `(kinds, ..., n, n)`.
 
-    With `J M = I + N` for the rows M of all ticks, an error is at most `(1 + |N|/(1 - |N|)) |J|` times what V leaves of
-    them.
-    NaN if there is no such rest, infinite bounds if it is not known how far V is off. Of complex ticks, or without
-    errors, there is no bound.
+    With `J M = I + N` for the rows M of all ticks, an error is at most `(1 + |N|/(1 - |N|)) |J|`
+    times what V leaves of them. NaN if there is no such rest, infinite bounds if it is not known
+    how far V is off. Of complex ticks, or without errors, there is no bound.
     """
     rest = np.array(drift.remaining, int)
     leads = np.array(drift.varying, int)

@@ -1,9 +1,11 @@
 """From a loop whose frames vary to a family of matrices, one for each kind of frame.
 
-A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the next one. Here, however, it
-goes from the tick after a sample to the next sample, inclusive. Everything in it then depends on its own length and not on that
-of the frame before, because the environment's step is the time since its last sample, or a fixed one. So any frame may follow
-any other, and there are as many matrices as lengths. (Products of frames in a row merely begin at another tick.)
+A frame of M ticks begins when the slow environment takes its sample, and ends when it takes the
+next one. Here, however, it goes from the tick after a sample to the next sample, inclusive.
+Everything in it then depends on its own length and not on that of the frame before, because the
+environment's step is the time since its last sample, or a fixed one. So any frame may follow any
+other, and there are as many matrices as lengths. (Products of frames in a row merely begin at
+another tick.)
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,13 +29,13 @@ from wavesweep.haptics.controller_page import loop_drawing
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 ANY_NUMBER = -1  # of results in a row that are lost
-IN_PHASE = (
-    None,
-)  # as delays: results are in place when the blocks that show them run, by their phases
+# as delays: results are in place when the blocks that show them run, by their phases
+IN_PHASE = (None,)
 RULED = "whose types have a rule for steps that vary (`wavesweep keys block`)"
 RATIO, DELAY = "rates.ratio", "environment.delay"
-# Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place at once; one in which a
-# result comes into place; an ordinary one; and the moment before the next sample in which a result comes into place.
+# Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place
+# at once; one in which a result comes into place; an ordinary one; and the moment before the next
+# sample in which a result comes into place.
 THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 
 
@@ -41,9 +43,10 @@ THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 class FramesInAnyOrder:
     """What may happen in a frame.
 
-    lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's length, or FRAME; each may occur
-    in any frame; IN_PHASE of a drawn loop. lost: how many results in a row may be lost, or ANY_NUMBER. elapsed: whether the
-    step of slow blocks is the time since they last ran; otherwise it is the nominal one.
+    lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's
+    length, or FRAME; each may occur in any frame; IN_PHASE of a drawn loop. lost: how many results
+    in a row may be lost, or ANY_NUMBER. elapsed: whether the step of slow blocks is the time since
+    they last ran; otherwise it is the nominal one.
     """
 
     lengths: tuple[int, ...]
@@ -63,7 +66,8 @@ class FramesInAnyOrder:
 
 @dataclass(frozen=True, slots=True)
 class SlowFrames:
-    """The blocks that run once in a frame, the lengths of frames and the nominal one (ticks), and the number behind them."""
+    """The blocks that run once in a frame, the lengths of frames and the nominal one (ticks),
+    and the number behind them."""
 
     names: tuple[str, ...]
     lengths: tuple[int, ...]
@@ -77,10 +81,12 @@ class SlowFrames:
         number: str = "",
         numbers: Sequence[int] = (),
     ) -> "SlowFrames":
-        """Return those of a loop in which a number has some values in turn, and `every` of blocks depends on it in any way.
+        """Return those of a loop in which a number has some values in turn, and `every` of blocks
+        depends on it in any way.
 
-        number: its path; its value among `values` gives the nominal length, which is the only one without a number.
-        Errors: SpecError for lengths that are not whole, and for blocks of different lengths.
+        number: its path; its value among `values` gives the nominal length, which is the only one
+        without a number. Errors: SpecError for lengths that are not whole, and for blocks of
+        different lengths.
         """
         name, known, found = name_of(number), scalars(values), {}
         tried = [*numbers, known.get(name, 0)]
@@ -103,7 +109,8 @@ class SlowFrames:
 
 
 def _whole_ticks(block, numbers, name):
-    """The ticks in which a block runs once, with each of some numbers in turn; name: of the one that differs, or empty."""
+    """The ticks in which a block runs once, with each of some numbers in turn; name: of the one
+    that differs, or empty."""
     ticks = [finite_value(block.every, values) for values in numbers]
     for values, value in zip(numbers, ticks, strict=True):
         if value is None or value < 1 or value % 1:
@@ -117,9 +124,11 @@ def _whole_ticks(block, numbers, name):
 
 
 def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
-    """Return the loop of a built-in controller, in which results have a separate hold whatever its ratio and its delay are.
+    """Return the loop of a built-in controller, in which results have a separate hold whatever its
+    ratio and its delay are.
 
-    gains: numbers that count as other than 0. Errors: SpecError for one whose filters depend on the ratio.
+    gains: numbers that count as other than 0. Errors: SpecError for one whose filters depend on the
+    ratio.
     """
     drawing = loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
     if any(block.type == "mean" for block in drawing.blocks):
@@ -141,10 +150,11 @@ def plan_of(
 ) -> Plan:
     """Return what the frames of a loop consist of: the one way from any loop to its frames.
 
-    values: numbers by their keys, of which those that the drawing reads count. frames: with delays of results, these are
-    what the blocks of the page of a controller show that have names with `_shown`. slow: has the nominal length. channels: slow
-    blocks whose messages may be lost: they do not run then, and show the last one.
-    Errors: SpecError for blocks that cannot have such frames.
+    values: numbers by their keys, of which those that the drawing reads count. frames: with delays
+    of results, these are what the blocks of the page of a controller show that have names with
+    `_shown`. slow: has the nominal length. channels: slow blocks whose messages may be lost: they
+    do not run then, and show the last one. Errors: SpecError for blocks that cannot have such
+    frames.
     """
     blocks, known = [block for block in drawing.blocks if block.name in slow.names], scalars(values)
     shown = frozenset(
@@ -235,7 +245,8 @@ def plan_of(
 def _refuse_unsteady(
     drawing: Drawing, slow: Sequence[DrawnBlock], number: str, elapsed: bool
 ) -> None:
-    """Raise SpecError if slow blocks have a type without a rule for steps that vary, or a key or wire reads what varies.
+    """Raise SpecError if slow blocks have a type without a rule for steps that vary, or a key or
+    wire reads what varies.
 
     Keys and wires that read the period (`dt`) would keep the nominal one.
     """

@@ -1,4 +1,5 @@
-"""The frames of members of a box of numbers, all in one batch and in plain doubles: for searches."""
+"""The frames of members of a box of numbers, all in one batch and in plain doubles: for
+searches."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import (
-    LEAST,
+    LEAST_POSITIVE,
     UNIT,
     EnclosedLoop,
     Polynomials,
@@ -28,7 +28,7 @@ from wavesweep.engine.sets import (
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.loop_frames import Symbol, alive
 
-ORDER = 5  # total degree of the polynomials
+TOTAL_DEGREE = 5  # total degree of the polynomials
 ORDERS = (
     8,
     10,
@@ -36,7 +36,7 @@ ORDERS = (
     6,
     6,
 )  # the same for so many numbers where frames are all alike, whose forms are of that degree too
-ROUNDINGS = 16.0  # of its terms, that a row of equations is known to at best
+EQUATION_ROUNDINGS = 16.0  # of its terms, that a row of equations is known to at best
 INSIDE = np.array(
     [[0.3], [0.7]]
 )  # places in a box at which the structure of its ticks is looked at
@@ -48,7 +48,8 @@ Groups = Sequence[tuple[int, Sequence[tuple[int, float]]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TickPlace:
-    """A tick of a loop in doubles: the one at a place of its frame. held, exact: see `LoopModel.tick`."""
+    """A tick of a loop in doubles: the one at a place of its frame. held, exact: see
+    `LoopModel.tick`."""
 
     loop: MultirateLoop
     place: int
@@ -60,7 +61,8 @@ class TickPlace:
 class Enclosed:
     """The matrices of all symbols in a box.
 
-    due: how much of what is left out of blocks and gains is due to each of the wide sides, `(sides,)`, relative to these.
+    due: how much of what is left out of blocks and gains is due to each of the wide sides,
+    `(sides,)`, relative to these.
     """
 
     box: np.ndarray
@@ -83,9 +85,10 @@ class Enclosed:
 class FramesOver:
     """The frames of a loop over cells of a box of sides.
 
-    ticks: of each kind, with the loop that it is a tick of; those of one loop stand together. drift: what drifts in it.
-    copies: see `relative_ticks`. rows, samples, symbols: see `LoopFrames`. units: `(sides, k)` exponents; the k states x that
-    are kept are replaced by `exp(units' (s - about)) x` at the sides s. kept: the states that not every frame forgets, once
+    ticks: of each kind, with the loop that it is a tick of; those of one loop stand together.
+    drift: what drifts in it. copies: see `relative_ticks`. rows, samples, symbols: see
+    `LoopFrames`. units: `(sides, k)` exponents; the k states x that are kept are replaced by
+    `exp(units' (s - about)) x` at the sides s. kept: the states that not every frame forgets, once
     known.
     """
 
@@ -132,14 +135,15 @@ class FramesOver:
         return found
 
     def _due(self, cells):
-        """How much of what is left out of blocks and gains is due to each of the wide sides, `(cells, sides)`."""
+        """How much of what is left out of blocks and gains is due to each of the wide sides,
+        `(cells, sides)`."""
         numbers = int((cells[0, 0] < cells[0, 1]).sum())
         due = np.zeros((len(cells), numbers))
         for loop in dict.fromkeys(loop for loop, _ in self.ticks):
             reads = monomials(numbers, loop.order)[0] > 0
             for terms, rest in loop.over(cells).parts():
                 moves = np.moveaxis(terms, 0, -1) @ reads
-                size = np.maximum(terms.sum(0) * moves.sum(-1), LEAST)
+                size = np.maximum(terms.sum(0) * moves.sum(-1), LEAST_POSITIVE)
                 due += (rest / size)[..., None] * moves
         return due
 
@@ -237,14 +241,15 @@ class FramesOver:
 def constant_frames(
     loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]
 ) -> FramesOver:
-    """Return the frames of a loop whose frames are all alike over the cells of a box of sides. most: of the order."""
+    """Return the frames of a loop whose frames are all alike over the cells of a box of sides.
+    most: of the order."""
     inside = inside_of(box)
     values = dict(loop.values)
     for at, side in enumerate(sides):
         values[side.path] = side.number(inside[:, at])
     drawn = Loops(loop.drawing, values).drawn()
     numbers = int((box[0] < box[1]).sum())
-    order = ORDER
+    order = TOTAL_DEGREE
     if numbers < len(ORDERS):
         order = ORDERS[numbers]
     enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, most))
@@ -277,17 +282,21 @@ def _side_of(cell, number):
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:
-    """Return places in a box at which the structure of its loops is looked at, `(places, sides)`."""
+    """Return places in a box at which the structure of its loops is looked at, `(places,
+    sides)`."""
     return np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
 
 
 def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> Polynomials:
-    """Return changes of all kinds of ticks, `(kinds, cells, n, n)`, as changes of the states that remain without drift.
+    """Return changes of all kinds of ticks, `(kinds, cells, n, n)`, as changes of the states that
+    remain without drift.
 
-    A mode of a constant shape is kept by every tick: states that move with its lead by a factor are counted from it, and then
-    nothing depends on the lead. Copies are counted from their source, since what both have in common would be cancelled. Modes
-    whose shapes depend on the numbers, with the leads S and the other states R: `E_R V = -E_S` in all ticks together, and the
-    states `x_R - V x_S` follow `E_RR - V E_SR`. With J near to an inverse of the rows, `V = -(J E_R)^-1 J E_S`.
+    A mode of a constant shape is kept by every tick: states that move with its lead by a factor are
+    counted from it, and then nothing depends on the lead. Copies are counted from their source,
+    since what both have in common would be cancelled. Modes whose shapes depend on the numbers,
+    with the leads S and the other states R: `E_R V = -E_S` in all ticks together, and the states
+    `x_R - V x_S` follow `E_RR - V E_SR`. With J near to an inverse of the rows, `V = -(J E_R)^-1 J
+    E_S`.
     """
     n = E.rest.shape[-1]
     for groups in (drift.constant, copies):
@@ -308,8 +317,9 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     # "`E_R V = -E_S` of all ticks together".
     E_R = _below(E.at(range(n), remaining))
     E_S = _below(E.at(range(n), leads))
-    # Rows count by how well they are known, and columns alike, so that what is left out of them hardly grows.
-    rounding = ROUNDINGS * UNIT * np.abs(E_R.terms[0]).sum(-1)
+    # Rows count by how well they are known, and columns alike, so that what is left out of them
+    # hardly grows.
+    rounding = EQUATION_ROUNDINGS * UNIT * np.abs(E_R.terms[0]).sum(-1)
     unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
     weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
     weighed = E_R.terms[0] * weight[..., None]

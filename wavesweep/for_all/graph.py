@@ -1,4 +1,5 @@
-"""Switched systems: families of matrices, and graphs whose edges are these matrices and whose nodes carry norms."""
+"""Switched systems: families of matrices, and graphs whose edges are these matrices and whose
+nodes carry norms."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,22 +20,27 @@ class Family(Protocol):
         """Return the matrices at x in plain doubles, for searches, `(symbols, n, n)`."""
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the matrices at x minus the identity, and bounds on the errors of their entries."""
+        """Return the matrices at x minus the identity, and bounds on the errors of their
+        entries."""
 
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return matrices minus the identity, `(points, symbols, n, n)`, and bounds on the errors of their entries.
+        """Return matrices minus the identity, `(points, symbols, n, n)`, and bounds on the errors
+        of their entries.
 
-        Up to these bounds, the matrices of every number from low to high are those of a Bezier curve at some place of it, the
-        same for all symbols, whose control points these are. None if they cannot be given, as near a pole.
+        Up to these bounds, the matrices of every number from low to high are those of a Bezier
+        curve at some place of it, the same for all symbols, whose control points these are. None if
+        they cannot be given, as near a pole.
         """
 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """Edges `(edges,)`: from the node `source` by the matrix `symbol` to the node `target`; nodes are 0, 1, ...
+    """Edges `(edges,)`: from the node `source` by the matrix `symbol` to the node `target`; nodes
+    are 0, 1, ...
 
-    A node stands for what has happened before. The graph is complete if the target of every edge has an outgoing edge for every
-    matrix that may follow: then every allowed sequence is a walk in the graph.
+    A node stands for what has happened before. The graph is complete if the target of every edge
+    has an outgoing edge for every matrix that may follow: then every allowed sequence is a walk in
+    the graph.
     """
 
     source: np.ndarray
@@ -55,7 +61,8 @@ class Graph:
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The index of the pair of nodes that each edge joins, and the first and the last node of each pair."""
+        """The index of the pair of nodes that each edge joins, and the first and the last node
+        of each pair."""
         pairs, index = np.unique(self.source * self.nodes + self.target, return_inverse=True)
         return index, pairs // self.nodes, pairs % self.nodes
 
@@ -75,7 +82,8 @@ class Graph:
         return order, int(np.abs(place[self.source] - place[self.target]).max())
 
     def grouped(self, group: np.ndarray) -> tuple[np.ndarray, list[int]]:
-        """Return the edges sorted by their group 0, 1, ..., and the bounds of the groups in that order."""
+        """Return the edges sorted by their group 0, 1, ..., and the bounds of the groups in that
+        order."""
         order = np.argsort(group, kind="stable")
         return order, np.searchsorted(group[order], np.arange(group.max() + 2)).tolist()
 
@@ -91,8 +99,9 @@ class Graph:
     ) -> tuple["Graph", np.ndarray]:
         """Return the graph with some nodes split in two, and the old node of each new one.
 
-        parts: node -> the edges into it (indices) that lead to its new half. Edges out of a node leave both halves, but only
-        for matrices that may follow those of the edges into that half; nodes that nothing reaches are removed.
+        parts: node -> the edges into it (indices) that lead to its new half. Edges out of a node
+        leave both halves, but only for matrices that may follow those of the edges into that half;
+        nodes that nothing reaches are removed.
         """
         halves = {node: self.nodes + i for i, node in enumerate(parts)}
         target = self.target.copy()

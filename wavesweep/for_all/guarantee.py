@@ -1,4 +1,5 @@
-"""The rows of stable intervals that hold for all numbers of [for_all], and for all hands of a box."""
+"""The rows of stable intervals that hold for all numbers of [for_all], and for all hands of a
+box."""
 
 from __future__ import annotations
 
@@ -59,16 +60,19 @@ HANDS = {
 
 
 def of_word(kind: str, ranges: str | None) -> Guarantee | None:
-    """The guarantee for a word of --for-hands, None for a word of others; see `program.tables.hand_rows`."""
+    """The guarantee for a word of --for-hands, None for a word of others; see
+    `program.tables.hand_rows`."""
     from wavesweep.for_all.hand_box import box_in_words
 
     return box_in_words(ranges) if kind == "box" else None
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
-    """The guarantees of a run of a spec's own job, from those asked for by words: see `program.tables.hand_rows.guarantees_of`.
+    """The guarantees of a run of a spec's own job, from those asked for by words: see
+    `program.tables.hand_rows.guarantees_of`.
 
-    Errors: UsageError for numbers, hands, or a requirement, that [for_all] cannot be held for beside.
+    Errors: UsageError for numbers, hands, or a requirement, that [for_all] cannot be held for
+    beside.
     """
     from wavesweep.engine.errors import UsageError
     from wavesweep.program.tables.hand_rows import device_held, refuse_velocity

@@ -1,4 +1,5 @@
-"""Hands in a box of masses, dampings and stiffnesses, and the intervals that hold for all of them."""
+"""Hands in a box of masses, dampings and stiffnesses, and the intervals that hold for all of
+them."""
 
 import re
 from dataclasses import dataclass, fields, replace
@@ -19,7 +20,8 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
-MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
+# of an end that a hand sets, left out of the proof: there the loop is about to be unstable
+LEFT_OF_END = 1e-3
 END_HANDS = {
     end: tuple(f"{end}_hand_{quantity}" for quantity in ("mass", "damping", "stiffness"))
     for end in ("low", "high")
@@ -35,7 +37,8 @@ BOX_RECORD = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class HandBox:
-    """Ranges (low, high) of the hand's mass (kg), damping (N*s/m) and stiffness (N/m), all at least 0."""
+    """Ranges (low, high) of the hand's mass (kg), damping (N*s/m) and stiffness (N/m), all at
+    least 0."""
 
     mass: tuple[float, float]
     damping: tuple[float, float]
@@ -72,11 +75,12 @@ class HandBox:
 HOLDING_A_DEVICE = HandBox(mass=(0.005, 0.6), damping=(2.0, 10.0), stiffness=(100.0, 1000.0))
 """From one finger to the whole arm.
 
-Heavy, soft end: an arm at the handle of a HapticMaster, fitted with 0.554 kg, 6.45 N*s/m, 135 N/m (W. van Beek,
-W. Bergmann Tiest, W. Mugge, A. Kappers, Haptic perception of force magnitude and its relation to postural arm dynamics
-in 3D, Scientific Reports 5:18004, 2015, caption of Figure 3: one trial of one participant; authors and year quoted from
-memory). Light, stiff end: a fingertip, of the order of 5 g, 2 to 10 N*s/m and 200 to 1000 N/m for forces of 2 to 20 N
-(A. Hajian, R. Howe, Identification of the mechanical impedance at the human finger tip, J. Biomech. Eng. 119, 1997;
+Heavy, soft end: an arm at the handle of a HapticMaster, fitted with 0.554 kg, 6.45 N*s/m, 135 N/m
+(W. van Beek, W. Bergmann Tiest, W. Mugge, A. Kappers, Haptic perception of force magnitude and its
+relation to postural arm dynamics in 3D, Scientific Reports 5:18004, 2015, caption of Figure 3: one
+trial of one participant; authors and year quoted from memory). Light, stiff end: a fingertip, of
+the order of 5 g, 2 to 10 N*s/m and 200 to 1000 N/m for forces of 2 to 20 N (A. Hajian, R. Howe,
+Identification of the mechanical impedance at the human finger tip, J. Biomech. Eng. 119, 1997;
 quoted from memory, not checked). The box is the hull of both, rounded outwards.
 """
 
@@ -126,7 +130,7 @@ class BoxGuarantee(Guarantee):
         case = Case(
             Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
         )
-        proved_parts = list(proofs([case], span, MARGIN, narrow=True))
+        proved_parts = list(proofs([case], span, LEFT_OF_END, narrow=True))
         low, high = (
             np.array([getattr(interval, end) for interval, _ in proved_parts])
             for end in ("low", "high")
@@ -146,12 +150,13 @@ class BoxGuarantee(Guarantee):
 
 
 def _all_but_margin(part: Part, proved: Proved | None) -> bool:
-    low, high = part.within(MARGIN)
+    low, high = part.within(LEFT_OF_END)
     return proved is not None and proved.low <= low and high <= proved.high
 
 
 def box_in_words(text: str | None) -> BoxGuarantee:
-    """The box whose ranges a word of --for-hands has behind its colon; None: that of the literature.
+    """The box whose ranges a word of --for-hands has behind its colon; None: that of the
+    literature.
 
     Errors: UsageError for a text, ValueError for ranges that are empty.
     """

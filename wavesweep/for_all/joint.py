@@ -1,4 +1,5 @@
-"""Whether all products of matrices in any allowed order decay, and the interval of a number for which they do."""
+"""Whether all products of matrices in any allowed order decay, and the interval of a number for
+which they do."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +7,14 @@ import numpy as np
 
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norm_check import Norms, shrink_along
-from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
+from wavesweep.for_all.norms import (
+    OPERATIONS_OF_SEARCH,
+    Centre,
+    advanced,
+    find_norms,
+    finer,
+    first_centre,
+)
 from wavesweep.for_all.patterns import (
     Word,
     crossing,
@@ -22,33 +30,38 @@ from wavesweep.for_all.patterns import (
 from wavesweep.for_all.remembered import Remembered
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance
-NEAR_START = 0.01  # an end counts as at least this part of its distance from the start, where relative sizes are formed
+# distance of a first proof from the refuted number, relative to the tolerance
+FIRST_PROOF_AT = 0.93
+# an end counts as at least this part of its distance from the start, where relative sizes are
+# formed
+NEAR_START = 0.01
 NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames forget
-SCANNED = 48  # numbers between the start and the limit at which short words are tried
-EVERY = 12  # long words are searched at one of so many of these
-TRIED = 8  # words whose crossings are computed
+NUMBERS_SCANNED = 48  # numbers between the start and the limit at which short words are tried
+LONG_WORDS_EVERY = 12  # long words are searched at one of so many of these
+WORDS_TRIED = 8  # words whose crossings are computed
 BACK = (
     0.3,
     0.1,
     0.03,
 )  # of a refuted number, how far back words are searched that may decay again next to it
-ROUNDS = 8  # of the search for words that refute a number closer to the start, from each of these
+# of the search for words that refute a number closer to the start, from each of these
+WORD_ROUNDS = 8
 MORE = 3  # times as many words are searched where no proof is found
 SPENT = 0.9  # part of the work after which no more norms are searched
-SEARCHES = (
-    4  # into which the work that is left is divided: one for norms that do not exist ends soon
-)
-STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
+# into which the work that is left is divided: one for norms that do not exist ends soon
+WORD_SEARCHES = 4
+# the next number for which norms are searched leaves this part of the way to the refuted one
+STRIDE = 0.35
 FINER, FINEST, FINE = (
     3.0,
     3e-4,
     1e9,
 )  # factor and last value of finer tolerances that follow if cheap, and the work for them
 FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
-STEPS = 300  # norms for one side of the start
-# The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
-# without a finer graph; relative to the rest of the way or to the number itself.
+NORMS_A_SIDE = 300  # norms for one side of the start
+# The shortest stretch of a proof that goes on from the start, of one that goes back to what is
+# proved, and of several together without a finer graph; relative to the rest of the way or to the
+# number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
 SHORTEST, SHORTEST_LEFT = (
     1e-7,
@@ -60,8 +73,8 @@ SHORTEST, SHORTEST_LEFT = (
 class Decision:
     """Whether matrices decay in every order that is allowed: "proved", "refuted" or "unknown".
 
-    norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices that grows when repeated, in
-    the order in which they act.
+    norms: if proved, those in which all matrices shrink. word: if refuted, the pattern of matrices
+    that grows when repeated, in the order in which they act.
     """
 
     verdict: str
@@ -71,7 +84,8 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProvedStretch:
-    """An interval of numbers for which the matrices shrink in norms that lie between those of its ends, see `shrink_along`."""
+    """An interval of numbers for which the matrices shrink in norms that lie between those of
+    its ends, see `shrink_along`."""
 
     low: float
     high: float
@@ -82,11 +96,12 @@ class ProvedStretch:
 class Bracket:
     """The numbers around a start for which a family decays in every order.
 
-    low, high: every number from low to high, both included, is proved; NaN if nothing is, and then nothing else is known.
-    fails_below, fails_from: the nearest refuted numbers below low and above high, NaN if there is none. words: the patterns
-    that refute them, or (). settled: whether each end is within the tolerance of the refuted number, or of the limit that was
-    asked for, the low one also if it is within the square of the tolerance, relative to the high one, since at 0 many loops do
-    not decay. stretches: the proof, from low to high without a gap.
+    low, high: every number from low to high, both included, is proved; NaN if nothing is, and then
+    nothing else is known. fails_below, fails_from: the nearest refuted numbers below low and above
+    high, NaN if there is none. words: the patterns that refute them, or (). settled: whether each
+    end is within the tolerance of the refuted number, or of the limit that was asked for, the low
+    one also if it is within the square of the tolerance, relative to the high one, since at 0 many
+    loops do not decay. stretches: the proof, from low to high without a gap.
     """
 
     low: float
@@ -98,12 +113,12 @@ class Bracket:
     stretches: tuple[ProvedStretch, ...]
 
 
-def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
+def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -> Decision:
     """Decide whether the matrices of a family at x decay in every order that is allowed.
 
-    work: operations after which the search for norms ends.
-    Accuracy: "proved" and "refuted" hold for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and
-    words themselves are searched in plain doubles.
+    work: operations after which the search for norms ends. Accuracy: "proved" and "refuted" hold
+    for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and words
+    themselves are searched in plain doubles.
     """
     family = Remembered.of(family, [x])
     A = family.at(x)
@@ -125,15 +140,17 @@ def bracket(
     start: float,
     limits: tuple[float, float],
     tolerance: float = 0.01,
-    work: float = WORK,
+    work: float = OPERATIONS_OF_SEARCH,
 ) -> Bracket:
-    """Return the numbers around a start, within limits, for which a family decays in every order that is allowed.
+    """Return the numbers around a start, within limits, for which a family decays in every order
+    that is allowed.
 
-    tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
-    its distance from the start if that is larger. work: operations for each end after which the search for norms ends.
+    tolerance: the distance between proof and refutation that is aimed at, relative to the refuted
+    number, or to NEAR_START of its distance from the start if that is larger. work: operations for
+    each end after which the search for norms ends.
 
-    The proof holds for every number from `low` to `high`, not only for those that were computed, see `shrink_along`. A refuted
-    number says nothing about numbers beyond it.
+    The proof holds for every number from `low` to `high`, not only for those that were computed,
+    see `shrink_along`. A refuted number says nothing about numbers beyond it.
     """
     family = Remembered.of(family, (start, *(start + NEARBY * (limit - start) for limit in limits)))
     A = family.at(start)
@@ -170,14 +187,16 @@ class _Side:
 
 
 def _side(family, start, limit, tolerance, first, work, near=0.0):
-    """What is proved and refuted from the start towards a limit, which counts as reached from the distance `near` on.
+    """What is proved and refuted from the start towards a limit, which counts as reached from the
+    distance `near` on.
 
-    first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
-    a number further on, and the proof goes back from there to what is already proved; and so on. Each search begins with the
-    least graph: one that was refined for other numbers takes up to three times the nodes.
+    first: forms for the start. They need few nodes, and the proof goes as far as it can with them.
+    Then norms are searched for a number further on, and the proof goes back from there to what is
+    already proved; and so on. Each search begins with the least graph: one that was refined for
+    other numbers takes up to three times the nodes.
     """
     fails, word = nearest_refuted(family, start, limit, tolerance)
-    goal = _inside(fails, start, WITHIN * tolerance) if word else limit
+    goal = _inside(fails, start, FIRST_PROOF_AT * tolerance) if word else limit
     stretches, reached, climbed = _covered(
         family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work
     )
@@ -194,9 +213,11 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
         nearer = _grown(family, start, aim, centre or first, word)
         if nearer and abs(nearer[0] - start) > abs(reached - start):
             (fails, word), ceiling = nearer, None
-            goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
+            goal = _farther(_inside(fails, start, FIRST_PROOF_AT * tolerance), reached, start)
             continue
-        centre, factor = find_norms(family.at(aim), family.follows, work=(work - spent) / SEARCHES)
+        centre, factor = find_norms(
+            family.at(aim), family.follows, work=(work - spent) / WORD_SEARCHES
+        )
         further, used = _back(family, centre, factor, aim, reached, work - spent)
         spent += used
         if further:
@@ -208,9 +229,9 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
         )
         if nearer and abs(nearer[0] - start) > abs(reached - start):
             (fails, word), ceiling = nearer, None
-            goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
+            goal = _farther(_inside(fails, start, FIRST_PROOF_AT * tolerance), reached, start)
         elif aim == limit:
-            goal = _farther(_inside(limit, start, WITHIN * tolerance), reached, start)
+            goal = _farther(_inside(limit, start, FIRST_PROOF_AT * tolerance), reached, start)
         else:
             ceiling = aim
     side = _Side(reached, fails, word, False, stretches, centre or first)
@@ -247,8 +268,8 @@ def _refined(family, side, start, tolerance):
 def _back(family, centre, factor, aim, reached, work):
     """The stretches from a number back to what is proved, () if a gap remains, and the work.
 
-    centre, factor: the result of the search for norms at that number. Where a stretch cannot be made longer, norms are searched
-    again, on a finer graph if that has not helped before.
+    centre, factor: the result of the search for norms at that number. Where a stretch cannot be
+    made longer, norms are searched again, on a finer graph if that has not helped before.
     """
     stretches, at, used, fruitless = (), aim, centre.work, 0
     if factor == 1 and not _proved(
@@ -284,27 +305,29 @@ def _scale(end, start):
 
 
 def _inside(end, start, share):
-    """The number closer to the start by a share of the end's size, but by at most half of the way."""
+    """The number closer to the start by a share of the end's size, but by at most half of the
+    way."""
     return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
 
 
 def nearest_refuted(
     family: Family, start: float, limit: float, tolerance: float
 ) -> tuple[float, Word]:
-    """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
+    """Return the refuted number closest to the start that a search finds, and its word; NaN and
+    () if there is none."""
     fails, word, before = np.nan, (), start
     short = [*dict.fromkeys((*short_words(family.follows), *shortest_through(family.follows)))]
-    for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
+    for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)):
         A = family.at(x)
         grows = growing_of(A, short)
-        if not grows and i % EVERY == EVERY - 1:
+        if not grows and i % LONG_WORDS_EVERY == LONG_WORDS_EVERY - 1:
             grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
         if grows:
             fails, word = _first(family, grows, before, x, limit)
             break
         before = x
     for share in (*BACK, tolerance / 4) if word else ():
-        for _ in range(ROUNDS):
+        for _ in range(WORD_ROUNDS):
             x = _inside(fails, start, share)
             nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
             if not nearer:
@@ -314,7 +337,8 @@ def nearest_refuted(
 
 
 def _grown(family, start, x, centre, word=(), more=1):
-    """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
+    """The refuted number closest to the start of words that grow at x, and its word; None if
+    none is found."""
     words = growing(
         family.at(x), family.follows, centre.basis, [word] if word else [], more, norms=centre.norms
     )
@@ -323,9 +347,10 @@ def _grown(family, start, x, centre, word=(), more=1):
 
 
 def _first(family, words, stable, unstable, limit):
-    """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN and () if none is proved."""
+    """The refuted number closest to `stable` of words that grow at `unstable`, and its word; NaN
+    and () if none is proved."""
     best = np.nan, ()
-    for word in words[:TRIED]:
+    for word in words[:WORDS_TRIED]:
         if best[1] and growth(family.at(best[0]), word) < 1:
             continue
         end = best[0] if best[1] else unstable
@@ -338,8 +363,8 @@ def _first(family, words, stable, unstable, limit):
 
 
 def _proved(family, ends, centres):
-    """Norms of all states by the forms of the centres at one number or at two, low and high, if they are proved to be norms
-    for it or for all numbers between them; or None."""
+    """Norms of all states by the forms of the centres at one number or at two, low and high, if
+    they are proved to be norms for it or for all numbers between them; or None."""
     points = family.hull(ends[0], ends[-1])
     if points is None:
         return None
@@ -350,13 +375,15 @@ def _proved(family, ends, centres):
 
 
 def _covered(family, centre, start, goal, least, work):
-    """Stretches without a gap from the start towards the goal, the number that they reach, and the last forms.
+    """Stretches without a gap from the start towards the goal, the number that they reach, and the
+    last forms.
 
-    The centres of all forms are followed from number to number, and a stretch goes from one to the next.
-    least: the shortest stretch, relative to the rest of the way. work: operations after which this ends.
+    The centres of all forms are followed from number to number, and a stretch goes from one to the
+    next. least: the shortest stretch, relative to the rest of the way. work: operations after which
+    this ends.
     """
     stretches, end = [], start
-    while end != goal and len(stretches) < STEPS and centre.work < work:
+    while end != goal and len(stretches) < NORMS_A_SIDE and centre.work < work:
         share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
         shortest, target = max(share, SHORTEST * abs(goal - start)), goal
         norms, ahead = None, centre

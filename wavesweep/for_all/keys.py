@@ -1,4 +1,5 @@
-"""What every answer has to hold for, the table [for_all]: numbers that are unknown, or vary from frame to frame."""
+"""What every answer has to hold for, the table [for_all]: numbers that are unknown, or vary from
+frame to frame."""
 
 from __future__ import annotations
 
@@ -75,7 +76,8 @@ class ForAll(ForAllRanges):
         return DesignProof.of(spec)
 
     def ranking(self, spec: Any) -> DesignRanking | None:
-        """The same for a search, which takes longer if it proves; None if nothing varies, where it looks at `ends`."""
+        """The same for a search, which takes longer if it proves; None if nothing varies, where
+        it looks at `ends`."""
         from wavesweep.for_all.design_proof import DesignProof, DesignRanking
 
         rules = DesignProof.of(spec).rules
@@ -166,7 +168,8 @@ def build(request: Request) -> ForAll | None:
 
 
 def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> None:
-    """Add the mistakes of numbers from which others follow: a case has its own numbers in their places, and no more."""
+    """Add the mistakes of numbers from which others follow: a case has its own numbers in their
+    places, and no more."""
     request.refuse_other_edges("for_all", axes)
     given = request.given.leaves
     edges = [path for path in given if path.rpartition(".")[2] in BAND_EDGES]
@@ -186,7 +189,8 @@ def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> N
 
 
 def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
-    """Add the mistake of a delay that is longer than a frame, where both are constant and [for_all] has the frame."""
+    """Add the mistake of a delay that is longer than a frame, where both are constant and
+    [for_all] has the frame."""
     known = {axis.path: axis for axis in axes}
     ratio, delay = known.get("rates.ratio"), known.get(DELAY)
     if ratio is None or request.values is None or (delay is None and is_frame(request.given)):
@@ -199,7 +203,8 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
 
 
 def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple]) -> ForAll:
-    """Return the table with the weights of values, and add their mistakes. chances: by path axis, label, part and leaf."""
+    """Return the table with the weights of values, and add their mistakes. chances: by path
+    axis, label, part and leaf."""
     given, mistakes = request.belongs.keys, request.mistakes
     lengths = next((len(values_of_range(axis)) for axis in found.changing if axis.path != DELAY), 1)
     rows = {
@@ -262,7 +267,8 @@ def schema(shapes: Shapes) -> dict[str, Any]:
 
 
 def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
-    """A range or values of a number, which may vary from frame to frame; key: None for one of a drawn loop."""
+    """A range or values of a number, which may vary from frame to frame; key: None for one of a
+    drawn loop."""
     value, varying = (
         shapes.value(key) if key else {"type": "number"},
         {"varying": {"type": "boolean"}},

@@ -1,4 +1,5 @@
-"""Matrices of the frames of a loop along a number, with bounds on their errors, and their hull over an interval."""
+"""Matrices of the frames of a loop along a number, with bounds on their errors, and their hull
+over an interval."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from itertools import groupby
 import numpy as np
 
 from wavesweep.engine.frames import (
-    ENTRIES,
+    ENTRY_ROUNDING,
     MarginalModes,
     OpenTicks,
     Ticks,
@@ -19,22 +20,23 @@ from wavesweep.engine.frames import (
 from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 
-SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
+# least size of 1 - d x, relative to its terms, for which the loop through the number is solved
+SOLVABLE = 1e-6
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance
-MIDDLE = (
-    64 * ENTRIES
-)  # relative error of a matrix due to the rounding of the number in the middle of an interval
+# relative error of a matrix due to the rounding of the number in the middle of an interval
+MIDDLE = 64 * ENTRY_ROUNDING
 
 
 @dataclass(frozen=True, slots=True)
 class Symbol:
     """A kind of frame.
 
-    ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost: the number of results lost in
-    a row, including this one; 0 as well where any number may be. step: the period of slow blocks that run after the sample,
-    which is the length of the frame before; None if nothing depends on it. through: whether the next result is in place at
-    once, with the sample that ends this frame. gone: channels whose message of the frame is lost; that of a sample is in the
-    frame that it ends.
+    ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost:
+    the number of results lost in a row, including this one; 0 as well where any number may be.
+    step: the period of slow blocks that run after the sample, which is the length of the frame
+    before; None if nothing depends on it. through: whether the next result is in place at once,
+    with the sample that ends this frame. gone: channels whose message of the frame is lost; that of
+    a sample is in the frame that it ends.
     """
 
     ticks: int
@@ -49,11 +51,13 @@ class Symbol:
 class LoopFrames:
     """The frames of a loop as a `Family` along a number.
 
-    ticks: one of each kind, open at the number, in states relative to those that drift. rows: the kinds of each symbol's ticks
-    after its sample; samples: the kind of the sample that ends it. patterns: entries of each symbol that may be nonzero. kept:
-    the states that remain: without drift, and without those that every frame forgets or sets to zero. symbols: the kind of
-    frame of each matrix. at_once: the frames in a simpler form if the number acts in no more than one of their ticks, and no
-    drift depends on numbers. drift: one that does, or None; its rest is then found at each value of the number.
+    ticks: one of each kind, open at the number, in states relative to those that drift. rows: the
+    kinds of each symbol's ticks after its sample; samples: the kind of the sample that ends it.
+    patterns: entries of each symbol that may be nonzero. kept: the states that remain: without
+    drift, and without those that every frame forgets or sets to zero. symbols: the kind of frame of
+    each matrix. at_once: the frames in a simpler form if the number acts in no more than one of
+    their ticks, and no drift depends on numbers. drift: one that does, or None; its rest is then
+    found at each value of the number.
     """
 
     ticks: Ticks
@@ -68,7 +72,8 @@ class LoopFrames:
 
     @staticmethod
     def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
-        """Return the frames that consist of these ticks. kept: the states without drift. drift: if it depends on numbers."""
+        """Return the frames that consist of these ticks. kept: the states without drift. drift:
+        if it depends on numbers."""
         changes = [tick_map.E for tick_map in _closed(ticks, SOME).maps]
         rows = tuple(map(tuple, rows))
         samples = tuple(samples)
@@ -113,7 +118,7 @@ class LoopFrames:
         """See `Family`. Accuracy: to first order in a rounding."""
         maps = _closed(self.ticks, x).maps
         changes = [tick_map.E for tick_map in maps]
-        errors = [ENTRIES * tick_map.terms[0] for tick_map in maps]
+        errors = [ENTRY_ROUNDING * tick_map.terms[0] for tick_map in maps]
         n = len(changes[0])
         E, dE = np.empty((2, len(self.rows), n, n))
         products = {}
@@ -133,7 +138,8 @@ class LoopFrames:
         return E[:, *at], dE[:, *at]
 
     def _ticks(self, symbol):
-        """The kinds of a frame's ticks, including the sample at its end, each with the length of its run."""
+        """The kinds of a frame's ticks, including the sample at its end, each with the length of
+        its run."""
         return [
             (kind, len(list(run)))
             for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])
@@ -142,10 +148,11 @@ class LoopFrames:
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """See `Family`.
 
-        If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
-        poles, so all frames lie on the segment between those at both ends, at the same place if they have the same d.
-        Otherwise ticks are enclosed by Taylor models of second order (see `Polynomials`), and a frame is `C + s L + s^2 Q`
-        within R for s from -1 to 1. The parabola through the values at -1, 0 and 1 is within 2.25 R of it, and is the Bezier
+        If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This
+        is monotone between its poles, so all frames lie on the segment between those at both ends,
+        at the same place if they have the same d. Otherwise ticks are enclosed by Taylor models of
+        second order (see `Polynomials`), and a frame is `C + s L + s^2 Q` within R for s from -1 to
+        1. The parabola through the values at -1, 0 and 1 is within 2.25 R of it, and is the Bezier
         curve of its three control points. None if a drift depends on the number.
         """
         if self.drift:
@@ -177,8 +184,8 @@ class LoopFrames:
 
 
 def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Return those of the states that neither every frame forgets nor every frame sets to zero. acts: entries that may be
-    nonzero."""
+    """Return those of the states that neither every frame forgets nor every frame sets to zero.
+    acts: entries that may be nonzero."""
     while True:
         inside = acts[np.ix_(kept, kept)]
         live = inside.any(0) & inside.any(1)
@@ -191,8 +198,8 @@ def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
 class _AtOnce:
     """Frames in which the number acts in one tick, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
 
-    kind: of that tick; before, after: the products of the ticks before and after it, minus the identity, with bounds on their
-    errors, for each symbol; None after the last tick.
+    kind: of that tick; before, after: the products of the ticks before and after it, minus the
+    identity, with bounds on their errors, for each symbol; None after the last tick.
     """
 
     A: np.ndarray
@@ -207,7 +214,7 @@ class _AtOnce:
     def of(ticks, rows, acting, kept):
         """acting: the index of the tick in which the number acts in each row."""
         changes = [tick_map.E for tick_map in ticks.maps]
-        errors = [ENTRIES * tick_map.terms[0] for tick_map in ticks.maps]
+        errors = [ENTRY_ROUNDING * tick_map.terms[0] for tick_map in ticks.maps]
         n = len(ticks.states)
         identity = np.eye(n)
         products = {}
@@ -247,7 +254,8 @@ class _AtOnce:
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
 
     def enclosed(self, symbol, changes, errors):
-        """The frame minus the identity and bounds on its errors, of ticks at a value of the number."""
+        """The frame minus the identity and bounds on its errors, of ticks at a value of the
+        number."""
         kind = self.kind[symbol]
         first = both(self.before[symbol], (changes[kind], errors[kind]))
         if self.after[symbol] is None:
@@ -263,12 +271,13 @@ def _closed(ticks, x):
 
 
 def _in_a_row(row, changes, errors):
-    """The product of the ticks of a row, minus the identity, with bounds on the errors of its entries."""
+    """The product of the ticks of a row, minus the identity, with bounds on the errors of its
+    entries."""
     n = changes[0].shape[-1]
     if not row:
         return np.zeros((n, n)), np.zeros((n, n))
     return product_with_errors(
-        np.array(row), changes, [bound / ENTRIES for bound in errors], per_loop=True
+        np.array(row), changes, [bound / ENTRY_ROUNDING for bound in errors], per_loop=True
     )
 
 

@@ -1,14 +1,16 @@
-"""Loops whose messages are lost at random, or whose frames are at random: whether the mean square of all states decays, and the
-interval for which it does.
+"""Loops whose messages are lost at random, or whose frames are at random: whether the mean square
+of all states decays, and the interval for which it does.
 
-Both are Markov chains. Of frames, the nodes are the length of the last one, where anything depends on it. Of messages, they are
-the moments at which channels send, together with whether each channel is in a burst of losses (E. N. Gilbert, Capacity of a
-burst-noise channel, Bell Syst. Tech. J. 39, 1960; E. O. Elliott, the same, 42, 1963).
-Edges carry a matrix and its probability. Second moments `X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges
-from i to j. They decay if the spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with
-`P_i - sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-time
-Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked in `norm_check`, are a proof; an eigenvalue of the
-operator outside the unit circle for all matrices within the errors is a refutation.
+Both are Markov chains. Of frames, the nodes are the length of the last one, where anything depends
+on it. Of messages, they are the moments at which channels send, together with whether each channel
+is in a burst of losses (E. N. Gilbert, Capacity of a burst-noise channel, Bell Syst. Tech. J. 39,
+1960; E. O. Elliott, the same, 42, 1963). Edges carry a matrix and its probability. Second moments
+`X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges from i to j. They decay if the
+spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with `P_i -
+sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P.
+Marques, Discrete-time Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked
+in `norm_check`, are a proof; an eigenvalue of the operator outside the unit circle for all matrices
+within the errors is a refutation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,11 +36,12 @@ from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.norm_check import Norms, shrink_on_average
 from wavesweep.for_all.norms import acting, packed, unpacked
 
-LARGEST = 800  # second moments, whose operator is formed
-BISECTIONS = 60
-SCANNED = 24  # numbers at which the nearest one is looked for where moments grow
-# Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its largest last coefficient, and the
-# least size at all of its points but two, relative to the largest.
+MOST_MOMENTS = 800  # second moments, whose operator is formed
+MOMENT_BISECTIONS = 60
+PLACES_SCANNED = 24  # numbers at which the nearest one is looked for where moments grow
+# Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its
+# largest last coefficient, and the least size at all of its points but two, relative to the
+# largest.
 DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
 BEYOND = (
     1e-10,
@@ -46,7 +49,8 @@ BEYOND = (
     1e-6,
     1e-5,
 )  # of a number where moments stop to decay, how far beyond it is refuted
-NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
+# of the whole way and of the number, how near to the refuted one the proof goes
+PROOF_DISTANCE = 1e-5
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
 TRIES, WORK = (
@@ -60,12 +64,13 @@ PROBABILITIES = (
     "burst",
     "burst_end",
 )  # keys of a channel, as `Losses` has them
-ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
+CHANCE_ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
 
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """The probabilities of a channel: that a message is lost, outside and in a burst, and that bursts begin and end."""
+    """The probabilities of a channel: that a message is lost, outside and in a burst, and that
+    bursts begin and end."""
 
     outside: float
     inside: float
@@ -73,7 +78,8 @@ class Losses:
     ends: float
 
     def factors(self, before: int, after: int, late: int | None) -> tuple[float, float]:
-        """The probability that the burst goes on like this, and then that of what happens to the message."""
+        """The probability that the burst goes on like this, and then that of what happens to the
+        message."""
         changes = self.ends if before else self.begins
         lost = self.inside if after else self.outside
         of_burst = changes if before != after else 1 - changes
@@ -83,10 +89,12 @@ class Losses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chances:
-    """A family whose matrices have probabilities, along a number that either matrices or probabilities depend on.
+    """A family whose matrices have probabilities, along a number that either matrices or
+    probabilities depend on.
 
-    family: along the number if matrices depend on it. graph: the chain; edges whose probability is always 0 are left out.
-    factors: of the probability of each edge, at values 0 and 1 of the number if it is one of them, `(edges, factors, 2)`.
+    family: along the number if matrices depend on it. graph: the chain; edges whose probability is
+    always 0 are left out. factors: of the probability of each edge, at values 0 and 1 of the number
+    if it is one of them, `(edges, factors, 2)`.
     """
 
     family: LoopFrames
@@ -95,9 +103,11 @@ class Chances:
     in_matrices: bool
 
     def weights(self, low: float, high: float) -> np.ndarray:
-        """The probabilities from low to high as control points of polynomials in the number, `(points, edges)`.
+        """The probabilities from low to high as control points of polynomials in the number,
+        `(points, edges)`.
 
-        Each factor is linear, so that their product is a convex combination of the products' control points.
+        Each factor is linear, so that their product is a convex combination of the products'
+        control points.
         """
         slope = self.factors[..., 1] - self.factors[..., 0]
         ends = np.clip(
@@ -169,10 +179,12 @@ class Chances:
     def grow(self, low: float, high: float) -> bool:
         """Whether second moments are proved to grow at all numbers from low to high.
 
-        The spectral radius of the operator is one of its eigenvalues, see `parts_that_decay`. It is above m at all of them if
-        it is in the middle, and if no operator `L + s D` within its errors, s from -1 to 1, has the eigenvalue m. With an
-        approximate inverse C of `m - L` that is so if the spectral radius of `|1 - C (m - L)| + |C D| + |C| errors` is below 1
-        (S. M. Rump, Verification methods, Acta Numerica 19, 2010). m is half-way to the next real eigenvalue, but at least 1.
+        The spectral radius of the operator is one of its eigenvalues, see `parts_that_decay`. It is
+        above m at all of them if it is in the middle, and if no operator `L + s D` within its
+        errors, s from -1 to 1, has the eigenvalue m. With an approximate inverse C of `m - L` that
+        is so if the spectral radius of `|1 - C (m - L)| + |C D| + |C| errors` is below 1 (S. M.
+        Rump, Verification methods, Acta Numerica 19, 2010). m is half-way to the next real
+        eigenvalue, but at least 1.
         """
         enclosed = self._enclosed(low, high)
         if enclosed is None:
@@ -196,7 +208,8 @@ class Chances:
         return False
 
     def _enclosed(self, low, high):
-        """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1; None if it is not known."""
+        """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1;
+        None if it is not known."""
         points = self._hull(low, high)
         if points is None:
             return None
@@ -209,7 +222,7 @@ class Chances:
         acting = _acting(A)
         larger = _acting(A_size + moved + off)
         slope = _acting(A + D) - acting - _acting(D)
-        error = larger - _acting(A_size + moved) + _acting(moved) + ROUNDING * larger
+        error = larger - _acting(A_size + moved) + _acting(moved) + CHANCE_ROUNDING * larger
         w = w[:, None, None]
         v = v[:, None, None]
         change = change[:, None, None]
@@ -224,11 +237,13 @@ class Chances:
         return L, D, _summed(rest, self.graph)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
-        """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
+        """Forms that decay at x, on average by the squares of the states over their sizes, NaN
+        where there are none."""
         return self._solved(self.operator(x).T, size**-2.0)
 
     def sizes(self, x: float) -> np.ndarray:
-        """Sizes of the states, `(n,)`, in whose units second moments under noise and forms have similar entries."""
+        """Sizes of the states, `(n,)`, in whose units second moments under noise and forms have
+        similar entries."""
         size = np.ones(self.family.kept.size)
         operator = self.operator(x)
         for _ in range(SIZING):
@@ -272,12 +287,15 @@ def _summed(parts, graph):
 def _grow(operator, off) -> bool:
     """Whether an operator within these errors has an eigenvalue outside the unit circle."""
     identity = np.eye(len(operator))
-    count, clear = count_outside((operator - identity)[None], (off + ROUNDING * identity)[None])
+    count, clear = count_outside(
+        (operator - identity)[None], (off + CHANCE_ROUNDING * identity)[None]
+    )
     return bool(count[0] > 0 and clear[0])
 
 
 def _line(points):
-    """What is on a Bezier curve: `middle + s slope`, s from -1 to 1, and bounds on the rest; points: control points."""
+    """What is on a Bezier curve: `middle + s slope`, s from -1 to 1, and bounds on the rest;
+    points: control points."""
     n = len(points) - 1
     if not n:
         return points[0], 0 * points[0], 0 * points[0]
@@ -328,9 +346,9 @@ def _refuse_patterns(drawing, values):
 def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") -> Chances:
     """Return the chain of a drawn loop whose messages are lost at random.
 
-    values: flat numbers. number: that one wire or gain reads, or probabilities are linear in; empty for none.
-    Errors: UsageError for another number, a loop with too many states or moments, or other channels whose messages are late or
-    lost in any pattern.
+    values: flat numbers. number: that one wire or gain reads, or probabilities are linear in; empty
+    for none. Errors: UsageError for another number, a loop with too many states or moments, or
+    other channels whose messages are late or lost in any pattern.
     """
     _refuse_patterns(drawing, values)
     name, numbers = name_of(number) if number else "", scalars(values)
@@ -389,13 +407,14 @@ def chain_of(
 ) -> tuple[Graph, np.ndarray]:
     """Return the chain of frames, and the probability of each of its edges.
 
-    shares: probabilities of the lengths in the order of the symbols, a row if frames are independent, or a row for each length,
-    of those of the next frame. results: those of their delays, and then that a result is lost, a row, or one for each length.
-    lost: those of the messages of channels.
-    Errors: UsageError for other lengths.
+    shares: probabilities of the lengths in the order of the symbols, a row if frames are
+    independent, or a row for each length, of those of the next frame. results: those of their
+    delays, and then that a result is lost, a row, or one for each length. lost: those of the
+    messages of channels. Errors: UsageError for other lengths.
 
-    A node is the length of the last frame, where anything depends on it, whether the next result is in place at once, which the
-    matrix of the last frame has to know, and which channels are in a burst of losses.
+    A node is the length of the last frame, where anything depends on it, whether the next result is
+    in place at once, which the matrix of the last frame has to know, and which channels are in a
+    burst of losses.
     """
     lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
     if len(lengths) != len(shares[0]):
@@ -451,13 +470,16 @@ def chain_of(
 
 
 def _refuse_large(family, graph, what, hint):
-    if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > LARGEST:
+    if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > MOST_MOMENTS:
         size = f"{family.kept.size} states at {graph.nodes} moments"
-        raise UsageError(f"{what}: expected at most {LARGEST} second moments, found {size}; {hint}")
+        raise UsageError(
+            f"{what}: expected at most {MOST_MOMENTS} second moments, found {size}; {hint}"
+        )
 
 
 def _chain(family, first, second):
-    """The graph of the chain, and the factors of each edge's probability with the losses at both ends of the number."""
+    """The graph of the chain, and the factors of each edge's probability with the losses at both
+    ends of the number."""
     channels = list(first)
     nodes, edges, factors, open_ = {}, [], [], []
 
@@ -513,10 +535,12 @@ def decays(loop: Chances) -> str:
 def brackets_on_average(
     loop: Chances, limits: tuple[float, float], tolerance: float = 0.01
 ) -> list[Bracket]:
-    """Return the numbers within limits for which second moments decay, an element for each interval; see `joint.bracket`.
+    """Return the numbers within limits for which second moments decay, an element for each
+    interval; see `joint.bracket`.
 
-    An interval's proof holds for every number of it, by forms on stretches without a gap. `words` are (0,) where a number is
-    refuted. Intervals are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
+    An interval's proof holds for every number of it, by forms on stretches without a gap. `words`
+    are (0,) where a number is refuted. Intervals are searched in plain doubles: one that is much
+    narrower than a panel of `_zeros` may be missed.
     """
     limits = loop.probable(*limits)
     rows = []
@@ -530,9 +554,9 @@ def brackets_on_average(
 def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float, float]]:
     """Return the parts of an interval in which second moments decay, in plain doubles.
 
-    The operator maps semidefinite matrices to such. So its spectral radius is one of its eigenvalues (M. G. Krein and M. A.
-    Rutman, Linear operators leaving invariant a cone, Uspekhi Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is
-    singular.
+    The operator maps semidefinite matrices to such. So its spectral radius is one of its
+    eigenvalues (M. G. Krein and M. A. Rutman, Linear operators leaving invariant a cone, Uspekhi
+    Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is singular.
     """
 
     def distance(x):
@@ -563,7 +587,8 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
 
 
 def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
-    """Return whether second moments are proved to grow at all numbers of an interval in which probabilities can be."""
+    """Return whether second moments are proved to grow at all numbers of an interval in which
+    probabilities can be."""
     open_ = [loop.probable(low, high)]
     for _ in range(min(TRIES, WORK // len(loop.operator(open_[0][0])) ** 3)):
         if not open_:
@@ -578,9 +603,10 @@ def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
 
 
 def nearest_growing(
-    loop: Chances, start: float, limit: float, scanned: int = SCANNED
+    loop: Chances, start: float, limit: float, scanned: int = PLACES_SCANNED
 ) -> tuple[float, tuple[int, ...]]:
-    """Return the refuted number closest to the start, towards a limit, that a scan finds, and (0,); NaN and () without one."""
+    """Return the refuted number closest to the start, towards a limit, that a scan finds, and
+    (0,); NaN and () without one."""
     inside = start
     for outside in [
         start,
@@ -591,7 +617,7 @@ def nearest_growing(
         inside = outside
     else:
         return np.nan, ()
-    for _ in range(BISECTIONS if inside != outside else 0):
+    for _ in range(MOMENT_BISECTIONS if inside != outside else 0):
         middle = (inside + outside) / 2
         if loop.decays(middle):
             inside = middle
@@ -613,7 +639,7 @@ def _polished(loop, part, end, outside):
         key=lambda x: abs(x - end),
         default=end,
     )
-    for _ in range(BISECTIONS):
+    for _ in range(MOMENT_BISECTIONS):
         middle = (inside + beyond) / 2
         if loop.decays(middle):
             inside = middle
@@ -623,10 +649,12 @@ def _polished(loop, part, end, outside):
 
 
 def _zeros(function, low, high):
-    """The zeros of an analytic function within an interval, given as sign and logarithm of its size.
+    """The zeros of an analytic function within an interval, given as sign and logarithm of its
+    size.
 
-    They are those of Chebyshev interpolants. A panel is halved until the coefficients fall, and until the function is of
-    similar size at most of its points, after an exponential between two of them is divided out.
+    They are those of Chebyshev interpolants. A panel is halved until the coefficients fall, and
+    until the function is of similar size at most of its points, after an exponential between two of
+    them is divided out.
     """
     points, found, panels = chebpts2(DEGREE + 1), [], [(low, high)]
     for _ in range(PANELS):
@@ -669,7 +697,8 @@ def _bracket(loop, part, limits, tolerance):
 
 
 def _side(loop, start, end, limit):
-    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without, and the stretches."""
+    """The number that the proof reaches towards an end, the refuted one beyond it, NaN without,
+    and the stretches."""
     fails, goal, distance = np.nan, end, limit - start
     if end != limit:
         beyond = [
@@ -680,7 +709,7 @@ def _side(loop, start, end, limit):
             np.nan,
         )
         goal -= np.sign(distance) * min(
-            NEAREST * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
+            PROOF_DISTANCE * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
         )
     stretches, at, step, failed = [], start, goal - start, False
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):

@@ -1,7 +1,8 @@
-"""Members of what a claim is about: loops at constant frames, whose exact intervals a row for all of them has to lie within.
+"""Members of what a claim is about: loops at constant frames, whose exact intervals a row for all
+of them has to lie within.
 
-They are computed by the way of constant rates, which shares neither the plan of frames nor the proofs: a contradiction is a
-fault of the one or of the other.
+They are computed by the way of constant rates, which shares neither the plan of frames nor the
+proofs: a contradiction is a fault of the one or of the other.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,15 +21,17 @@ from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.mode_in_the_way import mode_in_the_way, outside
 from wavesweep.program.tables.number_words import span_in_words
 
-MOST = 6  # values of each number that varies, its ends among them, beside the spec's own
-ROUNDING = 1e-6  # of an end, or of a radius: no contradiction
+MOST_VALUES = 6  # values of each number that varies, its ends among them, beside the spec's own
+NO_CONTRADICTION = 1e-6  # of an end, or of a radius: no contradiction
 
 
 def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None) -> list[Loops]:
-    """Return loops of a case at constant frames; changes: other numbers of all, such as those of no hand.
+    """Return loops of a case at constant frames; changes: other numbers of all, such as those of no
+    hand.
 
-    Unknown numbers have the spec's own values, or the nearest of their ranges, and dead times their own whole ticks. None where
-    constant frames are not among what is claimed: with messages lost at random, or a step that is not the time of a frame.
+    Unknown numbers have the spec's own values, or the nearest of their ranges, and dead times their
+    own whole ticks. None where constant frames are not among what is claimed: with messages lost at
+    random, or a step that is not the time of a frame.
     """
     if rules.at_random:
         return []
@@ -39,7 +42,8 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
 
 
 def _own(case: Case, changes: Mapping[str, float] | None = None) -> dict[str, object]:
-    """The values of a case, and of its ranges those of the spec or the nearest ones; changes: see `members`."""
+    """The values of a case, and of its ranges those of the spec or the nearest ones; changes:
+    see `members`."""
     values = {**case.values, **(changes or {})}
     for axis in (each for each in case.ranges if each.path not in (changes or {})):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
@@ -47,12 +51,15 @@ def _own(case: Case, changes: Mapping[str, float] | None = None) -> dict[str, ob
 
 
 def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
-    """Yield the numbers of the members: combinations of a few values of the numbers that vary from frame to frame."""
+    """Yield the numbers of the members: combinations of a few values of the numbers that vary
+    from frame to frame."""
     varied = [axis for axis in rules.for_all.changing if not rules.messages]
     choices = []
     for axis in varied:
         tried = values_of_range(axis)
-        spread = {tried[i] for i in np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()}
+        spread = {
+            tried[i] for i in np.linspace(0, len(tried) - 1, MOST_VALUES).astype(int).tolist()
+        }
         choices.append(sorted(spread | ({values[axis.path]} & {*tried})))
     for combination in product(*choices):
         numbers = values | dict(zip((axis.path for axis in varied), combination, strict=True))
@@ -72,21 +79,23 @@ def claims_hold(
     rows: Sequence | None = None,
     changes: Mapping[str, float] | None = None,
 ) -> bool:
-    """Return whether no member of some cases contradicts what is claimed of all: a claim that one does gives way.
+    """Return whether no member of some cases contradicts what is claimed of all: a claim that one
+    does gives way.
 
-    rows: the intervals that are claimed, along the number of the cases; None for a claim about its own value. changes: see
-    `members`.
+    rows: the intervals that are claimed, along the number of the cases; None for a claim about its
+    own value. changes: see `members`.
     """
     if not rules.vary and any(_contradicted(case, rows) for case in cases if case.ranges):
         return False
     loops = [(loop, case) for case in cases for loop in members(rules, case, changes)]
     if rows is None:
-        return not any(bool((loop.read.radii() > 1 + ROUNDING).any()) for loop, _ in loops)
+        return not any(bool((loop.read.radii() > 1 + NO_CONTRADICTION).any()) for loop, _ in loops)
     return all(_within(rows, loop, case.along, case.span) for loop, case in loops if rows)
 
 
 def _contradicted(case, rows):
-    """Whether some member that is drawn at random is unstable at the case's own value, or within a row."""
+    """Whether some member that is drawn at random is unstable at the case's own value, or within
+    a row."""
     if rows is None:
         return case.contradicts()
     return any(case.contradicts(row.low, row.high) for row in rows)
@@ -99,7 +108,7 @@ def _within(rows, loop, along, span):
         return True
     return all(
         any(
-            a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b)
+            a - NO_CONTRADICTION * abs(a) <= row.low and row.high <= b + NO_CONTRADICTION * abs(b)
             for a, b in stable
         )
         for row in rows
@@ -107,10 +116,11 @@ def _within(rows, loop, along, span):
 
 
 def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
-    """Return what rules out every value at which all members of a case would be stable, in words; empty if nothing does.
+    """Return what rules out every value at which all members of a case would be stable, in words;
+    empty if nothing does.
 
-    It is the first member without a stable value or, of all together, that their certified intervals have nothing in common
-    beyond rounding.
+    It is the first member without a stable value or, of all together, that their certified
+    intervals have nothing in common beyond rounding.
     """
     common = [span]
     met = ""
@@ -123,7 +133,7 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
         common = [
             (low, high)
             for low, high in both
-            if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)
+            if low - NO_CONTRADICTION * abs(low) <= high + NO_CONTRADICTION * abs(high)
         ]
         if not common:
             others = f"; {met} in {_spans(before)}" if met else ""
@@ -135,7 +145,8 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
 
 
 def _nearest(loop: Loops, along: str, span: tuple[float, float]) -> str:
-    """The value at which a loop comes nearest to being stable, and the mode that grows there; empty if none is found."""
+    """The value at which a loop comes nearest to being stable, and the mode that grows there;
+    empty if none is found."""
     mode = mode_in_the_way(loop, along, span, outside)
     if not mode or mode["time_constant_s"] is None:
         return ""
@@ -148,7 +159,8 @@ def _spans(stable: Sequence[tuple[float, float]]) -> str:
 
 
 def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
-    """Yield the members of a case, with what each is: its frames, or the numbers at a corner of the box."""
+    """Yield the members of a case, with what each is: its frames, or the numbers at a corner of
+    the box."""
     fixed = ", ".join(f"{name_of(path)} = {value:g}" for path, value in case.fixed.items())
     if rules.vary:
         for numbers in [] if rules.at_random else _at_constant_frames(rules, _own(case)):

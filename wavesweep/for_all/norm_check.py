@@ -1,4 +1,5 @@
-"""The check of a proof: in given norms on a given graph, given matrices shrink, whatever rounding does.
+"""The check of a proof: in given norms on a given graph, given matrices shrink, whatever rounding
+does.
 
 Nothing here depends on how the norms were found.
 Paragraphs in quotes are those of "More than stability" in docs/proof.md.
@@ -16,28 +17,31 @@ import numpy as np
 from wavesweep.engine.sets import UNIT, Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 
-SURELY = (
-    4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that
-)
+# times the bounds: what is computed in doubles of bounds is known to far better than that
+BOUNDS_OF_DOUBLES = 4.0
 WEIGHED = 1e-13  # relative error of a probability, in addition to some roundings of 1
-SURE = 1.001  # times the bounds whose own roundings alone are not in them
-LEAST = 1e-290  # entry from which on nothing underflows
+OWN_ROUNDING = 1.001  # times the bounds whose own roundings alone are not in them
+LEAST_POSITIVE_ENTRY = 1e-290  # entry from which on nothing underflows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Norms:
-    """Quadratic norms `x -> sqrt(x' P_i x)` at the nodes of a graph, P `(nodes, n, n)`, symmetric."""
+    """Quadratic norms `x -> sqrt(x' P_i x)` at the nodes of a graph, P `(nodes, n, n)`,
+    symmetric."""
 
     P: np.ndarray
     graph: Graph
 
 
 def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> bool:
-    """Return whether all matrices within dE of `I + E` are proved to shrink in the norms, in every order that is allowed.
+    """Return whether all matrices within dE of `I + E` are proved to shrink in the norms, in every
+    order that is allowed.
 
-    E, dE: `(symbols, n, n)`; dE bounds the errors of the entries. follows: `(symbols, symbols)`, see `Family`.
+    E, dE: `(symbols, n, n)`; dE bounds the errors of the entries. follows: `(symbols, symbols)`,
+    see `Family`.
 
-    Norms are convex: if this holds for two matrices of each symbol, by the same norms, it holds for all between them.
+    Norms are convex: if this holds for two matrices of each symbol, by the same norms, it holds for
+    all between them.
     """
     return shrink_along((norms,), E[None], dE[None], follows)
 
@@ -45,15 +49,17 @@ def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> 
 def shrink_along(
     norms: Sequence[Norms], E: np.ndarray, dE: np.ndarray, follows: np.ndarray
 ) -> bool:
-    """Return whether matrices that depend on a number are proved to shrink in norms that depend on it, in every order.
+    """Return whether matrices that depend on a number are proved to shrink in norms that depend on
+    it, in every order.
 
-    The number is constant in time. With s from 0 to 1, the forms are `P_i(s)`, a Bezier curve with the forms of `norms` as its
-    control points, and the matrices are within dE of `A(s) = I + E(s)`, a Bezier curve with the control points `I + E`,
-    `(points, symbols, n, n)`. follows: see `shrink`.
+    The number is constant in time. With s from 0 to 1, the forms are `P_i(s)`, a Bezier curve with
+    the forms of `norms` as its control points, and the matrices are within dE of `A(s) = I + E(s)`,
+    a Bezier curve with the control points `I + E`, `(points, symbols, n, n)`. follows: see
+    `shrink`.
 
-    They shrink if the graph is complete, all P_i are positive definite, and `F = P_i - A' P_j A` is so on each edge, for
-    all s. Both are combinations of their own control points, the matrices of `_bezier`. F is computed with a bound R on its
-    errors, entry by entry.
+    They shrink if the graph is complete, all P_i are positive definite, and `F = P_i - A' P_j A` is
+    so on each edge, for all s. Both are combinations of their own control points, the matrices of
+    `_bezier`. F is computed with a bound R on its errors, entry by entry.
     """
     graph = norms[0].graph
     P = np.array([each.P for each in norms])
@@ -74,7 +80,7 @@ def shrink_along(
     of_entries = dA.mT @ P_j @ (size + dA) + across @ dA
     joined = 2 * len(P) * len(A) ** 2  # terms of a control point, at most
     of_rounding = UNIT * (2 * n + 2 + joined) * (across @ size + P_i)
-    R = SURELY * (of_entries + of_rounding)
+    R = BOUNDS_OF_DOUBLES * (of_entries + of_rounding)
     # "Frames in any order": Cholesky decompositions with all rounding taken off.
     return definite(*_in_its_units(F, np.broadcast_to(R, F.shape)))
 
@@ -98,14 +104,16 @@ def _bezier(P, A, graph):
 
 
 def _in_its_units(F, R):
-    """The matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a factor W is not found.
+    """The matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a
+    factor W is not found.
 
-    Slow and fast states make F nearly singular in every other basis, and errors of its entries would count as if they were in
-    the direction in which it is least. R holds SURELY times the rounding of products whose terms are no smaller than F, and so
-    that of `W' F W` as well.
+    Slow and fast states make F nearly singular in every other basis, and errors of its entries
+    would count as if they were in the direction in which it is least. R holds BOUNDS_OF_DOUBLES
+    times the rounding of products whose terms are no smaller than F, and so that of `W' F W` as
+    well.
     """
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
-    if not (np.isfinite(F).all() and (diagonal > LEAST).all()):
+    if not (np.isfinite(F).all() and (diagonal > LEAST_POSITIVE_ENTRY).all()):
         return F, R
     units = 1 / np.sqrt(diagonal)
     about_1 = F * units[..., None, :] * units[..., :, None]
@@ -119,13 +127,16 @@ def _in_its_units(F, R):
 
 
 def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.ndarray) -> bool:
-    """Return whether all matrices within dE of `I + E` are proved to shrink on average in the norms, on a Markov chain.
+    """Return whether all matrices within dE of `I + E` are proved to shrink on average in the
+    norms, on a Markov chain.
 
-    weight: the probability of each edge of the norms' graph, with a few roundings. E, dE: `(symbols, n, n)`.
+    weight: the probability of each edge of the norms' graph, with a few roundings. E, dE:
+    `(symbols, n, n)`.
 
-    It is so if the probabilities of the edges from each node have the sum 1, each P_i is positive definite, and so is
-    `F_i = P_i - sum w A' P_j A`, the sum over the edges from i. F is linear in w, and `A' P_j A` convex in A: if F is definite
-    at the points of a hull of either, by the same norms, it is so in all of the hull.
+    It is so if the probabilities of the edges from each node have the sum 1, each P_i is positive
+    definite, and so is `F_i = P_i - sum w A' P_j A`, the sum over the edges from i. F is linear in
+    w, and `A' P_j A` convex in A: if F is definite at the points of a hull of either, by the same
+    norms, it is so in all of the hull.
     """
     P = norms.P
     graph = norms.graph
@@ -152,7 +163,7 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     count = np.bincount(graph.source).max()
     of_rounding = UNIT * (2 * n + 8 + count) * terms
     # "Messages": the same file checks them.
-    return definite(F, SURELY * (of_entries + of_rounding))
+    return definite(F, BOUNDS_OF_DOUBLES * (of_entries + of_rounding))
 
 
 class Slack(NamedTuple):
@@ -175,18 +186,19 @@ def shrink_over(
     follows: np.ndarray | None,
     weight: np.ndarray | None = None,
 ) -> tuple[bool, Slack]:
-    """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed; and what
-    the slack consists of.
+    """Return whether all matrices of a box are proved to shrink in forms of that box, in every
+    order that is allowed; and what the slack consists of.
 
-    forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1 to 1 in each number, which
-    are constant in time. weight: the probability of each edge, if they have to shrink on average, see `shrink_on_average`;
-    follows then is of no account.
+    forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1
+    to 1 in each number, which are constant in time. weight: the probability of each edge, if they
+    have to shrink on average, see `shrink_on_average`; follows then is of no account.
 
-    It is so if the graph is complete, P_i(0) is positive definite, and `F(s) = P_i(s) - A(s)' P_j(s) A(s)` is so on each edge
-    for every s: on the way from 0 to s no form can be the first to become singular, since it exceeds `A' P_j A`. F is definite
-    if `G = W' F W` is, whatever W. The terms of G of degree two or less are a convex combination of Bernstein's control points,
-    each of which has to exceed the norms of all other terms and errors. On average the same holds for the sums over the edges
-    from each node.
+    It is so if the graph is complete, P_i(0) is positive definite, and `F(s) = P_i(s) - A(s)'
+    P_j(s) A(s)` is so on each edge for every s: on the way from 0 to s no form can be the first to
+    become singular, since it exceeds `A' P_j A`. F is definite if `G = W' F W` is, whatever W. The
+    terms of G of degree two or less are a convex combination of Bernstein's control points, each of
+    which has to exceed the norms of all other terms and errors. On average the same holds for the
+    sums over the edges from each node.
     """
     P = forms.terms
     slack = _slack_over(forms, graph, A, weight)
@@ -201,8 +213,9 @@ def shrink_over(
 
 
 def shrink_each(forms: Polynomials, A: Polynomials) -> tuple[list[bool], Slack]:
-    """Return for each of some single matrices, `(cells, n, n)`, whether its powers are proved to shrink in its own form, and what
-    the slack of each consists of: `shrink_over` for the graphs of one node that all of them have."""
+    """Return for each of some single matrices, `(cells, n, n)`, whether its powers are proved to
+    shrink in its own form, and what the slack of each consists of: `shrink_over` for the graphs
+    of one node that all of them have."""
     own = np.arange(len(A.rest))
     slack = _slack_over(forms, Graph(own, own, own), A, None)
     P = forms.terms
@@ -275,12 +288,13 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     whole = size_of_first + summed(np.abs(after.terms).sum(0))
     errors = summed(after.rest) + (4 * n + added) * UNIT * whole
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
-    bounds = np.where(unbounded, np.inf, SURE * _norm(errors))
-    return Slack(terms, bounds, SURE * _norm(higher).sum(0))
+    bounds = np.where(unbounded, np.inf, OWN_ROUNDING * _norm(errors))
+    return Slack(terms, bounds, OWN_ROUNDING * _norm(higher).sum(0))
 
 
 def cholesky_of_each(F: np.ndarray) -> np.ndarray:
-    """Return the Cholesky factors of matrices `(cells, n, n)`, NaN for those that are not positive definite."""
+    """Return the Cholesky factors of matrices `(cells, n, n)`, NaN for those that are not
+    positive definite."""
     try:
         return np.linalg.cholesky(F)
     except np.linalg.LinAlgError:
@@ -290,23 +304,27 @@ def cholesky_of_each(F: np.ndarray) -> np.ndarray:
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
-    """Return whether all symmetric matrices within R of F, entry by entry, and within a norm `off`, are positive definite.
+    """Return whether all symmetric matrices within R of F, entry by entry, and within a norm `off`,
+    are positive definite.
 
-    In units of the states, powers of 2, that make its diagonal about 1, F is positive definite if the Cholesky decomposition
-    of `F - (|R| + c) I` runs to its end. Here `|R|` is the largest sum of a row, and c is what rounding may do to the
-    decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
+    In units of the states, powers of 2, that make its diagonal about 1, F is positive definite if
+    the Cholesky decomposition of `F - (|R| + c) I` runs to its end. Here `|R|` is the largest sum
+    of a row, and c is what rounding may do to the decomposition itself (S. M. Rump, Verification of
+    positive definiteness, BIT 46, 2006, Theorem 2.3).
     """
     n = F.shape[-1]
     F = (F + F.mT) / 2
     R = (R + R.mT) / 2
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
-    if not (np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST).all()):
+    if not (
+        np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST_POSITIVE_ENTRY).all()
+    ):
         return False
     units = np.exp2(-np.round(np.log2(diagonal) / 2))
     F = F * units[..., None, :] * units[..., :, None]
     R = R * units[..., None, :] * units[..., :, None]
-    c = SURELY * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
-    size_of_R = SURELY / 2 * R.sum(-1).max(-1)
+    c = BOUNDS_OF_DOUBLES * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
+    size_of_R = BOUNDS_OF_DOUBLES / 2 * R.sum(-1).max(-1)
     less = size_of_R + c + off * units.max(-1) ** 2
     try:
         np.linalg.cholesky(F - less[..., None, None] * np.eye(n))
@@ -338,7 +356,8 @@ def _norm(X):
 
 @lru_cache(maxsize=8)
 def _control(numbers):
-    """The weights of the monomials up to degree two in each of Bernstein's control points, three for each number."""
+    """The weights of the monomials up to degree two in each of Bernstein's control points, three
+    for each number."""
     weights = np.array([[1, 1, 1], [-1, 0, 1], [1, -1, 1]], float)  # of 1, s and s^2 at each
     exponents = monomials(numbers, 2)[0]
     control = []

@@ -1,13 +1,16 @@
-"""The search for quadratic norms in which every frame shrinks, on a graph that is refined until there are such norms.
+"""The search for quadratic norms in which every frame shrinks, on a graph that is refined until
+there are such norms.
 
-The norm at node i is `x -> sqrt(x' P_i x)`. If the graph is complete, and `P_i - A' P_j A` is positive definite for every edge
-from i to j by the matrix A, then every allowed product of matrices decays (A. A. Ahmadi, R. M. Jungers, P. A. Parrilo,
-M. Roozbehani, Joint spectral radius and path-complete graph Lyapunov functions, SIAM J. Control Optim. 52, 2014). The norms are
-found by an interior-point method: the minimum of the barrier `-sum log det (P_i - A' P_j A) + sum tr P_i` is followed while the
-matrices grow from a small multiple to their size. `norm_check` proves what is found here.
+The norm at node i is `x -> sqrt(x' P_i x)`. If the graph is complete, and `P_i - A' P_j A` is
+positive definite for every edge from i to j by the matrix A, then every allowed product of matrices
+decays (A. A. Ahmadi, R. M. Jungers, P. A. Parrilo, M. Roozbehani, Joint spectral radius and
+path-complete graph Lyapunov functions, SIAM J. Control Optim. 52, 2014). The norms are found by an
+interior-point method: the minimum of the barrier `-sum log det (P_i - A' P_j A) + sum tr P_i` is
+followed while the matrices grow from a small multiple to their size. `norm_check` proves what is
+found here.
 
-Graphs in which a node stands for the last 0, 1 or 2 frames, with a general solver (Clarabel), were tried in place of this. They
-need 324 nodes where eighteen lengths of frames need 8 here.
+Graphs in which a node stands for the last 0, 1 or 2 frames, with a general solver (Clarabel), were
+tried in place of this. They need 324 nodes where eighteen lengths of frames need 8 here.
 """
 
 from collections.abc import Callable
@@ -21,23 +24,24 @@ from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import Norms
 
 FIRST_STEPS = 8  # of Newton, to the centre from the forms that a search begins with
-SHARE = 0.8  # part of the way to where the prediction fails that is taken
-CLOSE = 0.6  # Newton decrement below which a point counts as the centre
-ALIKE = 0.5  # nodes are split whose score is at least this part of the largest one
+STEP_SHARE = 0.8  # part of the way to where the prediction fails that is taken
+CENTRED_DECREMENT = 0.6  # Newton decrement below which a point counts as the centre
+SPLIT_SCORE = 0.5  # nodes are split whose score is at least this part of the largest one
 # Nodes are split if a step gains less than this, absolutely and relative to the rest.
 STALLED = 2e-3
 OF_REST = 0.2
-MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
-FARTHEST = 0.1  # known forms are of no use if the matrices must be scaled below this
+SHRINK_MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
+LEAST_SCALE = 0.1  # known forms are of no use if the matrices must be scaled below this
 SMALLEST_STEP = 1e-7  # relative to the rest; below it the prediction has failed
 NARROW = 3  # nodes times more than are next to each other in a ring whose Hessian has a narrow band
 CALLS = 3e6  # operations that take as long as the overhead of a Newton step
-WORK = 2e11  # operations in Newton steps after which a search ends: about 20 s
+OPERATIONS_OF_SEARCH = 2e11  # operations in Newton steps after which a search ends: about 20 s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centre:
-    """Forms P `(nodes, n, n)` on a graph, for states z with x = basis z, and the operations spent on them."""
+    """Forms P `(nodes, n, n)` on a graph, for states z with x = basis z, and the operations
+    spent on them."""
 
     P: np.ndarray
     graph: Graph
@@ -79,8 +83,8 @@ def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
-    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor: in this form the
-    matrices times the factor shrink."""
+    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph,
+    and a factor: in this form the matrices times the factor shrink."""
     graph = Graph.least(follows)
     n = A.shape[-1]
     centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, *rough_basis(A))
@@ -92,15 +96,17 @@ def find_norms(
     A: np.ndarray,
     follows: np.ndarray,
     start: Centre | None = None,
-    work: float = WORK,
+    work: float = OPERATIONS_OF_SEARCH,
     enough: float = 1.0,
 ) -> tuple[Centre, float]:
-    """Search for forms in which the matrices A `(symbols, n, n)` shrink. Return the forms and a factor: 1 if they were found,
-    otherwise the largest factor below 1 for which the scaled matrices shrink.
+    """Search for forms in which the matrices A `(symbols, n, n)` shrink. Return the forms and a
+    factor: 1 if they were found, otherwise the largest factor below 1 for which the scaled matrices
+    shrink.
 
-    The matrices grow from a small multiple of themselves; when the growth stalls below the factor `enough`, nodes of the graph
-    are split. start: forms to begin with, such as those of similar matrices; if a step from these is singular to rounding, the
-    search begins again without them. work: operations after which the search ends.
+    The matrices grow from a small multiple of themselves; when the growth stalls below the factor
+    `enough`, nodes of the graph are split. start: forms to begin with, such as those of similar
+    matrices; if a step from these is singular to rounding, the search begins again without them.
+    work: operations after which the search ends.
     """
     centre, factor, singular = _grown(A, follows, *_started(A, follows, start), work, enough)
     if singular and start and factor < 1:
@@ -110,7 +116,8 @@ def find_norms(
 
 
 def _grown(A, follows, centre, factor, work, enough):
-    """The forms and the factor that a search ends with, and whether it ended at a step that is singular to rounding."""
+    """The forms and the factor that a search ends with, and whether it ended at a step that is
+    singular to rounding."""
     centre = recentred(centre, factor * A, FIRST_STEPS)
     try:
         while factor < 1 and centre.work < work:
@@ -126,7 +133,7 @@ def _grown(A, follows, centre, factor, work, enough):
                     break
                 centre = split
         if factor == 1:
-            beyond, _ = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)
+            beyond, _ = advanced(centre, lambda t: t * A, 1.0, 1 + SHRINK_MARGIN)
             beyond = beyond.rounded()
             if beyond.shrinks(A):
                 centre = beyond
@@ -136,13 +143,14 @@ def _grown(A, follows, centre, factor, work, enough):
 
 
 def _started(A, follows, start):
-    """The forms that a search begins with, and its factor: `start`, unless there is none or it is too far from the matrices."""
+    """The forms that a search begins with, and its factor: `start`, unless there is none or it
+    is too far from the matrices."""
     if start is None:
         return first_centre(A, follows)
     factor = 1.0
-    while factor > FARTHEST and not start.shrinks(factor * A):
+    while factor > LEAST_SCALE and not start.shrinks(factor * A):
         factor *= 0.9
-    if factor <= FARTHEST:
+    if factor <= LEAST_SCALE:
         return first_centre(A, follows)
     if factor < 1:
         factor *= 0.99
@@ -150,7 +158,8 @@ def _started(A, follows, start):
 
 
 def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
-    """Return forms near the centre of all forms in which the matrices A of x shrink, by some Newton steps."""
+    """Return forms near the centre of all forms in which the matrices A of x shrink, by some
+    Newton steps."""
     P = centre.P
     seen = centre.in_basis(A)
     work = centre.work
@@ -167,18 +176,18 @@ def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
         while not _shrinks(P + length * step, seen, centre.graph) and length > least:
             length *= 0.7
         if length < 1:
-            length *= SHARE
+            length *= STEP_SHARE
         if not _shrinks(P + length * step, seen, centre.graph):  # rounding leaves no room
             break
         P = P + length * step
-        if decrement < CLOSE:
+        if decrement < CENTRED_DECREMENT:
             break
     return replace(centre, P=P, work=work)
 
 
 def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
-    """Return forms for a number closer to the target, and that number: a step along the tangent of the centres, then Newton
-    steps.
+    """Return forms for a number closer to the target, and that number: a step along the tangent of
+    the centres, then Newton steps.
 
     centre: forms for the number x. matrices: the matrices of a number.
     """
@@ -210,14 +219,15 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
                 low = middle
             else:
                 high = middle
-        step = SHARE * low
+        step = STEP_SHARE * low
         reached = x + step
     centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
     return recentred(centre, matrices(reached)), reached
 
 
 def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
-    """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n, n)`, from the same equations.
+    """Return forms after a Newton step, and their slopes along some numbers, `(numbers, nodes, n,
+    n)`, from the same equations.
 
     terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
     """
@@ -234,7 +244,8 @@ def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
 
 
 def _nearer(centre, newton, A):
-    """The forms after a Newton step, if the matrices A of z shrink in them; or else those before."""
+    """The forms after a Newton step, if the matrices A of z shrink in them; or else those
+    before."""
     P = centre.P + newton.solved(-newton.gradient)
     return P if _shrinks(P, A, centre.graph) else centre.P
 
@@ -242,8 +253,9 @@ def _nearer(centre, newton, A):
 def finer(centre, A, follows):
     """Return forms on a graph with some nodes split in two; None if no node can be split.
 
-    centre: forms in which the matrices A of x shrink. The inverse slacks of the edges weight the sequences for which the forms
-    are worst. Nodes are split where very different sequences meet, along the principal component of their differences.
+    centre: forms in which the matrices A of x shrink. The inverse slacks of the edges weight the
+    sequences for which the forms are worst. Nodes are split where very different sequences meet,
+    along the principal component of their differences.
     """
     graph = centre.graph
     _, edge_terms = _gradient(centre.P, centre.in_basis(A), graph)
@@ -270,7 +282,7 @@ def finer(centre, A, follows):
         return None
     chosen = {}
     for (node, late_edges), score in zip(parts, scores, strict=True):
-        if score >= ALIKE * max(scores):
+        if score >= SPLIT_SCORE * max(scores):
             chosen[node] = late_edges
     graph, origin = graph.split(chosen, follows)
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
@@ -313,8 +325,9 @@ def _gradient(P, A, graph):
 class _Newton:
     """The gradient of the barrier, and its Hessian as a Cholesky factor.
 
-    If the graph is a long ring, as one of ticks is, the Hessian has a narrow band in the order of the nodes in which those
-    that edges join are near. order: of the unknowns then, or None. band: entries of the factor below its diagonal.
+    If the graph is a long ring, as one of ticks is, the Hessian has a narrow band in the order of
+    the nodes in which those that edges join are near. order: of the unknowns then, or None. band:
+    entries of the factor below its diagonal.
     """
 
     gradient: np.ndarray
@@ -368,8 +381,9 @@ class _Newton:
 
 
 def _hessian_parts(inverse, moved, arriving, graph, nodes):
-    """Yield the parts of the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A F^-1 and A F^-1 A' on each
-    edge: nodes of the rows and of the columns, and blocks `(parts, m, m)`; those at the same place add up."""
+    """Yield the parts of the Hessian of `-sum log det F` in the forms as vectors, from F^-1, A
+    F^-1 and A F^-1 A' on each edge: nodes of the rows and of the columns, and blocks `(parts, m,
+    m)`; those at the same place add up."""
     n = inverse.shape[-1]
     at = np.arange(nodes)
     for end, terms in ((graph.source, inverse), (graph.target, arriving)):
@@ -411,7 +425,8 @@ def unpacked(vectors: np.ndarray, n: int) -> np.ndarray:
 
 
 def _products(X, order, bounds):
-    """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see `Graph.grouped`."""
+    """The sums of `vec(X) vec(X)'` over groups of matrices, `(groups, n, n, n, n)`; see
+    `Graph.grouped`."""
     n = X.shape[-1]
     vectors = X.reshape(-1, n * n)[order]
     sums = np.empty((len(bounds) - 1, n * n, n * n))
@@ -422,7 +437,8 @@ def _products(X, order, bounds):
 
 
 def acting(products: np.ndarray, n: int) -> np.ndarray:
-    """Return the sums over groups of the maps `S -> X S X'` of symmetric matrices, as matrices for vectors of `packed`."""
+    """Return the sums over groups of the maps `S -> X S X'` of symmetric matrices, as matrices
+    for vectors of `packed`."""
     weight = _places(n)[2]
     factor = weight / np.sqrt(2)
     one, other = _crossed(n)

@@ -10,8 +10,9 @@ if TYPE_CHECKING:
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
-    """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`; at_random: the same of
-    frames at random, if it has their shares; every_hand: what hands need then, see `every_hand.damping`; claims: the same.
+    """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`;
+    at_random: the same of frames at random, if it has their shares; every_hand: what hands need
+    then, see `every_hand.damping`; claims: the same.
     """
     if not spec.for_all:
         return {}

@@ -11,17 +11,17 @@ from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.graph import Family, Graph
 from wavesweep.for_all.norm_check import Norms
 
-KEPT = 60  # words of each length that are extended
-LOOKED_AT = 120  # words of each length whose eigenvalues are computed
-LONGEST = 14  # matrices in a word
-RUN = 12  # matrices of each of the two runs of a word
+WORDS_KEPT = 60  # words of each length that are extended
+WORDS_LOOKED_AT = 120  # words of each length whose eigenvalues are computed
+LONGEST_WORD = 14  # matrices in a word
+RUN_OF_WORD = 12  # matrices of each of the two runs of a word
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
 WALKS = 32  # of a state
 WALKED = 160  # matrices of a walk
-TINY = 1e-290  # a state that is gone
+GONE_STATE = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
-BISECTIONS = 40
+WORD_BISECTIONS = 40
 BEYOND = (
     1e-10,
     1e-8,
@@ -31,12 +31,13 @@ BEYOND = (
     1e-3,
 )  # of a number where a word begins to grow, how far beyond it that is proved
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
-SHORTEST = 4  # matrices of the words that are all tried
-MOST = 400  # how many these are at most
-SHORT = 2  # matrices of the words that are looked for to rank numbers, before the best are improved
+ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
+MOST_RANKING_WORDS = 400  # how many these are at most
+# matrices of the words that are looked for to rank numbers, before the best are improved
+RANKING_LENGTH = 2
 RANKED = 1e-2  # of the limit, from where on numbers are tried
-STEPS = 24  # numbers at which known words are tried
-FOLLOWED = 60  # short words that are known from the beginning
+NUMBERS_TRIED = 24  # numbers at which known words are tried
+WORDS_FOLLOWED = 60  # short words that are known from the beginning
 HALVED = 10  # bisections
 SEARCHES = 6  # for words that grow below all that are known
 BELOW = 0.015  # share of the number where those begin to grow, by which a search is below it
@@ -47,8 +48,8 @@ Word = tuple[int, ...]
 def is_refuted(family: Family, word: Word, x: float) -> bool:
     """Return whether the word may be repeated for ever, and is proved to grow at x.
 
-    The product has an eigenvalue outside the unit circle for all matrices within the bounds on the errors of its entries (see
-    `count_outside`).
+    The product has an eigenvalue outside the unit circle for all matrices within the bounds on the
+    errors of its entries (see `count_outside`).
     """
     if not _allowed(family.follows, word):
         return False
@@ -87,16 +88,17 @@ def growing(
     basis: np.ndarray,
     known: Sequence[Word] = (),
     more: int = 1,
-    longest: int = LONGEST,
+    longest: int = LONGEST_WORD,
     norms: Norms | None = None,
 ) -> list[Word]:
-    """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or more, fastest growth per
-    matrix first.
+    """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or
+    more, fastest growth per matrix first.
 
-    basis: one in which the matrices are small. known: words to start from. norms: in which the matrices nearly
-    shrink. Of words of each length, `more` times KEPT, those with the largest matrices, are extended. Beside these there are
-    words of two runs, and the ends of walks. The best of all are changed matrix by matrix. This is a search: it may return
-    nothing although there are such words.
+    basis: one in which the matrices are small. known: words to start from. norms: in which the
+    matrices nearly shrink. Of words of each length, `more` times WORDS_KEPT, those with the largest
+    matrices, are extended. Beside these there are words of two runs, and the ends of walks. The
+    best of all are changed matrix by matrix. This is a search: it may return nothing although there
+    are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
     rates = {word: _rate(A, word) for word in known}
@@ -106,12 +108,12 @@ def growing(
     for length in range(1, more * longest + 1):
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
         may_repeat = follows[words[order, -1], words[order, 0]]
-        closing = order[may_repeat][:LOOKED_AT]
+        closing = order[may_repeat][:WORDS_LOOKED_AT]
         if closing.size:
             radius = np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
             for i in np.argsort(-radius)[:LEADING]:
                 rates[_least(tuple(words[closing[i]].tolist()))] = radius[i]
-        extended = order[: more * KEPT]
+        extended = order[: more * WORDS_KEPT]
         first, symbol = np.nonzero(follows[words[extended, -1]])
         first = extended[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
@@ -132,7 +134,8 @@ def growing(
 def _of_two_runs(A, follows):
     """The growth per matrix of the best words of a run of one matrix and a run of another.
 
-    Frames are in the order of their lengths: one of both is the first or the last, the other one of these or of three between.
+    Frames are in the order of their lengths: one of both is the first or the last, the other one of
+    these or of three between.
     """
     last = len(A) - 1
     some = sorted({0, last // 4, last // 2, 3 * last // 4, last})
@@ -145,21 +148,22 @@ def _of_two_runs(A, follows):
     if not ends:
         return rates
     size = np.linalg.norm(A[some], axis=(-2, -1)).max() or 1.0
-    powers = np.repeat(A[some][None] / size, RUN, 0)
-    for length in range(1, RUN):
+    powers = np.repeat(A[some][None] / size, RUN_OF_WORD, 0)
+    for length in range(1, RUN_OF_WORD):
         powers[length] = powers[0] @ powers[length - 1]
-    lengths = np.add.outer(np.arange(1, RUN + 1), np.arange(1, RUN + 1))
+    lengths = np.add.outer(np.arange(1, RUN_OF_WORD + 1), np.arange(1, RUN_OF_WORD + 1))
     for i, j in ends:
         products = powers[None, :, some.index(j)] @ powers[:, None, some.index(i)]
         radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / lengths)
         for place in np.argsort(-radius, axis=None)[:LEADING].tolist():
-            one, other = divmod(place, RUN)
+            one, other = divmod(place, RUN_OF_WORD)
             rates[_least((i,) * (1 + one) + (j,) * (1 + other))] = size * radius.flat[place]
     return rates
 
 
 def _of_walks(A, follows, norms):
-    """The growth per matrix of the ends of walks, on which each matrix is that which leaves the state largest in norms."""
+    """The growth per matrix of the ends of walks, on which each matrix is that which leaves the
+    state largest in norms."""
     graph = norms.graph
     n = A.shape[-1]
     scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
@@ -178,7 +182,7 @@ def _of_walks(A, follows, norms):
         walks[:, step] = symbol
         state = moved[walker, symbol]
         node = target[walker, symbol]
-        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), TINY)
+        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), GONE_STATE)
     ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
     products = np.broadcast_to(np.eye(n), (len(ends), n, n))
     closed = []
@@ -189,13 +193,14 @@ def _of_walks(A, follows, norms):
         for rate, i in zip(radius.tolist(), closing.tolist(), strict=True):
             closed.append((rate, i, length))
     rates = {}
-    for rate, i, length in nlargest(LOOKED_AT, closed):
+    for rate, i, length in nlargest(WORDS_LOOKED_AT, closed):
         rates[_least(tuple(ends[i, -length:].tolist()))] = rate
     return rates
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
-    """Return a word that grows at least as fast per matrix, by changing, adding or removing one matrix at a time.
+    """Return a word that grows at least as fast per matrix, by changing, adding or removing one
+    matrix at a time.
 
     If many matrices are nearly alike, this finds words that `growing` drops. A: `(symbols, n, n)`.
     """
@@ -244,7 +249,8 @@ def _allowed(follows, word):
 
 
 def _least(word):
-    """The representative of all words with the same cycle: rotations and repetitions of a word have the same one."""
+    """The representative of all words with the same cycle: rotations and repetitions of a word
+    have the same one."""
     for length in range(1, len(word) + 1):
         repetitions, left = divmod(len(word), length)
         if not left and word == word[:length] * repetitions:
@@ -253,25 +259,27 @@ def _least(word):
 
 
 def short_words(follows: np.ndarray) -> list[Word]:
-    """Return all words of few matrices, each cycle once: of up to SHORTEST matrices, or fewer if they are more than MOST."""
+    """Return all words of few matrices, each cycle once: of up to ALL_WORDS_LENGTH matrices, or
+    fewer if they are more than MOST_RANKING_WORDS."""
     one_way = [(i,) for i in range(len(follows))]
     found = {}
-    for _ in range(SHORTEST):
+    for _ in range(ALL_WORDS_LENGTH):
         closed = {_least(word) for word in one_way if follows[word[-1], word[0]]}
-        if found and len(found) + len(closed) > MOST:
+        if found and len(found) + len(closed) > MOST_RANKING_WORDS:
             break
         found |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
         longer = []
         for word in one_way:
             longer += [(*word, i) for i in np.flatnonzero(follows[word[-1]]).tolist()]
         one_way = longer
-        if len(one_way) > MOST * SHORTEST:
+        if len(one_way) > MOST_RANKING_WORDS * ALL_WORDS_LENGTH:
             break
     return list(found)
 
 
 def shortest_through(follows: np.ndarray) -> list[Word]:
-    """Return for each matrix a shortest word in which it occurs, with matrices next to it where there is a choice.
+    """Return for each matrix a shortest word in which it occurs, with matrices next to it where
+    there is a choice.
 
     So there is a word with as many losses in a row as there may be: that of the last one.
     """
@@ -296,7 +304,8 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
 
 
 def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
-    """Return those of some words whose products have a spectral radius of 1 or more, fastest growth per matrix first."""
+    """Return those of some words whose products have a spectral radius of 1 or more, fastest
+    growth per matrix first."""
     rates = {}
     for length in {len(word) for word in words}:
         some = [word for word in words if len(word) == length]
@@ -312,7 +321,8 @@ def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
 
 
 def nearest(family: Family, word: Word, start: float, x: float) -> float:
-    """Return the refuted number closest to the start at which a word grows, one that is refuted at x."""
+    """Return the refuted number closest to the start at which a word grows, one that is refuted
+    at x."""
     inside = start
     on_the_way = start + (x - start) * np.linspace(0, 1, LOOKED_BACK + 1)[1:]
     for outside in on_the_way:
@@ -325,10 +335,11 @@ def nearest(family: Family, word: Word, start: float, x: float) -> float:
 
 
 def crossing(family: Family, word: Word, stable: float, unstable: float) -> float:
-    """Return the number between both at which the word begins to grow, on the side where it does."""
+    """Return the number between both at which the word begins to grow, on the side where it
+    does."""
     low = stable
     high = unstable
-    for _ in range(BISECTIONS):
+    for _ in range(WORD_BISECTIONS):
         middle = (low + high) / 2
         if growth(family.at(middle), word) >= 1:
             high = middle
@@ -340,26 +351,29 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
 def seems_refuted(family: Family, x: float, known: list[Word]) -> bool:
     """Return whether some short word grows at x, in plain doubles: a search, which proves nothing.
 
-    known: words that grew in other families, which are tried first; one that is found by searching is added.
+    known: words that grew in other families, which are tried first; one that is found by searching
+    is added.
     """
     A = family.at(x)
     if not np.isfinite(A).all() or growing_of(A, known):
         return True
-    found = growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT)
+    found = growing(A, family.follows, np.eye(A.shape[-1]), longest=RANKING_LENGTH)
     known += found[:1]
     return bool(found)
 
 
 def seems_refuted_from(family: Family, limit: float, known: list[Word]) -> float:
-    """Return about the least number up to the limit at which some short word grows, or else the limit.
+    """Return about the least number up to the limit at which some short word grows, or else the
+    limit.
 
-    To rank what it is too long to prove: a proof from 0 on hardly reaches further. known: see `seems_refuted`; these words and
-    the shortest ones are followed down, and others are searched just below where they begin to grow.
+    To rank what it is too long to prove: a proof from 0 on hardly reaches further. known: see
+    `seems_refuted`; these words and the shortest ones are followed down, and others are searched
+    just below where they begin to grow.
     """
-    words = [*dict.fromkeys([*short_words(family.follows)[:FOLLOWED], *known])]
+    words = [*dict.fromkeys([*short_words(family.follows)[:WORDS_FOLLOWED], *known])]
     low = 0.0
     high = limit
-    for x in np.geomspace(RANKED * limit, limit, STEPS):
+    for x in np.geomspace(RANKED * limit, limit, NUMBERS_TRIED):
         if _one_grows(family, x, words):
             high = _begins(family, words, low, float(x))
             break
@@ -391,7 +405,8 @@ def _begins(family, words, low, high):
 
 
 def refuted_beyond(family: Family, word: Word, x: float, limit: float) -> float | None:
-    """Return a number just beyond x, towards the limit, at which the word is proved to grow; None if none is found."""
+    """Return a number just beyond x, towards the limit, at which the word is proved to grow;
+    None if none is found."""
     away = np.sign(limit - x) * max(abs(x), 1e-6 * abs(limit - x))
     for step in BEYOND:
         at = x + step * away

@@ -1,4 +1,5 @@
-"""The ticks that frames of varying length consist of: along one number, or over a box of numbers."""
+"""The ticks that frames of varying length consist of: along one number, or over a box of
+numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
-from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
+from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
@@ -24,8 +25,8 @@ ANY = np.array([0.5, 2.0])  # stands for a number that varies
 class Schedule:
     """Which slow blocks run in each kind of tick.
 
-    kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal: the nominal length of a
-    frame; elapsed: see `FramesInAnyOrder`.
+    kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal:
+    the nominal length of a frame; elapsed: see `FramesInAnyOrder`.
     """
 
     kinds: Mapping[object, frozenset[str] | None]
@@ -39,7 +40,8 @@ class Schedule:
         return set().union(*(blocks or () for blocks in self.kinds.values()))
 
     def with_period(self, drawing: Drawing, step: int) -> Drawing:
-        """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets their phases."""
+        """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets
+        their phases."""
         every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
         blocks = (
             replace(each, every=every, phase=phase, phases=()) if each.name in slow else each
@@ -52,7 +54,8 @@ class Schedule:
         return replace(drawing, blocks=tuple(blocks))
 
     def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
-        """Return the loop with a frame that has one tick of each kind: connecting it gives the map of each kind."""
+        """Return the loop with a frame that has one tick of each kind: connecting it gives the
+        map of each kind."""
         placed = [
             replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist()))
             for each, runs in zip(
@@ -81,7 +84,8 @@ class Schedule:
 class Plan:
     """What the frames of a loop consist of.
 
-    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks before its sample; sample: the kind of that.
+    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks before its sample;
+    sample: the kind of that.
     """
 
     drawing: Drawing
@@ -92,7 +96,8 @@ class Plan:
     sample: Callable[[Symbol], object]
 
     def along(self, number: str) -> LoopFrames:
-        """Return the frames as a family along a number that one wire or gain reads; empty for the loop at its own values.
+        """Return the frames as a family along a number that one wire or gain reads; empty for the
+        loop at its own values.
 
         Errors: UsageError for a number that the loop reads otherwise.
         """
@@ -151,7 +156,7 @@ class Plan:
 
         ticks = []
         for step, some in groupby(picked, lambda each: each[0]):
-            enclosed = EnclosedLoop(drawn_at(step), self.values, sides, ORDER)
+            enclosed = EnclosedLoop(drawn_at(step), self.values, sides, TOTAL_DEGREE)
             loop = self.schedule.scheduled(Loops(drawn_at(step), with_numbers(inside)).drawn())
             held = loop.held()
             ticks += [(enclosed, TickPlace(loop, place, held)) for _, place in some]
@@ -193,7 +198,8 @@ class Plan:
         return Members(frames_at, len(drift.remaining), symbols, follows)
 
     def _kinds(self, ticks_at):
-        """The different maps of ticks, the step and the place that each is from, and the index of each kind at each step."""
+        """The different maps of ticks, the step and the place that each is from, and the index
+        of each kind at each step."""
         maps, picked, index = [], [], {}
         for step in self.steps:
             ticks = ticks_at(step)
@@ -222,7 +228,8 @@ class Plan:
         return MarginalModes.of(*map(self.schedule.scheduled, both_loops))
 
     def written(self, index):
-        """The rows and samples of the symbols as indices of kinds, the symbols, and which may follow which."""
+        """The rows and samples of the symbols as indices of kinds, the symbols, and which may
+        follow which."""
         steps, symbols = self.steps, list(self.symbols)
         others = {*self.schedule.kinds} - {self.sample(symbol) for symbol in symbols}
         if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
@@ -240,7 +247,8 @@ class Plan:
 
 
 def _endless(symbols):
-    """The symbols after which frames go on for ever, and which of them (columns) may follow which (rows).
+    """The symbols after which frames go on for ever, and which of them (columns) may follow which
+    (rows).
 
     After the last result that may be lost, none is in place at once; where all others are, nothing
     can come then.

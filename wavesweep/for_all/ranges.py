@@ -1,9 +1,11 @@
-"""Boxes of unknown numbers while frames vary: in every box all frames shrink, in norms that depend on its numbers.
+"""Boxes of unknown numbers while frames vary: in every box all frames shrink, in norms that depend
+on its numbers.
 
-Unknown means constant in time, and the proof has to use it: in one norm for the whole box, numbers that jump from frame to
-frame would be proved as well, and often these are not stable. In each part of the box the norms are found for its middle, and
-their slopes from the same equations: the form of node i at s is `P_i + sum_k s_k D_ik`. `norm_check` proves what is found here.
-A part that is not proved is divided along the side that moves the slack most.
+Unknown means constant in time, and the proof has to use it: in one norm for the whole box, numbers
+that jump from frame to frame would be proved as well, and often these are not stable. In each part
+of the box the norms are found for its middle, and their slopes from the same equations: the form of
+node i at s is `P_i + sum_k s_k D_ik`. `norm_check` proves what is found here. A part that is not
+proved is divided along the side that moves the slack most.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,32 +17,40 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets import LEAST, Polynomials, monomials
+from wavesweep.engine.sets import LEAST_POSITIVE, Polynomials, monomials
 from wavesweep.for_all.average import ALONE, OnAverage, forms_of_each, forms_on_average
 from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.norm_check import shrink_each, shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.for_all.patterns import Word, growing, growth
 
-# Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
-# the spectral radii of frames and words leave. A graph is made finer up to the second share, and used up to the first one.
+# Margin by which the frames in the middle of a box are made to shrink more than necessary: so much,
+# at most so much of what the spectral radii of frames and words leave. A graph is made finer up to
+# the second share, and used up to the first one.
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
-SEARCH = 4e9  # operations of one search for norms in the middle of a box, or more where these are fewer than
-NEWTON = 200  # steps on the smallest graph
-STEPS = (
-    3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
-)
-SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
-OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
-FAR = 10.0  # times the slack: errors with which a part is divided further without a trial,
+# operations of one search for norms in the middle of a box, or more where these are fewer than
+SEARCH = 4e9
+NEWTON_OF_GRAPH = 200  # steps on the smallest graph
+# of Newton's method for the middle of a box, from the norms of the box that it is a half of
+NEWTON_STEPS_OF_HALF = 3
+# of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
+SHARED = 0.05
+SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
+# times the slack: errors with which a part is divided further without a trial,
+HOPELESS_ERRORS = 10.0
 OF_SIDE = 0.5  # by sides whose halves have less than this share of them
-HOPELESS = 4  # times the number of sides: parts of parts without norms, after which a proof ends
+# times the number of sides: parts of parts without norms, after which a proof ends
+HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
-NARROW = 1e-6  # of a side, below which a box is not divided along it
-AT_ONCE = 16  # parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the cache
-ROUNDED = 1e-13  # of a box: rounding of the share of each part, if the ends of a side are 500 times its width at most
+NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
+# parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the
+# cache
+CELLS_AT_ONCE = 16
+# of a box: rounding of the share of each part, if the ends of a side are 500 times its width at
+# most
+VOLUME_ROUNDING = 1e-13
 
 Box = np.ndarray
 
@@ -49,16 +59,17 @@ class Frames(Protocol):
     """The frames of loops over boxes."""
 
     def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
-        """Return what encloses the frames in boxes that are wide along the same sides, `(boxes, 2, sides)`; for those without a
-        bound the side along which they have to be divided first."""
+        """Return what encloses the frames in boxes that are wide along the same sides, `(boxes,
+        2, sides)`; for those without a bound the side along which they have to be divided first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covering:
     """What is known of a box, `(2, sides)`.
 
-    open: the parts that are not proved, as boxes, which are the box with what is proved. end: all is proved up to this value
-    of the first side. used: operations. point, word: a place at which the word grows, if one was met.
+    open: the parts that are not proved, as boxes, which are the box with what is proved. end: all
+    is proved up to this value of the first side. used: operations. point, word: a place at which
+    the word grows, if one was met.
     """
 
     open: tuple[Box, ...]
@@ -72,7 +83,8 @@ class Covering:
 class _Outcome:
     """What a trial of a part gave.
 
-    parts: those of it that remain to be proved, None if it cannot be divided or a word grows. used: operations.
+    parts: those of it that remain to be proved, None if it cannot be divided or a word grows. used:
+    operations.
     """
 
     parts: list["_Part"] | None
@@ -84,8 +96,9 @@ class _Outcome:
 class _Part:
     """A part of the box that is still to be proved.
 
-    known: what encloses the frames in it, or in a box around it if that is good enough; start: norms of a box around it; barren:
-    how often no norms were found in a row, for it and for the boxes around it.
+    known: what encloses the frames in it, or in a box around it if that is good enough; start:
+    norms of a box around it; barren: how often no norms were found in a row, for it and for the
+    boxes around it.
     """
 
     box: Box
@@ -104,22 +117,27 @@ def cover(
     report: Callable[[float, float], None] | None = None,
     gain: float = 0.0,
 ) -> Covering:
-    """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
+    """Prove that all frames of a box shrink in every order, or on average, except in the parts that
+    are left open.
 
-    The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
-    word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box. report: is
-    called with the value of the first side that the proof has reached, and the share of the box that is proved. gain: of the
-    first side, below which the proof ends at a part without norms in its middle, since it can reach no further than that middle.
-    Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
+    The proof goes along the first side, up or down: the part that is tried next is always one that
+    holds it up. It ends where a word is met that grows. work: operations after which it ends.
+    words: those that grow fastest beyond the box. report: is called with the value of the first
+    side that the proof has reached, and the share of the box that is proved. gain: of the first
+    side, below which the proof ends at a part without norms in its middle, since it can reach no
+    further than that middle. Errors: RuntimeError if a part of the box is lost, which is neither
+    proved nor open.
     """
     number = count()
     queue = [(0.0, next(number), _Part(box))]
-    narrow = NARROW * (box[1] - box[0])
+    narrow = NARROWEST_SIDE * (box[1] - box[0])
     used = proved = 0.0
     outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
     enclosed: dict[int, Enclosed | int] = {}
     word: Word = ()  # that grows
-    divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
+    # stretches of the first side in whose middle there were no norms: they are divided for all
+    # other numbers
+    divided = set()
     while queue and used < work:
         _, first, part = queue[0]
         stretch = _stretch(part)
@@ -128,7 +146,7 @@ def cover(
             outcomes[first] = _Outcome(halves, 0.0)
         elif first not in outcomes:
             ahead = {}
-            for _, at, next_part in nsmallest(AT_ONCE, queue):
+            for _, at, next_part in nsmallest(CELLS_AT_ONCE, queue):
                 if at not in outcomes and _stretch(next_part) not in divided:
                     ahead[at] = next_part
             used += _enclose(frames, ahead, enclosed)
@@ -149,7 +167,8 @@ def cover(
                 break
             if outcome.parts[0].box[0, 0] > part.box[0, 0]:
                 divided.add(stretch)
-        # Parts that are proved or divided leave the queue in any order; one that ends the proof waits until it is first.
+        # Parts that are proved or divided leave the queue in any order; one that ends the proof
+        # waits until it is first.
         waiting = []
         for entry in queue:
             outcome = outcomes.get(entry[1])
@@ -169,7 +188,7 @@ def cover(
             report(float(queue[0][2].box[1 - up, 0]), proved)
     open_ = tuple(rest.box for *_, rest in sorted(queue, key=itemgetter(0, 1)))
     lost = 1 - proved - sum(_share(each, box) for each in open_)
-    if not abs(lost) <= ROUNDED * used / ENCLOSED:
+    if not abs(lost) <= VOLUME_ROUNDING * used / ENCLOSED:
         raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
     end = float(queue[0][2].box[1 - up, 0] if queue else box[int(up), 0])
     return Covering(open_, end, used, part.box.mean(0) if word else None, word)
@@ -191,7 +210,8 @@ def _share(part, box):
 
 
 def _enclose(frames, parts, enclosed):
-    """Enclose the parts, by their numbers, of which no box around is known well enough; return the operations."""
+    """Enclose the parts, by their numbers, of which no box around is known well enough; return
+    the operations."""
     new = []
     for at, part in parts.items():
         if part.known is None and at not in enclosed:
@@ -295,7 +315,7 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
     finite = np.isfinite(A.terms).all()  # no pole was met on a rim
     if finite and (words := growing(A.terms[0], follows, basis)):
         return _Outcome(None, used, words[0])
-    if part.barren > HOPELESS * wide.size:
+    if part.barren > HOPELESS_PARTS * wide.size:
         return _Outcome(None, used)
     moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
     if part.barren % 2 == 0 and wide.size and wide[0] == 0:
@@ -306,16 +326,17 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
 
 
 def _judgement(part, known, A, found, judged, narrow, *, alone=False):
-    """The outcome of a part with forms, which were judged so. alone: whether they are those of a single matrix."""
+    """The outcome of a part with forms, which were judged so. alone: whether they are those of a
+    single matrix."""
     proved, moves, errors, used = judged
     if proved:
         return _Outcome([], used)
     share, due = _left_out(A, found)
     keep = errors * (1 - share) < SHARED
-    if errors > OF_ERRORS:
-        if share < 1 - OF_ERRORS:  # the rest is that of A itself
-            due = share * due + (1 - share) * known.due / max(known.due.sum(), LEAST)
-        moves = moves + min(errors, 1 / LEAST) * due
+    if errors > SLACK_OF_ERRORS:
+        if share < 1 - SLACK_OF_ERRORS:  # the rest is that of A itself
+            due = share * due + (1 - share) * known.due / max(known.due.sum(), LEAST_POSITIVE)
+        moves = moves + min(errors, 1 / LEAST_POSITIVE) * due
     part = replace(part, start=found[0], barren=0)
     slopes = None if alone else found[1]
     left = errors, 1 - due
@@ -323,7 +344,8 @@ def _judgement(part, known, A, found, judged, narrow, *, alone=False):
 
 
 def _parts_of(part, known, moves, left, narrow, slopes):
-    """The parts into which a part is divided; None if it cannot be. slopes: of its norms, which lead to those of its halves."""
+    """The parts into which a part is divided; None if it cannot be. slopes: of its norms, which
+    lead to those of its halves."""
     box = part.box
     wide = np.flatnonzero(box[0] < box[1])
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
@@ -343,15 +365,16 @@ def _parts_of(part, known, moves, left, narrow, slopes):
 
 
 def _divided(moves, left):
-    """Return the sides along which a part is halved: the one that moves the slack most, and the next
-    ones as long as the errors without those before would be far too large.
+    """Return the sides along which a part is halved: the one that moves the slack most, and the
+    next ones as long as the errors without those before would be far too large.
 
-    left: the errors, as multiples of the slack, and the share of them that halves of each side have.
+    left: the errors, as multiples of the slack, and the share of them that halves of each side
+    have.
     """
     errors, shares = left
     sides = []
     for side in np.argsort(-moves):
-        if sides and (errors < FAR or moves[side] < 0 or shares[side] > OF_SIDE):
+        if sides and (errors < HOPELESS_ERRORS or moves[side] < 0 or shares[side] > OF_SIDE):
             break
         sides.append(side)
         errors = errors * shares[side]
@@ -359,9 +382,11 @@ def _divided(moves, left):
 
 
 def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
-    """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box: see `FramesOver.of`.
+    """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box:
+    see `FramesOver.of`.
 
-    They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
+    They follow from norms at both ends of each side, as energies do: half the logarithm of what a
+    form has on its diagonal.
     """
     units = None
     for side in np.flatnonzero(box[0] < box[1]):
@@ -389,7 +414,8 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
 
 
 def _forms(A, follows, start, work, words=()):
-    """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
+    """Norms for the middle of a box and their slopes, None if none are found; and the work.
+    follows: or a chain."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
     at_middle = A.terms[0]
@@ -402,7 +428,7 @@ def _forms(A, follows, start, work, words=()):
         return None, 0.0
     n = at_middle.shape[-1]
     size = len(np.unique(follows, axis=0)) * n * (n + 1) / 2
-    most = max(SEARCH, NEWTON * (size**3 / 3 + CALLS))
+    most = max(SEARCH, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)
@@ -413,14 +439,15 @@ def _forms(A, follows, start, work, words=()):
     if factor < enough:
         return None, centre.work
     room = factor * (1 + most_room) - 1
-    centre = recentred(centre, (1 + BACK * room) * at_middle, STEPS)
+    centre = recentred(centre, (1 + BACK * room) * at_middle, NEWTON_STEPS_OF_HALF)
     spent = centre.work
     centre, slopes = sloped(centre.rounded(), (1 + BACK * room) * A.terms[: 1 + A.numbers])
     return (centre, slopes), spent + centre.work
 
 
 def _judged(A, found, follows):
-    """Whether a box is proved, how much each side moves the slack, the errors as shares of that, and the work."""
+    """Whether a box is proved, how much each side moves the slack, the errors as shares of that,
+    and the work."""
     centre, slopes = found
     seen = A.similar(centre.basis, centre.inverse)
     P = np.zeros((len(A.terms), *centre.P.shape))
@@ -444,8 +471,8 @@ def _judged(A, found, follows):
 
 
 def _left_out(A, found):
-    """Which part of the errors are terms of products beyond the order of A, and the shares of these that are gone if a side is
-    halved."""
+    """Which part of the errors are terms of products beyond the order of A, and the shares of
+    these that are gone if a side is halved."""
     centre, further = found
     seen = A.similar(centre.basis, centre.inverse)
     size = np.abs(seen.terms).reshape(len(A.terms), -1).sum(1)
@@ -462,7 +489,7 @@ def _left_out(A, found):
     rest = 2 * seen.rest.sum() * size.sum() * of_forms.sum()
     with np.errstate(invalid="ignore"):
         share = whole / (whole + rest)
-    return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, LEAST)
+    return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, LEAST_POSITIVE)
 
 
 def _halves(box, side):

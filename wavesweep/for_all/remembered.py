@@ -1,4 +1,5 @@
-"""What frames forget: the directions of the states that every frame of a family sets to zero are divided out of searches."""
+"""What frames forget: the directions of the states that every frame of a family sets to zero are
+divided out of searches."""
 
 from __future__ import annotations
 
@@ -11,19 +12,19 @@ from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.norms import Centre, rough_basis
 
-FORGOTTEN = (
-    1e-9  # of the largest singular value, below which a direction counts as one that is set to zero
-)
-SHARE = 0.1  # of the slack of norms that the directions which are forgotten may take
+# of the largest singular value, below which a direction counts as one that is set to zero
+FORGOTTEN = 1e-9
+SLACK_SHARE = 0.1  # of the slack of norms that the directions which are forgotten may take
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remembered:
-    """A family for searches: its matrices act on what is remembered of the states, `z = to x` with `x = back z`.
+    """A family for searches: its matrices act on what is remembered of the states, `z = to x` with
+    `x = back z`.
 
-    family: the whole, which proofs are about: `enclosed` and `hull` are its own. forgotten: `(n - q, n)`, the states that are
-    left out, `w = forgotten x`. Every matrix takes the states with z = 0 to zero, so products have the same eigenvalues
-    otherwise.
+    family: the whole, which proofs are about: `enclosed` and `hull` are its own. forgotten: `(n -
+    q, n)`, the states that are left out, `w = forgotten x`. Every matrix takes the states with z =
+    0 to zero, so products have the same eigenvalues otherwise.
     """
 
     family: Family
@@ -65,11 +66,12 @@ class Remembered:
         return self.family.hull(low, high)
 
     def norms(self, centre: Centre, E: np.ndarray) -> Norms | None:
-        """Return norms of all states from those of z, in which matrices `I + E` of x shrink if they do so in those of z; None
-        if they do not. E: `(points, symbols, n, n)`.
+        """Return norms of all states from those of z, in which matrices `I + E` of x shrink if they
+        do so in those of z; None if they do not. E: `(points, symbols, n, n)`.
 
-        The norms are `z' P_i z + e w' w`. A matrix takes z to A z and B z, whatever w is. So the slack is that of z less
-        `e B' B`, and `e w' w`; e is chosen so that the first stays positive.
+        The norms are `z' P_i z + e w' w`. A matrix takes z to A z and B z, whatever w is. So the
+        slack is that of z less `e B' B`, and `e w' w`; e is chosen so that the first stays
+        positive.
         """
         norms = centre.norms
         if not self.forgotten.size:
@@ -86,6 +88,6 @@ class Remembered:
         largest = np.linalg.norm(lost @ half.mT, axis=(-2, -1)).max() ** 2
         whole = (
             self.to.T @ P @ self.to
-            + SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
+            + SLACK_SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
         )
         return Norms((whole + whole.mT) / 2, graph)

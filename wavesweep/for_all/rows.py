@@ -1,4 +1,5 @@
-"""Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values beyond that are refuted."""
+"""Intervals that hold for all numbers of [for_all]: what is proved, and the nearest values
+beyond that are refuted."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import claims_hold, nowhere
 from wavesweep.for_all.sides import LeftOpen
-from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
+from wavesweep.for_all.unknown import PROVED_FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     GROW,
     Rules,
@@ -51,17 +52,18 @@ from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
-NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
+TRIED_NEAR_REFUTED = 4e-3  # of an end that is refuted, how far from it a proof is tried
 GUARANTEES = (
     "for_all",
     "mean_square",
 )  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
-SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
-QUICK = (
-    3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
-)
-NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
-SOON = 4e9  # operations of a verdict at one value, half a second, before it is asked of intervals
+# of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
+SETTLED_WITHIN = 1e-2
+# operations of a proof over ranges beside what varies, of each design that is looked at
+QUICK = 3e10
+FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
+# operations of a verdict at one value, half a second, before it is asked of intervals
+SOON_OPERATIONS = 4e9
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
@@ -127,7 +129,8 @@ class ForAllGuarantee(Guarantee):
 
 
 def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> None:
-    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty for a design alone.
+    """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty
+    for a design alone.
 
     cut: whether frames are cut open at the number.
     """
@@ -184,13 +187,15 @@ def _read_by_probabilities(drawing) -> set[str]:
 
 
 def _timed(axes, along, timing_names) -> list[str]:
-    """The ranges from which dead times follow, with the number along which intervals are if these follow from it as well."""
+    """The ranges from which dead times follow, with the number along which intervals are if
+    these follow from it as well."""
     timed = [axis.name for axis in axes if not axis.values and name_of(axis.path) in timing_names]
     return [*timed, along] if timed and along and name_of(along) in timing_names else timed
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
-    """Whether a range is of a number that decides how the loop is built, and has other values than the whole ones."""
+    """Whether a range is of a number that decides how the loop is built, and has other values
+    than the whole ones."""
     return bool(
         axis.structural and not axis.values and spec.names.find(axis.name).type != "integer"
     )
@@ -199,7 +204,8 @@ def _has_parts(spec: Spec, axis: Axis) -> bool:
 def intervals_for_all(
     rules: Rules, loop: Loops, along: str, span: tuple[float, float]
 ) -> np.ndarray:
-    """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
+    """Intervals of a loop for all numbers of [for_all] along the number `along` within span =
+    (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
     agreed = claims_hold(rules, loop.cases, rows)
@@ -220,7 +226,8 @@ def intervals_for_all(
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is proved, and the part that nothing refutes, with the texts of its ends and of what is open."""
+    """What is proved, and the part that nothing refutes, with the texts of its ends and of what
+    is open."""
 
     low: float
     high: float
@@ -231,9 +238,11 @@ class Row:
 
 
 def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
-    """Return a case for each combination of the numbers of [for_all] that have values, with the ranges of the others.
+    """Return a case for each combination of the numbers of [for_all] that have values, with the
+    ranges of the others.
 
-    A range of a number that dead times follow from is in pieces, in each of which these have the same whole ticks.
+    A range of a number that dead times follow from is in pieces, in each of which these have the
+    same whole ticks.
     """
     drawing, values = loop
     unknown = [
@@ -255,7 +264,8 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
 
 
 def _refuse_faults(rules, values, fixed) -> None:
-    """Refuse numbers with which a drawn loop cannot be built, such as a part of a tick in `every`."""
+    """Refuse numbers with which a drawn loop cannot be built, such as a part of a tick in
+    `every`."""
     if not rules.drawing or not fixed:
         return
     numbers = {path: number for path, number in values.items() if not np.ndim(number)}
@@ -293,14 +303,15 @@ class _Loop:
 
     def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
-        proved_parts = proofs(self.cases, self.span, NEAR)
+        proved_parts = proofs(self.cases, self.span, TRIED_NEAR_REFUTED)
         return [self._near(interval, proved) for interval, proved in proved_parts if proved]
 
     def _near(self, part, proved) -> Row:
-        """The proof reaches over this much of a part, which is settled if that is near to its ends, and these are known."""
+        """The proof reaches over this much of a part, which is settled if that is near to its
+        ends, and these are known."""
         low, high = proved.low, proved.high
         near = [
-            is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high),
+            is_near(low, part.low) or (part.low_by is None and low <= PROVED_FROM_ZERO * part.high),
             is_near(high, part.high),
         ]
         known = [
@@ -374,7 +385,8 @@ class _Loop:
         return Row(found.low, found.high, interval, found.settled, text_of_part(interval))
 
     def _over_ranges(self, case, about) -> Row | None:
-        """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
+        """The row of a case whose numbers have ranges, or whose drift depends on the number
+        along which it lies."""
         bracket = bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
         if bracket is None:
             return None
@@ -410,7 +422,7 @@ def open_in_words(open_: LeftOpen | None) -> str:
 
 def is_near(one: float, other: float) -> bool:
     """Whether an end that is proved is so near to one that is refuted that it counts as settled."""
-    return abs(one - other) <= SETTLED * max(abs(other), abs(one))
+    return abs(one - other) <= SETTLED_WITHIN * max(abs(other), abs(one))
 
 
 def text_of_part(part: Part) -> str:
@@ -429,7 +441,8 @@ def numbers_in_words(by: Mapping[str, object]) -> str:
 
 
 def all_of(rows: Sequence[Row]) -> Row:
-    """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
+    """What several rows have in common, whose parts overlap; settled if those are that set its
+    ends."""
     low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
     below, above = (
         max(rows, key=lambda row: row.part.low).part,
@@ -457,10 +470,11 @@ def all_of(rows: Sequence[Row]) -> Row:
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
-    """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved to be stable from about 0 on."""
+    """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved
+    to be stable from about 0 on."""
     rules = replace(rules, work=QUICK)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
-    share = NEAR_ZERO if rules.vary and rules.ranges else 10 * FROM_ZERO
+    share = FROM_ABOUT_ZERO if rules.vary and rules.ranges else 10 * PROVED_FROM_ZERO
     from_zero = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
     return float(from_zero["high"].max(initial=0.0))
 
@@ -475,7 +489,8 @@ def reason_of(found: Mapping[str, str]) -> str:
 
 
 def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
-    """What is known of all loops of some rules, as a claim about the plans that the proof used, and as `verdict` has it."""
+    """What is known of all loops of some rules, as a claim about the plans that the proof used,
+    and as `verdict` has it."""
     found = verdict(spec, rules)
     status = {"proved": Status.PROVED, "refuted": Status.REFUTED}.get(
         found["verdict"], Status.UNKNOWN
@@ -490,10 +505,10 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
-    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
-    counterexample, the numbers with which it is unstable, and kind, what it is about. partly: of constant
-    numbers whose proof did not end, what is proved and what is open, as a text.
-    rules: others than those of the spec."""
+    """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved",
+    "refuted" or "unknown"), counterexample, the numbers with which it is unstable, and kind,
+    what it is about. partly: of constant numbers whose proof did not end, what is proved and
+    what is open, as a text. rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
     random = rules.for_all.shares
@@ -532,7 +547,8 @@ def _verdict(spec, rules):
 
 
 def _case_verdict(spec, rules, number, case):
-    """The verdict on a case, if it is refuted the numbers with which it is unstable, and what is proved of one that is not."""
+    """The verdict on a case, if it is refuted the numbers with which it is unstable, and what is
+    proved of one that is not."""
     if rules.vary and case.ranges:
         said, by = decided_over(rules, case.values, case.ranges)
         return said, case.fixed | by, ""
@@ -569,12 +585,12 @@ def _partly(case, covered):
 def _decided(spec, rules, number, case):
     """Whether a case whose frames vary is stable, and the pattern with which it is not.
 
-    What is not decided soon is asked of the intervals along the wall, or the spec's own number, as the tables have them: the
-    patterns that set their ends are found nearer to them.
+    What is not decided soon is asked of the intervals along the wall, or the spec's own number, as
+    the tables have them: the patterns that set their ends are found nearer to them.
     """
     values = dict(spec.values)
     family = rules.family(case.values, "")
-    said, pattern = decided(family, SOON)
+    said, pattern = decided(family, SOON_OPERATIONS)
     path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
     if said != UNKNOWN or not path or rules.at_random:
         return (said, pattern) if said != UNKNOWN else decided(family)
@@ -605,8 +621,8 @@ def recorded(
 ) -> np.ndarray:
     """Return the rows as records of FOR_ALL_RECORD.
 
-    agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none; why:
-    what rules them out.
+    agreed: whether no member of what they are about contradicts them. none: whether it is known
+    that there are none; why: what rules them out.
     """
     records = blank_records(
         *(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD

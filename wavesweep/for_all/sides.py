@@ -10,7 +10,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.ranges import Covering
 
-WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
+LOGARITHMIC_SIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 DECADE = 10.0  # the same for a number that may as well be 0
 
 
@@ -49,15 +49,18 @@ def left_open(
 def side_of(
     drawing: Drawing, values: Mapping[str, object], path: str, ends: tuple[float, float]
 ) -> Side:
-    """Return the side of a range: a logarithm if it is wide beside how near it comes to where the loop is not analytic."""
+    """Return the side of a range: a logarithm if it is wide beside how near it comes to where
+    the loop is not analytic."""
     low, high = ends
     least, most = Loops(drawing, values).domain(path, (low, high))
     if low > 0 and high > DECADE * low:
         least = max(least, 0.0)
-    if not (np.isfinite(least) and high - least > WIDE * (low - least) > 0):
+    if not (np.isfinite(least) and high - least > LOGARITHMIC_SIDE * (low - least) > 0):
         return Side(path)
     return Side(
-        path, least, most if np.isfinite(most) and most - low > WIDE * (most - high) > 0 else np.inf
+        path,
+        least,
+        most if np.isfinite(most) and most - low > LOGARITHMIC_SIDE * (most - high) > 0 else np.inf,
     )
 
 

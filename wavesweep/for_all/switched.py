@@ -1,4 +1,5 @@
-"""What other capabilities ask of switched systems: matrices in any order that a graph allows, and norms in which all shrink."""
+"""What other capabilities ask of switched systems: matrices in any order that a graph allows,
+and norms in which all shrink."""
 
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import LoopFrames

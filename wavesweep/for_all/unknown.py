@@ -1,4 +1,5 @@
-"""Intervals that hold for all values of numbers that are not known, but constant: searched, then proved."""
+"""Intervals that hold for all values of numbers that are not known, but constant: searched, then
+proved."""
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from wavesweep.engine.drawing import name_of
-from wavesweep.engine.frames import TINY, frames_where_solvable
+from wavesweep.engine.frames import IN_PLACE_OF_ZERO, frames_where_solvable
 from wavesweep.engine.intervals import Resolution, Search
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
@@ -20,29 +21,36 @@ from wavesweep.for_all.average import ALONE, OnAverage
 from wavesweep.for_all.climb import climb, constant_growth, contradicted, corners_of, on_edges_of
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
-from wavesweep.for_all.sides import WIDE, LeftOpen, as_numbers, as_sides, left_open, side_of
+from wavesweep.for_all.sides import (
+    LOGARITHMIC_SIDE,
+    LeftOpen,
+    as_numbers,
+    as_sides,
+    left_open,
+    side_of,
+)
 from wavesweep.program.reading.axes import Axis
 
-LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
+# what a proof has reached, which a command shows
+PROOF_LOGGER = logging.getLogger("wavesweep.proof")
 SO_FAR = "%s proved from %.4g to %.4g so far (%.0f %% of the box)"
-CLIMBS = 8  # of the search for worse numbers within what the others leave
+WORSE_CLIMBS = 8  # of the search for worse numbers within what the others leave
 ON_AN_EDGE = 40  # members on each edge of a box that are looked at once a climb finds nothing
-MET = 8  # unstable members that a climb has found, whose exact intervals are computed
-SAME = 1e-9  # relative: ends that are as near are found again
-WORK = 3e11  # operations that the proofs of a case may take
-START = 0.4  # of an interval, where a proof begins
-ROUNDED = 1e-12  # of an end, by which it stays within what is proved
+MEMBERS_MET = 8  # unstable members that a climb has found, whose exact intervals are computed
+SAME_END = 1e-9  # relative: ends that are as near are found again
+OPERATIONS_OF_CASE = 3e11  # operations that the proofs of a case may take
+PROOF_START = 0.4  # of an interval, where a proof begins
+INWARD = 1e-12  # of an end, by which it stays within what is proved
 ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
-ROUNDS = 4  # of a search after a proof that has not ended
-FROM_ZERO = (
-    1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
-)
+SEARCH_ROUNDS = 4  # of a search after a proof that has not ended
+# of the high end, from which on is proved what begins at 0, where a mode may stand still
+PROVED_FROM_ZERO = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """An interval that no number which was looked at refutes, by which numbers each end is set, none at the range's, and the
-    oscillation that starts there (rad/s)."""
+    """An interval that no number which was looked at refutes, by which numbers each end is set,
+    none at the range's, and the oscillation that starts there (rad/s)."""
 
     low: float
     high: float
@@ -52,17 +60,21 @@ class Part:
     high_omega: float = np.nan
 
     def within(self, near: float) -> tuple[float, float]:
-        """The interval that is tried to be proved: from ends that are refuted it is away by this share of the end, at most of
-        the interval; and from FROM_ZERO on in place of 0."""
+        """The interval that is tried to be proved: from ends that are refuted it is away by this
+        share of the end, at most of the interval; and from PROVED_FROM_ZERO on in place of 0."""
         wide = self.high - self.low
-        away = [near * min(max(abs(end), FROM_ZERO * wide), wide) for end in (self.low, self.high)]
+        away = [
+            near * min(max(abs(end), PROVED_FROM_ZERO * wide), wide)
+            for end in (self.low, self.high)
+        ]
         low = self.low if self.low_by is None else self.low + away[0]
         high = self.high if self.high_by is None else self.high - away[1]
-        return (FROM_ZERO * high if low == 0 else low), high
+        return (PROVED_FROM_ZERO * high if low == 0 else low), high
 
 
 def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
-    """The parts that two sets of intervals have in common, each end with the numbers that set it."""
+    """The parts that two sets of intervals have in common, each end with the numbers that set
+    it."""
     overlaps = []
     for interval in parts:
         for second in others:
@@ -78,7 +90,8 @@ def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
 
 
 def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = True) -> list[Part]:
-    """The intervals that nothing which is looked at in any of the cases refutes; narrow: see `Case.parts`."""
+    """The intervals that nothing which is looked at in any of the cases refutes; narrow: see
+    `Case.parts`."""
     intervals = [Part(*span)]
     for case in cases:
         intervals = shared(intervals, case.parts(narrow))
@@ -87,10 +100,12 @@ def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = 
 
 @dataclass(frozen=True, slots=True)
 class Proved:
-    """What is proved of a box: all from low to high of the number along which it is, or of the first range without one.
+    """What is proved of a box: all from low to high of the number along which it is, or of the
+    first range without one.
 
-    open: what holds the proof up next to `high`, or to `low`; None if nothing does. unstable: points that a proof has met and
-    that seem unstable, with the number first. whole: whether all is proved.
+    open: what holds the proof up next to `high`, or to `low`; None if nothing does. unstable:
+    points that a proof has met and that seem unstable, with the number first. whole: whether all is
+    proved.
     """
 
     low: float
@@ -103,13 +118,15 @@ class Proved:
 def proofs(
     cases: Sequence["Case"], span: tuple[float, float], near: float, *, narrow: bool = False
 ) -> Iterator[tuple[Part, Proved | None]]:
-    """Yield the intervals that no loop met so far refutes, in order, and what is proved of each, None without.
+    """Yield the intervals that no loop met so far refutes, in order, and what is proved of each,
+    None without.
 
-    The proof comes first: worse numbers are searched where it leaves something open, and it goes on from there. near: share of
-    an end that is refuted, by which what is tried to be proved stays away from it. narrow: search in any case, if the parts
-    next to the ends, which are not proved, are to have no worse numbers that a search finds.
+    The proof comes first: worse numbers are searched where it leaves something open, and it goes on
+    from there. near: share of an end that is refuted, by which what is tried to be proved stays
+    away from it. narrow: search in any case, if the parts next to the ends, which are not proved,
+    are to have no worse numbers that a search finds.
     """
-    left = [(interval, ROUNDS, {}) for interval in searched(cases, span, narrow)]
+    left = [(interval, SEARCH_ROUNDS, {}) for interval in searched(cases, span, narrow)]
     while left:
         part, rounds, known = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
@@ -141,9 +158,9 @@ def proofs(
 class Case:
     """Loops whose numbers have ranges, along another number.
 
-    loop: with the others' values; values: all of them, read or not. along: empty for none. fixed: those among the values that
-    are named with the numbers of an end. certified: whether all intervals that were looked at are. left: operations that
-    proofs may take.
+    loop: with the others' values; values: all of them, read or not. along: empty for none. fixed:
+    those among the values that are named with the numbers of an end. certified: whether all
+    intervals that were looked at are. left: operations that proofs may take.
     """
 
     def __init__(
@@ -160,17 +177,19 @@ class Case:
         self.box = np.array(
             [[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float
         )
-        self.certified, self.left = True, WORK
+        self.certified, self.left = True, OPERATIONS_OF_CASE
 
     def parts(self, narrow: bool = True) -> list[Part]:
-        """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
+        """What none of the numbers that are looked at refutes; narrow: whether a search goes to
+        the worst ones for each end."""
         intervals = self.met([Part(*self.span)], self._starts)
         return self.narrowed(intervals) if narrow else intervals
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
-        """What is left of the parts after climbs, over all numbers and along the parts, to members that are unstable there."""
+        """What is left of the parts after climbs, over all numbers and along the parts, to
+        members that are unstable there."""
         growth = self._growth
-        for _ in range(CLIMBS if self.ranges else 0):
+        for _ in range(WORSE_CLIMBS if self.ranges else 0):
             before = parts
             for part in before:
                 low, high = part.within(0.0)
@@ -178,7 +197,7 @@ class Case:
                 starts = [np.insert(self._starts, 0, end, axis=1) for end in (low, high)]
                 starts += [[[low, *point]] for point in self._setting(part.low_by)]
                 starts += [[[high, *point]] for point in self._setting(part.high_by)]
-                found = climb(growth, box, np.concatenate(starts)).unstable[:MET, 1:]
+                found = climb(growth, box, np.concatenate(starts)).unstable[:MEMBERS_MET, 1:]
                 parts = self.met(parts, np.unique(found, axis=0))
             if _alike(parts, before):
                 parts = self._narrowed_by_edges(parts, growth)
@@ -187,16 +206,17 @@ class Case:
         return parts
 
     def _narrowed_by_edges(self, parts, growth):
-        """What is left of the parts after climbs from members on all edges of the box, at both ends of each part.
+        """What is left of the parts after climbs from members on all edges of the box, at both ends
+        of each part.
 
-        A light hand is unstable in a few per cent of its range, where it swings at half the rate: no climb that begins
-        elsewhere gets there.
+        A light hand is unstable in a few per cent of its range, where it swings at half the rate:
+        no climb that begins elsewhere gets there.
         """
         on_edges = on_edges_of(self.box, ON_AN_EDGE)
         for part in list(parts):
             box = np.column_stack([part.within(0.0), self.box])
             members = np.concatenate([np.insert(on_edges, 0, end, axis=1) for end in box[:, 0]])
-            found = climb(growth, box, members).unstable[:MET, 1:]
+            found = climb(growth, box, members).unstable[:MEMBERS_MET, 1:]
             parts = self.met(parts, found)
         return parts
 
@@ -208,7 +228,8 @@ class Case:
 
     @cached_property
     def _starts(self):
-        """Members that are tried in any case: those that are tried first, and the extremes of expressions."""
+        """Members that are tried in any case: those that are tried first, and the extremes of
+        expressions."""
         if not self.ranges:
             return self._first
         extremes = Resolution(*self.loop, [Expressed(axis.path) for axis in self.ranges]).extremes(
@@ -240,7 +261,8 @@ class Case:
         return list(parts)
 
     def _exact(self, points):
-        """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
+        """The stable intervals at each point, with whether what lies below and above is known to
+        be unstable."""
         intervals = [[] for _ in points]
         for members, loops in self._built(points):
             records = Search(
@@ -260,7 +282,8 @@ class Case:
         return intervals
 
     def _built(self, points):
-        """Yield members of the box that are built alike, as indices and loops, with the whole ticks of their dead times."""
+        """Yield members of the box that are built alike, as indices and loops, with the whole
+        ticks of their dead times."""
         unbuilt = self.loop.unbuilt
         for alike in distinct(list((points == 0).T), len(points)):
             arrays = {
@@ -273,7 +296,8 @@ class Case:
                 yield from unbuilt.changed(arrays).built_alike(alike)
 
     def cover(self, low: float = 0.0, high: float = 0.0, known: Proved | None = None) -> Proved:
-        """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between.
+        """What is proved of all loops of the box, from low to high of the number if there is one:
+        up and down from between.
 
         known: what is proved already, of a part from which the proof goes on.
         """
@@ -285,13 +309,13 @@ class Case:
         else:
             paths, box = [axis.path for axis in self.ranges], self.box
         sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
-        if self.along and 0 < low < high / WIDE:
+        if self.along and 0 < low < high / LOGARITHMIC_SIDE:
             sides[0] = Side(self.along, 0.0)
         whole = as_sides(box, sides)
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
             return self._covered(frames, sides, whole, self.left, up=True)
-        begun = np.full(2, low + START * (high - low))
+        begun = np.full(2, low + PROOF_START * (high - low))
         if known is not None and max(low, known.low) < min(high, known.high):
             begun = np.clip([known.low, known.high], low, high)
         lower, upper = whole.copy(), whole.copy()
@@ -316,13 +340,13 @@ class Case:
 
         def report(reached, share):
             ends = sorted((begun, float(first.number(reached))))
-            LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share)
+            PROOF_LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share)
 
         found = cover(frames, box, ALWAYS, work, up, report=report)
         self.left -= found.used
         end = float(first.number(found.end))
         if found.open:
-            end += ROUNDED * abs(end) * (-1 if up else 1)
+            end += INWARD * abs(end) * (-1 if up else 1)
         low, high = (begun, end) if up else (end, begun)
         open_ = None if found.word else left_open(found, sides, box, up=up)
         return Proved(low, high, open_, _met(found, sides), not found.open)
@@ -338,12 +362,14 @@ class Case:
         return not (self._growth.of(self._first) < 1).all()
 
     def contradicts(self, low: float = 0.0, high: float = 0.0) -> bool:
-        """Whether some member grows though all are proved, from low to high of the number: see `climb.contradicted`."""
+        """Whether some member grows though all are proved, from low to high of the number: see
+        `climb.contradicted`."""
         box = np.column_stack([[low, high], self.box]) if self.along else self.box
         return contradicted(self._growth, box)
 
     def unstable(self, starts: Sequence[Sequence[float]] = ()) -> Mapping[str, float] | None:
-        """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without.
+        """Numbers with which the loop is not stable, or not known to be, where a climb finds some;
+        None without.
 
         starts: places of the box at which it begins too.
         """
@@ -370,7 +396,7 @@ def _alike(parts, others):
         return False
     for part, other in zip(parts, others, strict=True):
         for one, two in ((part.low, other.low), (part.high, other.high)):
-            if abs(one - two) > SAME * max(abs(one), abs(two)):
+            if abs(one - two) > SAME_END * max(abs(one), abs(two)):
                 return False
     return True
 
@@ -381,14 +407,15 @@ def _met(found, sides):
 
 
 def frames_over(loop, paths, drift, x):
-    x = np.where(x == 0, TINY, x)
+    x = np.where(x == 0, IN_PLACE_OF_ZERO, x)
     return frames_where_solvable(
         loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),)
     )
 
 
 def drift_over(loop, paths, box):
-    """The drift of all loops of a box, counted from the state from which their entries are smallest."""
+    """The drift of all loops of a box, counted from the state from which their entries are
+    smallest."""
     ends = zip(paths, box.T, strict=True)
     drift = loop.changed(
         {path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}

@@ -1,5 +1,5 @@
-"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
-messages may be late or lost, by what their channels say."""
+"""Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths,
+delays and lost results, or whose messages may be late or lost, by what their channels say."""
 
 import logging
 import math
@@ -50,20 +50,21 @@ from wavesweep.for_all.mean_square import (
     frames_at_random,
     losses_at_random,
 )
-from wavesweep.for_all.norms import WORK
+from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
-from wavesweep.for_all.worst import WORK as WORK_OVER
+from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
-FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
+RANGES_FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
-LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
+# what a proof has reached, which a command shows
+PROOF_LOGGER = logging.getLogger("wavesweep.proof")
 GROW = "second moments that grow"  # of what happens at random, in place of a pattern
 
 
@@ -71,10 +72,11 @@ GROW = "second moments that grow"  # of what happens at random, in place of a pa
 class Rules:
     """How a spec says that its frames vary.
 
-    drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether results are in place with
-    the next frame. elapsed: whether the slow environment integrates over the time since its last frame. messages: whether the
-    loop has channels; at_random: whether these lose messages at random, or frames and results are taken to be at random. work:
-    operations of a proof over ranges beside what varies.
+    drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether
+    results are in place with the next frame. elapsed: whether the slow environment integrates over
+    the time since its last frame. messages: whether the loop has channels; at_random: whether these
+    lose messages at random, or frames and results are taken to be at random. work: operations of a
+    proof over ranges beside what varies.
     """
 
     for_all: ForAllRanges
@@ -96,11 +98,13 @@ class Rules:
         return replace(found, at_random=True) if spec.for_all.loss else found
 
     def drawing_of(self, values: Mapping[str, object], gains: Sequence[str]) -> Drawing:
-        """The drawing of the spec, or that of its built-in controller with these values; gains: see `loop_drawing`."""
+        """The drawing of the spec, or that of its built-in controller with these values; gains:
+        see `loop_drawing`."""
         return self.drawing or loop_drawing(values, gains)
 
     def on_average(self) -> "Rules | None":
-        """The rules of frames at random, beside those in any order; None if a spec does not say how often what occurs."""
+        """The rules of frames at random, beside those in any order; None if a spec does not say
+        how often what occurs."""
         return (
             replace(self, at_random=True) if self.for_all.at_random and not self.at_random else None
         )
@@ -120,7 +124,8 @@ class Rules:
     def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
 
-        values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or another one along.
+        values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or
+        another one along.
         """
         if not self.messages or (self.at_random and self.for_all.shares):
             frames, asked = self.plan(values, (along,)).along(along), self.for_all
@@ -137,9 +142,11 @@ class Rules:
         return (chances if self.at_random else frames_with_messages)(self.drawing, values, along)
 
     def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
-        """What the frames of a loop without channels consist of; gains: numbers that count as other than 0.
+        """What the frames of a loop without channels consist of; gains: numbers that count as other
+        than 0.
 
-        values: all of a spec, by their paths. Errors: SpecError, whose mistakes have no places; see `placed`.
+        values: all of a spec, by their paths. Errors: SpecError, whose mistakes have no places; see
+        `placed`.
         """
         axes = {axis.path: axis for axis in self.for_all.changing}
         if self.drawing:
@@ -227,7 +234,8 @@ def placed(spec: Spec) -> Iterator[None]:
 def bracketed(
     family: LoopFrames, span: tuple[float, float], about: tuple[float, float]
 ) -> Bracket | None:
-    """What is proved and refuted about an interval of the nominal loop; None if no start of a proof is found."""
+    """What is proved and refuted about an interval of the nominal loop; None if no start of a
+    proof is found."""
     low, high = about
     for share in STARTS:
         found = bracket(family, low + share * (high - low), span)
@@ -266,10 +274,11 @@ def bracketed_over(
     span: tuple[float, float],
     about: tuple[float, float],
 ) -> Over | None:
-    """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
+    """What is proved and refuted about an interval for all numbers of some ranges; None if no
+    start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
-    least = loops.sides[0].zero + FROM_ZERO * (about[1] - loops.sides[0].zero)
-    report = partial(LOGGER.info, SO_FAR, name_of(along))
+    least = loops.sides[0].zero + RANGES_FROM_ZERO * (about[1] - loops.sides[0].zero)
+    report = partial(PROOF_LOGGER.info, SO_FAR, name_of(along))
     for share in STARTS:
         found = bracket_over(
             loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report
@@ -291,16 +300,17 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    alike = (
-        rules.messages and not rules.for_all.changing
-    )  # frames, so that steps of messages are what differs
+    # frames, so that steps of messages are what differs
+    alike = rules.messages and not rules.for_all.changing
     plan = None if alike else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
     sides, whole = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)], box
     if along:
         zero = min(0.0, span[0])
         sides = [Side(along, zero), *sides]
-        whole = np.column_stack([[max(span[0], zero + FROM_ZERO * (span[1] - zero)), span[1]], box])
+        whole = np.column_stack(
+            [[max(span[0], zero + RANGES_FROM_ZERO * (span[1] - zero)), span[1]], box]
+        )
     whole = as_sides(whole, sides)
     frames = plan.over(sides, whole) if plan else messages_over(*own, sides, whole)
 
@@ -338,7 +348,8 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 def decided_over(
     rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]
 ) -> tuple[str, dict[str, float | None]]:
-    """Whether a loop is stable for all numbers of some ranges and every order of frames, and what it is not stable with."""
+    """Whether a loop is stable for all numbers of some ranges and every order of frames, and
+    what it is not stable with."""
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops)
     by = dict(zip((axis.path for axis in ranges), point, strict=False))
@@ -349,7 +360,7 @@ def decided_over(
     )
 
 
-def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]:
+def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) -> tuple[str, str]:
     """Whether a loop is stable for every order of frames, and the pattern with which it is not.
 
     family: along no number. work: operations after which no more norms are looked for.
@@ -362,7 +373,8 @@ def decided(family: LoopFrames | Chances, work: float = WORK) -> tuple[str, str]
 
 
 def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
-    """The same at a value of a number, by what is found about an interval along it: its proof, and the patterns of its ends."""
+    """The same at a value of a number, by what is found about an interval along it: its proof,
+    and the patterns of its ends."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
     word = next(
@@ -377,7 +389,8 @@ def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tu
 
 
 def text_of(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
-    """A pattern of frames, or of messages, or that second moments grow as a text; empty without a word."""
+    """A pattern of frames, or of messages, or that second moments grow as a text; empty without
+    a word."""
     if isinstance(family, Chances):
         return GROW if word else ""
     symbols = [family.symbols[each] for each in word]
@@ -398,7 +411,8 @@ def _frame(symbol, family):
 
 
 def _messages(late):
-    """What happens to the messages of a channel, as [simulate] takes it: those that are lost in a row are counted."""
+    """What happens to the messages of a channel, as [simulate] takes it: those that are lost in
+    a row are counted."""
     runs = [(each, len(list(run))) for each, run in groupby(late)]
     texts = (
         [f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count

@@ -1,5 +1,5 @@
-"""Intervals of a number for every point of a box of others, while frames vary: refuted at the worst point that a search finds,
-and proved box by box."""
+"""Intervals of a number for every point of a box of others, while frames vary: refuted at the
+worst point that a search finds, and proved box by box."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.climb import OPERATIONS, Growth, climb, contradicted
+from wavesweep.for_all.climb import OPERATIONS_OF_CLIMB, Growth, climb, contradicted
 from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
@@ -26,23 +26,21 @@ from wavesweep.for_all.patterns import (
 from wavesweep.for_all.ranges import Box, cover, units_of
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, left_open
 
-TOLERANCE = (
-    0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
-)
-NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
-CLIMBS = 6  # to points at which numbers closer to the start are refuted
-LOOKED_AT = 3  # points of a climb at which all words are searched
-MOVED = 1e-4  # relative: a gain of the search below this ends it
-ALIKE = (
-    1e-3  # relative: frames, or growths, that differ by less have the same words that grow first
-)
-WORK = 7e11  # operations of the proofs: about a minute
+# distance of proof and refutation that is aimed at, relative to the refuted number
+BRACKET_TOLERANCE = 0.01
+TOLERANCE_SHARE = 0.8  # of the tolerance, how far from the refuted number the proof ends
+CLOSER_CLIMBS = 6  # to points at which numbers closer to the start are refuted
+POINTS_LOOKED_AT = 3  # points of a climb at which all words are searched
+LEAST_GAIN = 1e-4  # relative: a gain of the search below this ends it
+# relative: frames, or growths, that differ by less have the same words that grow first
+SAME_FRAMES = 1e-3
+OPERATIONS_OF_PROOFS = 7e11  # operations of the proofs: about a minute
 SOON = 4e9  # operations of a proof that is tried before members are searched, half a second
 UPWARD = 0.6  # part of the work for the way to the upper end
-PART = 0.4  # of the way to the refuted number, at which a proof is begun
-ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
+FIRST_PROOF_PART = 0.4  # of the way to the refuted number, at which a proof is begun
+INWARD = 1e-12  # of a side, by which the ends of a proof stay within it
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
-ROUNDS = 3  # of the search for refutations, after the proof has met one
+REFUTING_ROUNDS = 3  # of the search for refutations, after the proof has met one
 
 Report = Callable[[float, float, float], None]
 
@@ -58,7 +56,8 @@ class Refuted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorstBracket:
-    """The numbers around a start that are proved for the whole box, low to high, NaN if none is; and the refuted ones.
+    """The numbers around a start that are proved for the whole box, low to high, NaN if none is;
+    and the refuted ones.
 
     open: what was left open next to `high`, or to `low`; None if nothing was.
     """
@@ -75,11 +74,12 @@ class WorstBracket:
 class LoopsOver:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
 
-    family: gives the frames at a point of the box as a family along the number. frames: those over a box of sides (see
-    `as_sides`), the first of which is that number. sides: of that number and of those of the box. on_average: if frames are at
-    random; families are then `Chances`, and the word of what grows is (0,). growth: of members, at points of that number and of
-    the box. starts: members that are tried in any case, `(points, numbers)`; extremes: gives further ones, at which an
-    expression is least or largest.
+    family: gives the frames at a point of the box as a family along the number. frames: those over
+    a box of sides (see `as_sides`), the first of which is that number. sides: of that number and of
+    those of the box. on_average: if frames are at random; families are then `Chances`, and the word
+    of what grows is (0,). growth: of members, at points of that number and of the box. starts:
+    members that are tried in any case, `(points, numbers)`; extremes: gives further ones, at which
+    an expression is least or largest.
     """
 
     family: Callable[[tuple[float, ...]], Family]
@@ -107,19 +107,21 @@ def bracket_over(
     start: float,
     limits: tuple[float, float],
     least: float,
-    work: float = WORK,
+    work: float = OPERATIONS_OF_PROOFS,
     report: Report | None = None,
 ) -> WorstBracket:
-    """Return the numbers around a start, within limits, at which all loops of the box decay in every order of frames.
+    """Return the numbers around a start, within limits, at which all loops of the box decay in
+    every order of frames.
 
-    least: the lowest number that the proof aims at. work: operations of the proofs. report: is called with the lowest and the
-    highest number that are proved so far, and the percentage of the way up or down at which the proof is.
+    least: the lowest number that the proof aims at. work: operations of the proofs. report: is
+    called with the lowest and the highest number that are proved so far, and the percentage of the
+    way up or down at which the proof is.
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
-    follows, first, rounds, spent, open_ = loops.follows, loops.sides[0], ROUNDS, 0.0, None
+    follows, first, rounds, spent, open_ = loops.follows, loops.sides[0], REFUTING_ROUNDS, 0.0, None
     if above.word:
-        start = max(start, first.zero + PART * (above.x - first.zero))
+        start = max(start, first.zero + FIRST_PROOF_PART * (above.x - first.zero))
     high = low = start
 
     def proved(bottom, top, most, up):
@@ -135,10 +137,19 @@ def bracket_over(
             replace(loops.frames, units=units, about=layer.mean(0)),
             reached if report else None,
         )
-        found = cover(frames, layer, follows, most - spent, up, words, told, (1 - NEAR) * TOLERANCE)
+        found = cover(
+            frames,
+            layer,
+            follows,
+            most - spent,
+            up,
+            words,
+            told,
+            (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE,
+        )
         return (
             found,
-            float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)),
+            float(first.number(found.end - INWARD if up else found.end + INWARD)),
             spent + found.used,
         )
 
@@ -166,7 +177,7 @@ def bracket_over(
 
 
 def _near(end, refuted):
-    return abs(end - refuted) <= TOLERANCE * max(abs(end), abs(refuted))
+    return abs(end - refuted) <= BRACKET_TOLERANCE * max(abs(end), abs(refuted))
 
 
 def _goal(refuted, limit, start):
@@ -174,7 +185,7 @@ def _goal(refuted, limit, start):
     if not refuted.word:
         return limit
     return refuted.x + np.sign(start - refuted.x) * min(
-        NEAR * TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2
+        TOLERANCE_SHARE * BRACKET_TOLERANCE * abs(refuted.x), abs(refuted.x - start) / 2
     )
 
 
@@ -186,26 +197,27 @@ def _layer(loops, low, high):
 def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     """The refuted number closest to the start that a search over the box finds, towards a limit.
 
-    Words are searched at the points at which members grow most up to what is refuted already, until that comes no closer.
+    Words are searched at the points at which members grow most up to what is refuted already, until
+    that comes no closer.
     """
     best, tried, searched = Refuted(), np.concatenate([loops.starts, loops.extremes()]), []
-    for _ in range(CLIMBS):
+    for _ in range(CLOSER_CLIMBS):
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
         begun = np.insert(starts, 0, end, axis=1)
         at_end = loops.growth.of(begun)
         # Where all of a small box grows alike, its corners and a few members beside them do.
-        differ = not np.ptp(at_end) <= ALIKE * at_end.max()
-        climbed = climb(loops.growth, box, begun, OPERATIONS if differ else 0.0)
+        differ = not np.ptp(at_end) <= SAME_FRAMES * at_end.max()
+        climbed = climb(loops.growth, box, begun, OPERATIONS_OF_CLIMB if differ else 0.0)
         before = best
-        for point in dict.fromkeys(map(tuple, climbed.points[:LOOKED_AT, 1:].tolist())):
+        for point in dict.fromkeys(map(tuple, climbed.points[:POINTS_LOOKED_AT, 1:].tolist())):
             if any(_alike(loops, point, other, end) for other in searched):
                 best = _moved(loops, point, start, best)
             else:
                 best = _refuted_at(loops, point, start, limit, best)
                 searched.append(point)
         if best is before or (
-            before.word and abs(best.x - before.x) <= MOVED * abs(before.x - start)
+            before.word and abs(best.x - before.x) <= LEAST_GAIN * abs(before.x - start)
         ):
             break
     if best.word and not loops.on_average:
@@ -224,7 +236,7 @@ def _alike(loops, point, other, x):
     ):  # a number that is 0 takes a state away
         return False
     centre, _ = first_centre(others, family.follows)  # in whose basis the frames are small
-    return bool(np.abs(centre.in_basis(frames - others)).max() <= ALIKE)
+    return bool(np.abs(centre.in_basis(frames - others)).max() <= SAME_FRAMES)
 
 
 def _moved(loops, point, start, best):
@@ -240,7 +252,7 @@ def _refuted_at(loops, point, start, limit, best):
     x, word = (
         nearest_growing(family, start, limit)
         if loops.on_average
-        else nearest_refuted(family, start, limit, TOLERANCE)
+        else nearest_refuted(family, start, limit, BRACKET_TOLERANCE)
     )
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
@@ -248,7 +260,8 @@ def _refuted_at(loops, point, start, limit, best):
 
 
 def _beyond(loops, point, word, start, end, limit):
-    """The refuted number closest to the start of a word that grows at `end` at a point; None if it does not."""
+    """The refuted number closest to the start of a word that grows at `end` at a point; None if
+    it does not."""
     family = loops.family(tuple(point))
     if loops.on_average:
         x, _ = nearest_growing(family, start, end, 1)
@@ -269,8 +282,11 @@ def _met(loops, found, start, above):
     return _refuted_at(loops, point, start, at, best)
 
 
-def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...], Word, bool]:
-    """Return a point of the box and a word that grows there, () without, and whether all of the box is proved.
+def decide_over(
+    loops: LoopsOver, work: float = OPERATIONS_OF_PROOFS
+) -> tuple[tuple[float, ...], Word, bool]:
+    """Return a point of the box and a word that grows there, () without, and whether all of the box
+    is proved.
 
     loops: along no number. work: operations of the proof.
     """
@@ -279,7 +295,9 @@ def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...]
         return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
 
     def worst(box, starts):
-        for point in map(tuple, climb(loops.growth, box, starts).points[:LOOKED_AT].tolist()):
+        for point in map(
+            tuple, climb(loops.growth, box, starts).points[:POINTS_LOOKED_AT].tolist()
+        ):
             family, words = loops.family(point), [(0,)]
             if not loops.on_average:
                 A = family.at(0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 
 SHUFFLES = 199
-LEVEL = 0.01  # share of shuffled runs, below which frames are not independent
+SIGNIFICANCE = 0.01  # share of shuffled runs, below which frames are not independent
 
 
 def pairs_of(lengths: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -14,10 +14,12 @@ def pairs_of(lengths: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def are_independent(lengths: np.ndarray, values: np.ndarray) -> bool:
-    """Whether frames follow each other as in a run whose order is random, as far as pairs of neighbours show.
+    """Whether frames follow each other as in a run whose order is random, as far as pairs of
+    neighbours show.
 
-    A permutation test at LEVEL: the likelihood ratio of pairs against independent frames, beside that of shuffled runs. It is
-    exact for runs of any length, which a chi-squared distribution of pairs that are rare is not.
+    A permutation test at SIGNIFICANCE: the likelihood ratio of pairs against independent frames,
+    beside that of shuffled runs. It is exact for runs of any length, which a chi-squared
+    distribution of pairs that are rare is not.
     """
     rng = np.random.default_rng(0)
     dependence = _dependence(pairs_of(lengths, values))
@@ -26,11 +28,12 @@ def are_independent(lengths: np.ndarray, values: np.ndarray) -> bool:
     for _ in range(SHUFFLES):
         shuffled = rng.permutation(lengths)
         larger += _dependence(pairs_of(shuffled, values)) >= least
-    return bool((1 + larger) / (1 + SHUFFLES) > LEVEL)
+    return bool((1 + larger) / (1 + SHUFFLES) > SIGNIFICANCE)
 
 
 def _dependence(pairs):
-    """The sum of `n log(n / (r c))` over pairs, with the sums r and c of their row and column, up to a constant."""
+    """The sum of `n log(n / (r c))` over pairs, with the sums r and c of their row and column,
+    up to a constant."""
     return _information(pairs) - _information(pairs.sum(0)) - _information(pairs.sum(1))
 
 

@@ -18,7 +18,8 @@ from wavesweep.program.plots.style import (
 
 
 def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw an `identify-frames` table: the share of each length, and a disc for each pair, whose area is its share."""
+    """Draw an `identify-frames` table: the share of each length, and a disc for each pair, whose
+    area is its share."""
     ticks = np.array([row["ticks"] for row in facts["lengths"]])
     shares = np.array([row["frames"] for row in facts["lengths"]]) / facts["frames"]
     with figure(TWO_COLUMNS, 3.0) as canvas:

@@ -1,4 +1,5 @@
-"""Frames as they were measured: the table `identify-frames`, with the lengths in its facts and its summary."""
+"""Frames as they were measured: the table `identify-frames`, with the lengths in its facts and
+its summary."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -20,9 +21,10 @@ from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
 from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
-SHOWN = 8  # lengths in a summary, and lengths after each
-MOST = 64  # values of a number that varies in [for_all]
-MOST_NEXT = 20  # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
+LENGTHS_SHOWN = 8  # lengths in a summary, and lengths after each
+MOST_FRAME_LENGTHS = 64  # values of a number that varies in [for_all]
+# lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
+MOST_NEXT = 20
 
 
 def identified(
@@ -35,9 +37,10 @@ def identified(
 ) -> Table:
     """The lengths of frames in a file, and which follow which.
 
-    number: the name in [for_all] of what gives a frame's length. columns, scales: see `times.read_run`. every: the loop looks
-    for results in every so many ticks; None for the least number with which [for_all] takes all lengths. Errors: UsageError as
-    of `read_run`, and if this number is above the shortest frame.
+    number: the name in [for_all] of what gives a frame's length. columns, scales: see
+    `times.read_run`. every: the loop looks for results in every so many ticks; None for the least
+    number with which [for_all] takes all lengths. Errors: UsageError as of `read_run`, and if this
+    number is above the shortest frame.
     """
     started = time.perf_counter()
     run = read_run(path, fast_hz, columns, scales, HIGHEST_RATIO)
@@ -49,11 +52,11 @@ def identified(
         )
     for divisor in (every,) if every else range(1, shortest + 1):
         run = replace(run, every=divisor)
-        if len(run.values) <= MOST:
+        if len(run.values) <= MOST_FRAME_LENGTHS:
             break
     else:
         raise UsageError(
-            f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
+            f"{path}: expected at most {MOST_FRAME_LENGTHS} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
             "ticks on; cut out the part of the recording that has such frames, or take slower ticks"
         )
     lengths = run.lengths
@@ -97,7 +100,8 @@ def identified(
 
 
 def _unfit(run: MeasuredFrames) -> dict[str, Any]:
-    """How many frames do not last whole ticks, or multiples of `every`, by how much the worst, and where the first is."""
+    """How many frames do not last whole ticks, or multiples of `every`, by how much the worst,
+    and where the first is."""
     unfit = np.flatnonzero(run.unfit)
     off = np.abs(run.ticks - run.every * np.round(run.ticks / run.every))
     facts = {"frames": len(unfit), "worst": float(off.max())}
@@ -132,8 +136,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     shares = {row["ticks"]: 100 * row["frames"] / found["frames"] for row in rows}
     frequent = sorted(ticks, key=lambda length: -shares[length])
-    shown = sorted(frequent[:SHOWN])
-    rare = sorted(frequent[SHOWN:])
+    shown = sorted(frequent[:LENGTHS_SHOWN])
+    rare = sorted(frequent[LENGTHS_SHOWN:])
     for row in rows:
         if row["ticks"] not in shown:
             continue
@@ -155,14 +159,15 @@ def _next_lengths(row, ticks) -> str:
     if not after or len(ticks) == 1:
         return ""
     total = sum(row["next"])
-    following = [f"{length} ({100 * -n / total:.3g} %)" for n, length in after[:SHOWN]]
-    if len(after) > SHOWN:
+    following = [f"{length} ({100 * -n / total:.3g} %)" for n, length in after[:LENGTHS_SHOWN]]
+    if len(after) > LENGTHS_SHOWN:
         following.append("...")
     return f"; the next one: {', '.join(following)}"
 
 
 def _caveats(found: Numbers) -> Iterator[Line]:
-    """What is to be known of the lengths: whether they depend on each other, how many decide, and which do not fit ticks."""
+    """What is to be known of the lengths: whether they depend on each other, how many decide,
+    and which do not fit ticks."""
     rows = found["lengths"]
     every = found["every"]
     if len(rows) > 1 and found["independent"]:
@@ -175,7 +180,7 @@ def _caveats(found: Numbers) -> Iterator[Line]:
             "the length of a frame depends on that of the frame before: shares alone do not describe this run",
             False,
         )
-    if len(rows) > SHOWN:
+    if len(rows) > LENGTHS_SHOWN:
         yield (
             f"few of {len(rows)} lengths decide: the summary of zwidth says which, and which may be left out",
             False,

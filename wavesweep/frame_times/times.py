@@ -11,10 +11,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import MOST, Csv, option, read_csv
 
-MOST_BYTES = 1_000_000_000
+MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
-LONGEST = 10.0  # s, of most frames
-MOST_TICKS = 1e9  # of a frame
+LONGEST_FRAME_S = 10.0  # s, of most frames
+MOST_FRAME_TICKS = 1e9  # of a frame
 KNOWN = {  # columns of programs: what they are, and the factor to s
     "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
     "intendedvsync": ("time", 1e-9),  # framestats of Android
@@ -40,10 +40,11 @@ SWAP_CHAINS = (
 
 @dataclass(frozen=True, eq=False)
 class MeasuredFrames:
-    """Frames in a row: when each begins (s, by the clock of the file), and how long it lasts (ticks, as it was measured).
+    """Frames in a row: when each begins (s, by the clock of the file), and how long it lasts
+    (ticks, as it was measured).
 
-    sha256: of the file. every: the loop looks for a result of the slow environment in every so many of its ticks, so that
-    frames last multiples of them.
+    sha256: of the file. every: the loop looks for a result of the slow environment in every so many
+    of its ticks, so that frames last multiples of them.
     """
 
     begins: np.ndarray
@@ -60,8 +61,9 @@ class MeasuredFrames:
     def possible(self) -> tuple[np.ndarray, np.ndarray]:
         """The ticks that the fast loop counts in each frame, at least and at most.
 
-        It counts its own ticks between two stamps. If a frame does not last whole ticks, their number depends on where the
-        stamps lie between two ticks, which is not known; so with multiples of `every`.
+        It counts its own ticks between two stamps. If a frame does not last whole ticks, their
+        number depends on where the stamps lie between two ticks, which is not known; so with
+        multiples of `every`.
         """
         counts = self.ticks / self.every
         nearest_counts = np.round(counts)
@@ -71,7 +73,8 @@ class MeasuredFrames:
 
     @property
     def lengths(self) -> np.ndarray:
-        """The length of each frame as the loop may count it. Those that do not fit are rounded so that their sum is right."""
+        """The length of each frame as the loop may count it. Those that do not fit are rounded
+        so that their sum is right."""
         counts = self.ticks / self.every
         unfit = self.unfit
         lengths = np.round(counts)
@@ -89,18 +92,20 @@ def read_run(
     fast_hz: float,
     columns: Mapping[str, str] | None = None,
     scales: Mapping[str, float] | None = None,
-    most: float = MOST_TICKS,
+    most: float = MOST_FRAME_TICKS,
 ) -> MeasuredFrames:
-    """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names time and duration.
+    """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names
+    time and duration.
 
     They are None where a command has no options for them. most: ticks that a frame may last.
 
-    Errors: UsageError that names the file, the line or the column, what was expected and what was found.
+    Errors: UsageError that names the file, the line or the column, what was expected and what was
+    found.
     """
     options = columns is not None
     columns = columns or {}
     scales = scales or {}
-    file = read_csv(path, MOST_BYTES)
+    file = read_csv(path, MOST_LOG_BYTES)
     for flag, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
             raise UsageError(
@@ -125,8 +130,10 @@ def read_run(
         begins = np.cumsum(readings) - readings
         durations = readings
     median = float(np.median(durations))
-    if median > LONGEST:
-        expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
+    if median > LONGEST_FRAME_S:
+        expected = (
+            f"expected frames of at most {LONGEST_FRAME_S:g} s, found {median:.6g} s for most"
+        )
         hint = (
             f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms"
             if options
@@ -140,7 +147,8 @@ def read_run(
 
 @dataclass(frozen=True)
 class FrameColumn:
-    """What is read, time or duration, from which columns, whose sum it is with these factors; known: by their names alone."""
+    """What is read, time or duration, from which columns, whose sum it is with these factors;
+    known: by their names alone."""
 
     name: str
     columns: tuple[str, ...]
@@ -202,7 +210,8 @@ def _refuse_several(path, file) -> None:
 
 
 def _refuse_lengths(path, file: Csv, first, name, durations, fast_hz, most) -> None:
-    """Raise UsageError for frames shorter than a tick, or longer than the most ticks. first: row of the first frame."""
+    """Raise UsageError for frames shorter than a tick, or longer than the most ticks. first: row
+    of the first frame."""
     ticks = durations * fast_hz
     tick = f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (

@@ -41,7 +41,8 @@ def number_of(spec: Spec) -> str:
 
 
 def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
-    """The lengths of frames (ticks) that the answers of a spec are for, and whether these may change from frame to frame.
+    """The lengths of frames (ticks) that the answers of a spec are for, and whether these may
+    change from frame to frame.
 
     Errors: see `number_of`.
     """
@@ -109,11 +110,13 @@ def within(
     columns: Mapping[str, str] | None = None,
     scales: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
-    """Whether the frames of a file are among those that the answers of a spec are for, as facts that JSON can hold.
+    """Whether the frames of a file are among those that the answers of a spec are for, as facts
+    that JSON can hold.
 
-    expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not certain to be among them; first:
-    of the first one, its number from 1, when it begins (s), and its measured length in ticks. every: if all these lengths are
-    multiples of a number of ticks, and all frames are among them for a loop that looks for results in every so many ticks, this
+    expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not
+    certain to be among them; first: of the first one, its number from 1, when it begins (s), and
+    its measured length in ticks. every: if all these lengths are multiples of a number of ticks,
+    and all frames are among them for a loop that looks for results in every so many ticks, this
     number; otherwise 1. columns, scales: see `times.read_run`. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)

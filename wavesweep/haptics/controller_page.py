@@ -1,4 +1,5 @@
-"""Pages of controllers: blocks and wires as texts, with the paths of a spec's keys as numbers, and the loops that they draw."""
+"""Pages of controllers: blocks and wires as texts, with the paths of a spec's keys as numbers,
+and the loops that they draw."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from wavesweep.engine.expressions import Tree, linear, parse
 from wavesweep.haptics.controllers import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
-F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v
+# the wall's force on a displacement x and a velocity v
+F_S = "environment.K_VE*{x} + environment.B_VE*{v}"
 
 
 def steps_of(ratio: float) -> tuple[int, int]:
@@ -38,8 +40,9 @@ def steps_of(ratio: float) -> tuple[int, int]:
 class BlockDiagram:
     """A loop as its page draws it.
 
-    blocks: name -> keys, of which `type` is one; numbers are texts of expressions in paths of keys. wires: input port -> text
-    of an expression, linear in signals. reaction: text of the force against the hand. assumes: what a result says of its wall.
+    blocks: name -> keys, of which `type` is one; numbers are texts of expressions in paths of keys.
+    wires: input port -> text of an expression, linear in signals. reaction: text of the force
+    against the hand. assumes: what a result says of its wall.
     """
 
     blocks: Mapping[str, Mapping[str, object]]
@@ -48,7 +51,8 @@ class BlockDiagram:
     assumes: str = "a wall of which its controller's page says nothing"
 
     def behind_amplifier(self, ticks: int, dead_time: str = "") -> BlockDiagram:
-        """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs.
+        """Return the loop whose motors exert the control force so many ticks later, and the device
+        feels theirs.
 
         dead_time: path of a time (s) by which it is later than that; empty without one.
         """
@@ -69,15 +73,18 @@ class BlockDiagram:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """When the slow environment runs and when its results are in place, in fast ticks of the common frame.
+    """When the slow environment runs and when its results are in place, in fast ticks of the common
+    frame.
 
-    With fast/slow = q/p in lowest terms all is in step again after q fast ticks, in which the slow environment runs p times.
-    Its step k is at time `t_k = k q/p` ticks. It reads what the fast tick at or before t_k holds, and its result is in place
-    from the first fast tick at or after `t_k + D` on. D is a whole number of ticks, to the longest frame, or q/p itself:
-    "frame", the instant of the next step, before that one reads.
+    With fast/slow = q/p in lowest terms all is in step again after q fast ticks, in which the slow
+    environment runs p times. Its step k is at time `t_k = k q/p` ticks. It reads what the fast tick
+    at or before t_k holds, and its result is in place from the first fast tick at or after `t_k +
+    D` on. D is a whole number of ticks, to the longest frame, or q/p itself: "frame", the instant
+    of the next step, before that one reads.
 
-    stored, shown: the ticks in which a result is put aside, since the next one is computed first, and in which it is put in
-    place; empty where it need not be. by: the type of the block that shows it.
+    stored, shown: the ticks in which a result is put aside, since the next one is computed first,
+    and in which it is put in place; empty where it need not be. by: the type of the block that
+    shows it.
     """
 
     every: object
@@ -100,8 +107,9 @@ class Slow:
         shown = tuple(sorted(waits[k] % q for k in range(p)))
         if all(waits[k] == computed[k] for k in range(p)):
             return Slow(every, reads, (), ())
-        # Whatever shows result k has to find it: a hold at waits[k], a delay, which shows what it was given one run before, at
-        # waits[k - 1]. By then it is computed, or put aside before the next one is, but not before its place is free.
+        # Whatever shows result k has to find it: a hold at waits[k], a delay, which shows what it
+        # was given one run before, at waits[k - 1]. By then it is computed, or put aside before the
+        # next one is, but not before its place is free.
         for by, runs in (("hold", 0), ("delay", 1)):
             found = {k: waits[k - runs] for k in range(p)}
             if all(computed[k] <= found[k] < computed[k + 1] for k in range(p)):
@@ -120,7 +128,8 @@ class Slow:
     def in_place(
         self, name: str, signal: str
     ) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
-        """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
+        """Return the blocks and wires that put a slow signal in place when its delay is over,
+        and the signal that shows it."""
         blocks, wires = {}, {}
         for stage, kind, phases in (
             ("kept", "hold", self.stored),
@@ -179,10 +188,11 @@ _GAIN = "controller.Kp"  # without it, nothing holds the avatar's position
 
 
 def loop_drawing(values: Mapping[str, Any], varied: Iterable[str] = ()) -> Drawing:
-    """Return the loop that a spec's controller is, as a drawing whose numbers are the keys of a spec.
+    """Return the loop that a spec's controller is, as a drawing whose numbers are the keys of a
+    spec.
 
-    values: flat keys; arrays over a batch may stand for floats. varied: paths of gains that count as other than 0.
-    Errors: UsageError for a kind that no page draws.
+    values: flat keys; arrays over a batch may stand for floats. varied: paths of gains that count
+    as other than 0. Errors: UsageError for a kind that no page draws.
     """
     return _drawing(*_page_of(values, varied))
 
@@ -200,7 +210,8 @@ def assumption_of_page(values: Mapping[str, Any]) -> str:
 
 
 def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
-    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
+    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads
+    these more than once.
 
     values: flat keys, with numbers or arrays over the loops.
     """

@@ -1,4 +1,5 @@
-"""The controllers that a spec may name. Each is declared here once, with the page of `haptics` that draws its loop."""
+"""The controllers that a spec may name. Each is declared here once, with the page of `haptics`
+that draws its loop."""
 
 from __future__ import annotations
 
@@ -12,17 +13,16 @@ WALL = ("environment.K_VE", "environment.B_VE")
 HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 """The keys of the hand's numbers."""
 
-MOST_SLOW_STEPS = (
-    10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
-)
+# slow steps in a frame: doubles distinguish fractions with denominators up to this
+MOST_SLOW_STEPS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
 class Controller:
     """A controller.
 
-    description: for a user. page: function from flat values to a `BlockDiagram`. filters: those of [filters] that the loop has;
-    the rate sets no limit to the others.
+    description: for a user. page: function from flat values to a `BlockDiagram`. filters: those of
+    [filters] that the loop has; the rate sets no limit to the others.
     """
 
     description: str

@@ -1,4 +1,5 @@
-"""Controllers without waves: direct coupling at the fast rate and at the slow one, and a power-domain local model."""
+"""Controllers without waves: direct coupling at the fast rate and at the slow one, and a
+power-domain local model."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -24,7 +25,8 @@ def dc_slow(values: Mapping[str, Any]) -> BlockDiagram:
 
 
 def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
-    """The slow wall's held force, and a fast spring and damper about the samples that this force was computed from."""
+    """The slow wall's held force, and a fast spring and damper about the samples that this force
+    was computed from."""
     slow = Slow.of(values)
     blocks, wires, velocity, force = _slow_wall(values)
     for name, signal, gain in (
@@ -39,7 +41,8 @@ def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
 
 
 class SlowWall(NamedTuple):
-    """The device, and the slow wall: blocks, wires, the measured velocity and the wall's force as it is held."""
+    """The device, and the slow wall: blocks, wires, the measured velocity and the wall's force
+    as it is held."""
 
     blocks: dict[str, dict[str, object]]
     wires: dict[str, str]

@@ -26,9 +26,11 @@ from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_
 FELT = ("felt_low", "felt_high")
 RECORD = record_type(*((name, "<f8") for name in FELT))
 """Records of intervals with the stiffness that is felt at their ends."""
-BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
-AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
-SURE = 1e-6  # relative error up to which a stiffness counts as known
+# of an end, how far from it is looked where a mode has the frame's own period there
+BESIDE_END = 1e-4
+# relative difference of two such looks, beyond which nothing is felt that is the same on both sides
+AGREED = 1e-3
+KNOWN_STIFFNESS = 1e-6  # relative error up to which a stiffness counts as known
 
 
 def feels(drawing: Drawing) -> bool:
@@ -37,7 +39,8 @@ def feels(drawing: Drawing) -> bool:
 
 
 def felt_of(loops: Loops, size: int) -> np.ndarray:
-    """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
+    """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN
+    where it is not known."""
     felt = np.full(size, np.nan)
     try:
         _fill_felt(felt, loops)
@@ -87,13 +90,16 @@ def _fill_felt(felt, loops):
         drawn = loops.some(unknown).drawn()
     with drawn.naming_blocks():
         response = static_response(Lifted.of(port_of(drawn, ports, drift)))
-    felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
+    felt[unknown] = np.where(
+        response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan
+    )
 
 
 def hand_in_frame(
     drawn: MultirateLoop, drawing: Drawing, numbers: tuple[str, ...], read: tuple[str, ...]
 ) -> Ports | None:
-    """The hand, if its loops may feel a wall, and a frame without the numbers shows the force against it; see `FindPort`."""
+    """The hand, if its loops may feel a wall, and a frame without the numbers shows the force
+    against it; see `FindPort`."""
     if not feels(drawing) or any(seen_by_hand(drawing, number) for number in numbers):
         return None
     hand = hand_of(drawing)
@@ -115,7 +121,8 @@ def stiffness_at_ends(
     place = place[unknown]
 
     def stiffness(rows, values):
-        """Of loops that are built as they are at the values, which in pieces of a range is another way for each."""
+        """Of loops that are built as they are at the values, which in pieces of a range is
+        another way for each."""
         columns = place[rows]
         batches = np.arange(values.size)[:, None] if in_pieces else by_zeros(loops, columns)
         result = np.empty(values.size)
@@ -140,9 +147,10 @@ def felt_along(loops: Loops, along: str, p: np.ndarray) -> np.ndarray:
 def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.ndarray:
     """The stiffness felt at both ends of intervals along a number that is no wall, `(2, n)`.
 
-    stiffness(rows, values): that of the loops of these pairs of ends, at these values of the number. A 0 takes a branch out of
-    the loop, so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode
-    that alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
+    stiffness(rows, values): that of the loops of these pairs of ends, at these values of the
+    number. A 0 takes a branch out of the loop, so ends at 0 are computed apart. At a crossing of z
+    = 1 a frame does not determine the state at rest, since a mode that alternates from tick to tick
+    repeats in it; the stiffness is smooth there, and follows from both sides.
     """
     shape, row = p.shape, np.tile(np.arange(p.shape[1]), 2)
     p, omega, felt = p.ravel(), omega.ravel(), np.empty(p.size)
@@ -153,7 +161,7 @@ def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.nd
         ends = np.flatnonzero((omega == 0) & (p != 0))
         if ends.size:
             sides = np.multiply.outer(
-                [1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[ends]
+                [1 - BESIDE_END, 1 + BESIDE_END, 1 - 2 * BESIDE_END, 1 + 2 * BESIDE_END], p[ends]
             )
             moved = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
             near, far = moved[0] + moved[1], moved[2] + moved[3]
@@ -164,7 +172,8 @@ def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.nd
 
 
 def _known_at_ends(question, loops, opened, place, p):
-    """The stiffness at both ends of loops whose number is one scalar gain, `(2, n)`; NaN where it is not known by that."""
+    """The stiffness at both ends of loops whose number is one scalar gain, `(2, n)`; NaN where
+    it is not known by that."""
     ends = p.ravel()
     twice = np.tile(place, 2)
     at_rest = opened and _frame_at_rest(opened)
@@ -192,7 +201,8 @@ def _known_at_ends(question, loops, opened, place, p):
 
 
 def _frame_at_rest(opened: Opened) -> DcGain | None:
-    """The loops without their number as the hand feels them at rest; None if their frame does not show it."""
+    """The loops without their number as the hand feels them at rest; None if their frame does
+    not show it."""
     loops = opened.loops
     if not loops.port:
         return None
@@ -216,7 +226,8 @@ def _tick_at_rest(question, loops) -> DcGain | None:
 
 
 def _of_slices(opened: Opened, at_rest: DcGain, at, p) -> np.ndarray:
-    """The stiffness that is felt of the slices `at` if their number is p, `(n,)` all; NaN if the frame hides it."""
+    """The stiffness that is felt of the slices `at` if their number is p, `(n,)` all; NaN if the
+    frame hides it."""
     second = opened.second[at]
     first, other = (second, p) if opened.swapped else (p, second)
     return at_rest.stiffness(opened.loop_of[at], first, other)

@@ -1,4 +1,5 @@
-"""Loops that a hand holds: which block is the device, the loop with a hand on it, and its ticks as the hand sees them."""
+"""Loops that a hand holds: which block is the device, the loop with a hand on it, and its ticks
+as the hand sees them."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -21,7 +22,8 @@ class HeldLoop(Loops):
 
     @property
     def device(self) -> str | None:
-        """Name of the mass that the hand holds; None if the hand is not the mass, damping and stiffness of one."""
+        """Name of the mass that the hand holds; None if the hand is not the mass, damping and
+        stiffness of one."""
         return device_of(self.drawing)
 
     def at(self, index: int) -> "HeldLoop":
@@ -34,7 +36,8 @@ class HeldLoop(Loops):
         return HeldLoop(self.drawing, values)
 
     def with_hand(self) -> "HeldLoop":
-        """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
+        """Return the loops whose device has the mass, damping and stiffness of a hand as well,
+        as the numbers `HAND`."""
         added = dict.fromkeys(HAND, 0.0)
         drawing = (
             self.drawing
@@ -45,14 +48,16 @@ class HeldLoop(Loops):
 
     @property
     def reads_velocity(self) -> bool:
-        """Whether something reads the velocity of the device as a point sample, or its position between two ticks."""
+        """Whether something reads the velocity of the device as a point sample, or its position
+        between two ticks."""
         velocity, sensed = f"{self.device}.v", f"{self.device}.x{AT}"
         terms = [term for sums in self.drawn().sums.values() for term in sums.items()]
         return any(np.any(gain) and (name.startswith((velocity, sensed))) for name, gain in terms)
 
     @property
     def parts(self) -> dict[str, Any]:
-        """The parts of a tick in each of which the force on the device is held: its port in each, and its share of the tick."""
+        """The parts of a tick in each of which the force on the device is held: its port in
+        each, and its share of the tick."""
         plant = next(
             (plant for plant in self.drawing.plants if plant.members[0].name == self.device), None
         )
@@ -80,7 +85,8 @@ def held_loop(loops: Loops) -> HeldLoop:
 
 @lru_cache(maxsize=256)
 def device_of(drawing: Drawing) -> str | None:
-    """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand.
+    """Return the mass that the hand's force acts on, and nothing else, and whose position is the
+    displacement of the hand.
 
     Nothing else acts on it continuously.
     """
@@ -109,7 +115,8 @@ def _is_one(tree):
 
 @lru_cache(maxsize=64)
 def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
-    """Return the drawing whose device has a further mass, damping and stiffness, the numbers with these paths."""
+    """Return the drawing whose device has a further mass, damping and stiffness, the numbers
+    with these paths."""
     added = dict(zip(("mass", "damping", "stiffness"), paths, strict=True))
 
     def held(block):

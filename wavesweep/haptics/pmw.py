@@ -10,12 +10,14 @@ from wavesweep.haptics.controller_page import F_S, RATIO, BlockDiagram, Slow, de
 
 
 def pmw(values: Mapping[str, Any]) -> BlockDiagram:
-    """Figure 1: hand -> device -> encoder u_m -> LP1 -> sampler -> avatar and wall -> v_s -> hold -> v_m -> device."""
+    """Figure 1: hand -> device -> encoder u_m -> LP1 -> sampler -> avatar and wall -> v_s ->
+    hold -> v_m -> device."""
     return _waves(values, _filter("lp1"))
 
 
 def pmw_mean(values: Mapping[str, Any]) -> BlockDiagram:
-    """Figure 1 with the mean of a frame's waves in LP1's place: of all passive channels, the one that is felt stiffest at rest.
+    """Figure 1 with the mean of a frame's waves in LP1's place: of all passive channels, the one
+    that is felt stiffest at rest.
 
     Where rates do not divide, the mean of the nearest whole number of ticks, which the result says.
     """
@@ -29,7 +31,8 @@ def pmw_mean(values: Mapping[str, Any]) -> BlockDiagram:
 
 
 def pmw_lm(values: Mapping[str, Any]) -> BlockDiagram:
-    """Figure 3: Figure 1 and the branch u_m -> HP -> local model -> LP2 -> v_2; v_m = v_1 + v_2 + Kp (x_s - x)."""
+    """Figure 3: Figure 1 and the branch u_m -> HP -> local model -> LP2 -> v_2; v_m = v_1 + v_2
+    + Kp (x_s - x)."""
     blocks = {
         "hp": _filter("hp", "high"),
         "local": {
@@ -54,7 +57,8 @@ def _waves(
     of_branch: Mapping[str, str] = MappingProxyType({}),
     v_2: str = "",
 ) -> BlockDiagram:
-    """The loop of Figure 1 with the block `lp1` before the sampler, and a further branch, whose wave is `v_2`."""
+    """The loop of Figure 1 with the block `lp1` before the sampler, and a further branch, whose
+    wave is `v_2`."""
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     blocks["encoder"] = {"type": "wave", "b": "controller.b"}
     blocks["lp1"] = lp1

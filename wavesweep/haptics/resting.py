@@ -1,11 +1,13 @@
 """The stiffness that the hand feels of a drawn loop at rest: from a single tick, or from its frame.
 
-If nothing changes, every block holds the outputs that it would have if it ran: a state at rest is the same in all ticks,
-whichever blocks run in them. So the schedule does not matter, and a tick in which every block runs is enough. A loop that
-drifts, or that conserves a combination of its states, has no unique state at rest; then that result is not known.
+If nothing changes, every block holds the outputs that it would have if it ran: a state at rest is
+the same in all ticks, whichever blocks run in them. So the schedule does not matter, and a tick in
+which every block runs is enough. A loop that drifts, or that conserves a combination of its states,
+has no unique state at rest; then that result is not known.
 
-A position that only adds up the states of a loop, and is read by none, depends on how it got there: a tick does not determine
-it, a frame does. `static_port_response` has loops that neither of the two determines.
+A position that only adds up the states of a loop, and is read by none, depends on how it got there:
+a tick does not determine it, a frame does. `static_port_response` has loops that neither of the two
+determines.
 """
 
 from dataclasses import dataclass
@@ -14,20 +16,29 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop, Ports, all_sums, connect
-from wavesweep.engine.frames import ENTRIES, ROUNDING, MarginalModes, OpenFrame, relative_row
+from wavesweep.engine.frames import (
+    ENTRY_ROUNDING,
+    SHORT_SUM_ROUNDING,
+    MarginalModes,
+    OpenFrame,
+    relative_row,
+)
 from wavesweep.engine.response import ordered_products, solved
 
-SURE = 1e-9  # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as nothing felt
+# relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as
+# nothing felt
+KNOWN_AT_REST = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DcGain:
     """Loops at rest under a unit force of the hand, and a number p of them that is one scalar gain.
 
-    shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's product. The first column is
-    for the case that the signal which the number multiplies is 0; the second is the change for a 1 of that signal. error:
-    bounds on the errors. free: whether there is such a number. A fourth row is the signal that another number multiplies, whose
-    product is added to that of the first one.
+    shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's
+    product. The first column is for the case that the signal which the number multiplies is 0; the
+    second is the change for a 1 of that signal. error: bounds on the errors. free: whether there is
+    such a number. A fourth row is the signal that another number multiplies, whose product is added
+    to that of the first one.
     """
 
     shown: np.ndarray
@@ -35,12 +46,14 @@ class DcGain:
     free: bool
 
     def stiffness(self, at, p, second=0.0) -> np.ndarray:
-        """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all.
+        """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p,
+        `(n,)` all.
 
-        second: the number of the fourth row. NaN: not known to SURE. If nothing is swept, one loop represents all.
+        second: the number of the fourth row. NaN: not known to KNOWN_AT_REST. If nothing is swept,
+        one loop represents all.
 
-        The product of the number is p times the signal that it multiplies, and that signal is `F_0/(p - F_1)` (Sherman and
-        Morrison 1950); of F the product of the other number is a part.
+        The product of the number is p times the signal that it multiplies, and that signal is
+        `F_0/(p - F_1)` (Sherman and Morrison 1950); of F the product of the other number is a part.
         """
         if len(self.shown) == 1:
             at = 0 * at
@@ -58,41 +71,50 @@ class DcGain:
             position, reaction = limits
             stiffness = reaction / position
             off_position, off_reaction = error / np.abs(limits)
-            nothing = SURE * rigid * np.abs(position)
+            nothing = KNOWN_AT_REST * rigid * np.abs(position)
             is_nothing = (off_reaction >= 1) & (error[1] <= nothing)
             stiffness = np.where(is_nothing, 0.0, stiffness)
-            known = (off_position <= SURE) & ((off_reaction <= SURE) | (stiffness == 0))
+            known = (off_position <= KNOWN_AT_REST) & (
+                (off_reaction <= KNOWN_AT_REST) | (stiffness == 0)
+            )
             return np.where(known, stiffness, np.nan)
 
 
 def _closed(still, of_still, change, of_change, p):
-    """Position and reaction with the number p in place, times `p - F_1`, which their ratio does not have, and their errors."""
+    """Position and reaction with the number p in place, times `p - F_1`, which their ratio does
+    not have, and their errors."""
     left = p - change[2]
-    of_left = of_change[2] + ROUNDING * (np.abs(p) + np.abs(change[2]))
+    of_left = of_change[2] + SHORT_SUM_ROUNDING * (np.abs(p) + np.abs(change[2]))
     direct = still[:2] * left
     through = still[2] * change[:2]
     error = of_still[:2] * np.abs(left) + np.abs(still[:2]) * of_left
-    error = error + ROUNDING * (np.abs(direct) + np.abs(through))
+    error = error + SHORT_SUM_ROUNDING * (np.abs(direct) + np.abs(through))
     error = error + of_still[2] * np.abs(change[:2]) + np.abs(still[2]) * of_change[:2]
     return direct + through, error
 
 
 def _less(rows, errors, second):
-    """The first three rows with the fourth one times a number taken from the third, and the errors."""
+    """The first three rows with the fourth one times a number taken from the third, and the
+    errors."""
     product = second * rows[3]
     third = rows[2] - product
-    error = errors[2] + np.abs(second) * errors[3] + ROUNDING * (np.abs(rows[2]) + np.abs(product))
+    error = (
+        errors[2]
+        + np.abs(second) * errors[3]
+        + SHORT_SUM_ROUNDING * (np.abs(rows[2]) + np.abs(product))
+    )
     return np.stack([*rows[:2], third]), np.stack([*errors[:2], error])
 
 
 def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: str = "") -> DcGain:
     """Return the loops at rest.
 
-    product, factor: the number's product is that input of the drawing, and it would multiply the signal `factor`; if they are
-    empty, the drawing is the whole loop. Errors: IllPosedLoopError if the loop of direct terms through all blocks is singular.
+    product, factor: the number's product is that input of the drawing, and it would multiply the
+    signal `factor`; if they are empty, the drawing is the whole loop. Errors: IllPosedLoopError if
+    the loop of direct terms through all blocks is singular.
 
-    With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest; r is the signal that the number
-    multiplies.
+    With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest; r is the
+    signal that the number multiplies.
     """
     signals = [ports.position]
     if ports.reaction:
@@ -109,13 +131,13 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     at_rest = _at_rest(block.E, block.B, block.C, block.D, *structure)
     sizes = _at_rest(*block.terms, *structure)
     with np.errstate(all="ignore"):
-        of_A = ENTRIES * sizes.A
-        of_right = ENTRIES * np.abs(sizes.right)
+        of_A = ENTRY_ROUNDING * sizes.A
+        of_right = ENTRY_ROUNDING * np.abs(sizes.right)
         X, dX = solved(at_rest.A, of_A, at_rest.right, of_right)
         shown = ordered_products(at_rest.rows, X) + at_rest.direct
         size = ordered_products(sizes.rows, np.abs(X)) + sizes.direct
         error = ordered_products(np.abs(at_rest.rows), dX)
-        error = error + (ENTRIES + X.shape[-2] * ROUNDING) * size
+        error = error + (ENTRY_ROUNDING + X.shape[-2] * SHORT_SUM_ROUNDING) * size
     return DcGain(shown.reshape(-1, 3, 2), error.reshape(-1, 3, 2), bool(factor))
 
 
@@ -131,8 +153,9 @@ class DcEquations(NamedTuple):
 def _at_rest(E, B, C, D, batch, hand, reacts, free):
     """Return the equations at rest.
 
-    hand, free: inputs that are the hand's force and the number's product, None without a number. reacts: whether the second
-    signal is the force against the hand. They may be made of sizes as well; only `right` has the other sign then.
+    hand, free: inputs that are the hand's force and the number's product, None without a number.
+    reacts: whether the second signal is the force against the hand. They may be made of sizes as
+    well; only `right` has the other sign then.
     """
     n = E.shape[-1]
     order = n + (free is not None)
@@ -158,11 +181,12 @@ def _at_rest(E, B, C, D, batch, hand, reacts, free):
     return DcEquations(A, right, rows, direct)
 
 
-SURELY = 2  # a sum below so many bounds on its rounding counts as 0
+ZERO_BOUNDS = 2  # a sum below so many bounds on its rounding counts as 0
 
 
 def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> bool:
-    """Whether every tick shows the force against the hand with no more held than the loop needs; read: see `open_frame`."""
+    """Whether every tick shows the force against the hand with no more held than the loop needs;
+    read: see `open_frame`."""
     if not ports.reaction:
         return False
     held = drawn.held(read)
@@ -181,15 +205,18 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
 def frame_dcgain(
     drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: MarginalModes
 ) -> DcGain | None:
-    """Return the loops at rest, free in the number that the frame is without; None if the frame does not determine them.
+    """Return the loops at rest, free in the number that the frame is without; None if the frame
+    does not determine them.
 
-    frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
-    number of the same sum multiplies, and last the force against the hand. drift: that of the open loop.
+    frame: with the hand's force; its signals are first the one that the number multiplies, then
+    perhaps the one that another number of the same sum multiplies, and last the force against the
+    hand. drift: that of the open loop.
 
-    Unknowns X are the states that the two signals depend on, and the number's product F. At rest `E X + B F + g = 0` and
-    `C X + D F + d = r`; r is the signal that the number multiplies. A share of the position that no state reads changes in a
-    frame by `G X + H F + h`. With `l (E, B; C, D) = (G, H)` it changes by the hand's force alone if it is relative to `l X`:
-    not at all in the mean, if something holds the device, and then it keeps the first moment of the force over the frame.
+    Unknowns X are the states that the two signals depend on, and the number's product F. At rest `E
+    X + B F + g = 0` and `C X + D F + d = r`; r is the signal that the number multiplies. A share of
+    the position that no state reads changes in a frame by `G X + H F + h`. With `l (E, B; C, D) =
+    (G, H)` it changes by the hand's force alone if it is relative to `l X`: not at all in the mean,
+    if something holds the device, and then it keeps the first moment of the force over the frame.
     Accuracy: errors follow from the bounds on those of the frame's entries.
     """
     position = _position(drawn, ports.position, frame.ticks.states)
@@ -232,7 +259,7 @@ class _Bounded(NamedTuple):
         b, db = (np.ascontiguousarray(matrix) for matrix in other)
         size = np.abs(a)
         sizes = np.abs(b)
-        error = da @ (sizes + db) + size @ (db + a.shape[-1] * ROUNDING * sizes)
+        error = da @ (sizes + db) + size @ (db + a.shape[-1] * SHORT_SUM_ROUNDING * sizes)
         return _Bounded(a @ b, error)
 
 
@@ -240,10 +267,10 @@ class _Bounded(NamedTuple):
 class _Equations:
     """The equations at rest, and the sizes of the terms of their entries, times their rounding.
 
-    P `(..., n + 3, n + 3)`: rows of the states, those that leads move being relative to them, of the signal that the number
-    multiplies, of the force against the hand and of the position, and perhaps a further one of the signal that another number
-    multiplies; columns of the states, of the product, and of a hand's force that is constant, and of one that grows with every
-    tick.
+    P `(..., n + 3, n + 3)`: rows of the states, those that leads move being relative to them, of
+    the signal that the number multiplies, of the force against the hand and of the position, and
+    perhaps a further one of the signal that another number multiplies; columns of the states, of
+    the product, and of a hand's force that is constant, and of one that grows with every tick.
     """
 
     P: np.ndarray
@@ -255,8 +282,8 @@ class _Equations:
         remaining = [state for state in range(n) if state not in drift.leads]
         order = remaining + drift.leads
         matrices = frame.E, frame.B, frame.C, frame.D
-        dE = frame.dE + ROUNDING * np.abs(frame.E)
-        dB = frame.dB + ROUNDING * np.abs(frame.B)
+        dE = frame.dE + SHORT_SUM_ROUNDING * np.abs(frame.E)
+        dB = frame.dB + SHORT_SUM_ROUNDING * np.abs(frame.B)
         batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*matrices, position)))
 
         def assembled(E, B, C, D, place):
@@ -272,7 +299,7 @@ class _Equations:
                 P[..., n + 3, n:] = D[..., 1, :]
             return P
 
-        of_terms = assembled(dE, dB, frame.dC, frame.dD, ROUNDING * np.abs(position))
+        of_terms = assembled(dE, dB, frame.dC, frame.dD, SHORT_SUM_ROUNDING * np.abs(position))
         return cls(assembled(*matrices, position), of_terms)
 
     def _rows(self, rows, columns) -> _Bounded:
@@ -301,7 +328,8 @@ class _Equations:
         else:
             inverse = _Bounded(0 * A, 0 * A)
             X = _Bounded(*solved(A, dA, right, of_right))
-        # Of the share of the position that is read by no state: G and H, its change in a frame, and l, which it is relative to.
+        # Of the share of the position that is read by no state: G and H, its change in a frame, and
+        # l, which it is relative to.
         share = self.P[..., [place], :][..., adding]
         change = share @ self.P[..., adding, :]
         of_change = np.abs(share) @ self.dP[..., adding, :]
@@ -309,8 +337,8 @@ class _Equations:
         forces = slice(constant, None)
         by_law = law.times(self._rows(at, forces))
         moment = _Bounded(change[..., forces] - by_law.value, of_change[..., forces] + by_law.error)
-        still = np.abs(moment.value[..., 0]) <= SURELY * moment.error[..., 0]
-        alone = np.abs(law.value[..., -1]) <= SURELY * law.error[..., -1]
+        still = np.abs(moment.value[..., 0]) <= ZERO_BOUNDS * moment.error[..., 0]
+        alone = np.abs(law.value[..., -1]) <= ZERO_BOUNDS * law.error[..., -1]
         product = np.zeros_like(A[..., :1, :])
         product[..., -1] = 1
         others = slice(n + 3, None)
@@ -336,7 +364,8 @@ class _Equations:
         return DcGain(value, error, True)
 
     def _unknowns(self, n):
-        """Indices of the states that the signals depend on, and of those that the position alone reads."""
+        """Indices of the states that the signals depend on, and of those that the position alone
+        reads."""
         reads = (self.P != 0).any(tuple(range(self.P.ndim - 2)))[:, :n]
         in_position = np.flatnonzero(reads[n + 2]).tolist()
         of_second = range(n + 3, self.P.shape[-2])

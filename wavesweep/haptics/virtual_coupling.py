@@ -1,7 +1,9 @@
-"""Virtual coupling: a spring and a damper at the fast rate between the device and its avatar, behind which is the slow wall.
+"""Virtual coupling: a spring and a damper at the fast rate between the device and its avatar,
+behind which is the slow wall.
 
-J. E. Colgate, M. C. Stanley, J. M. Brown, Issues in the haptic display of tool use, IROS 1995; R. J. Adams, B. Hannaford,
-Stable haptic interaction with virtual environments, IEEE Trans. Robotics and Automation 15, 1999.
+J. E. Colgate, M. C. Stanley, J. M. Brown, Issues in the haptic display of tool use, IROS 1995; R.
+J. Adams, B. Hannaford, Stable haptic interaction with virtual environments, IEEE Trans. Robotics
+and Automation 15, 1999.
 """
 
 from collections.abc import Mapping
@@ -13,7 +15,8 @@ _K, _B = "controller.K_VC", "controller.B_VC"
 
 
 def dc_vc(values: Mapping[str, Any]) -> BlockDiagram:
-    """hand -> device -> sampled coupling -> massless avatar and wall -> held avatar -> coupling in every tick -> device."""
+    """hand -> device -> sampled coupling -> massless avatar and wall -> held avatar -> coupling
+    in every tick -> device."""
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s")
     force = f"{_K}*(device.x - {shown['x_s']}) + {_B}*({velocity} - {shown['v_s']})"
     blocks |= {"coupling": {"type": "gain"}}
@@ -26,7 +29,8 @@ def dc_vc(values: Mapping[str, Any]) -> BlockDiagram:
 
 
 def dc_vc_lm(values: Mapping[str, Any]) -> BlockDiagram:
-    """The same slow avatar, and a fast one, which a spring and a damper about the slow one's pose and force act on."""
+    """The same slow avatar, and a fast one, which a spring and a damper about the slow one's
+    pose and force act on."""
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s", "F_s")
     fast, of_fast, x_l = _massless(
         "local", values["local_model.integration"], velocity, "model.y", {}
@@ -42,7 +46,8 @@ def _assumes(values: Mapping[str, Any]) -> str:
 
 
 class SlowAvatar(NamedTuple):
-    """The device, and the slow avatar at the wall: blocks, wires, the measured velocity, and what shows each signal."""
+    """The device, and the slow avatar at the wall: blocks, wires, the measured velocity, and
+    what shows each signal."""
 
     blocks: dict[str, dict[str, object]]
     wires: dict[str, str]
@@ -67,9 +72,11 @@ def _slow_avatar(values: Mapping[str, Any], *signals: str) -> SlowAvatar:
 def _massless(
     name: str, integration: str, velocity: str, force: str, runs: Mapping[str, object]
 ) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
-    """An avatar without mass, whose damper takes what its spring and a force leave: `B_VC v = K_VC (x - x~) + B_VC v^ - F`.
+    """An avatar without mass, whose damper takes what its spring and a force leave: `B_VC v = K_VC
+    (x - x~) + B_VC v^ - F`.
 
-    Gives blocks, wires, and the position x~ that springs read: that before the step if the integration is explicit.
+    Gives blocks, wires, and the position x~ that springs read: that before the step if the
+    integration is explicit.
     """
     method = "trapezoidal" if integration == "trapezoidal" else "implicit"
     blocks = {

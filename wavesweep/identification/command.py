@@ -121,23 +121,27 @@ def identify(
 ) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
 
-    LOG is a CSV file with the columns time (s), force (N) and position (m), a sample a row, equally spaced. In place of the
-    force there may be a current (A), in place of the position a velocity or an acceleration; of a device that turns torque
-    (N*m), angle, speed (rad/s) or angular_acceleration. A force is held to the next row. The numbers are those of the sampled
-    model, with intervals of 95 % that know of the encoder's rounding; and the summary says whether the model explains the log
-    or, if it does not, what is missing.
+    LOG is a CSV file with the columns time (s), force (N) and position (m), a sample a row, equally
+    spaced. In place of the force there may be a current (A), in place of the position a velocity or
+    an acceleration; of a device that turns torque (N*m), angle, speed (rad/s) or
+    angular_acceleration. A force is held to the next row. The numbers are those of the sampled
+    model, with intervals of 95 % that know of the encoder's rounding; and the summary says whether
+    the model explains the log or, if it does not, what is missing.
 
-    A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im), and maybe coherence, is a
-    frequency response (m/N), to which mass, damping, spring and delay are fitted. Its force is analogue; with --rate it was
-    held over ticks. mobility_abs, ... (m/s/N) and accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the
-    acceleration.
+    A CSV file with the columns frequency_hz, admittance_abs and admittance_deg (or _re and _im),
+    and maybe coherence, is a frequency response (m/N), to which mass, damping, spring and delay are
+    fitted. Its force is analogue; with --rate it was held over ticks. mobility_abs, ... (m/s/N) and
+    accelerance_abs, ... (m/s^2/N) are responses of the velocity and of the acceleration.
 
-    With --two-masses the device is a motor with a load on a spring; mass, damping, position and velocity are the motor's.
+    With --two-masses the device is a motor with a load on a spring; mass, damping, position and
+    velocity are the motor's.
 
-    With --frames nothing of a device is read: the table is identify-frames, and the spec, frames.toml, has [for_all] alone.
+    With --frames nothing of a device is read: the table is identify-frames, and the spec,
+    frames.toml, has [for_all] alone.
 
-    The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
-    identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.
+    The spec has the device, and the intervals in [for_all], so that every other command answers for
+    all of them. The table identify, with its figure, goes to results/<log's name>: measured and
+    fitted positions, residual and its spectrum.
 
     \b
     Examples:

@@ -1,9 +1,11 @@
-"""Forces of a device that its model lacks and that are curves of its motion, looked for in the innovations of a fit.
+"""Forces of a device that its model lacks and that are curves of its motion, looked for in the
+innovations of a fit.
 
-A force that walks at random does not know of the motion: a fit by predictions allows for it. A curve does, as friction that
-depends on direction, a drag, an inductance that saturates or a spring that hardens, and then mass and damping are those of no
-line. So each curve that is listed here is fitted beside the model, as a sum of forces of unknown size at the motion that a
-smoother finds, and compared by what it leaves of the innovations (Ljung, System Identification, 1999, section 16.6).
+A force that walks at random does not know of the motion: a fit by predictions allows for it. A
+curve does, as friction that depends on direction, a drag, an inductance that saturates or a spring
+that hardens, and then mass and damping are those of no line. So each curve that is listed here is
+fitted beside the model, as a sum of forces of unknown size at the motion that a smoother finds, and
+compared by what it leaves of the innovations (Ljung, System Identification, 1999, section 16.6).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,7 +31,8 @@ STIFF = 30.0  # usual speeds over that at which friction turns round
 
 
 class Motion(NamedTuple):
-    """Velocity and position over their rms, and the force of the log, late as it acts, over its own."""
+    """Velocity and position over their rms, and the force of the log, late as it acts, over its
+    own."""
 
     speed: np.ndarray
     place: np.ndarray
@@ -54,7 +57,8 @@ CURVES: dict[str, Curve] = {
 
 
 class Beside(NamedTuple):
-    """A fit with a curve. rms: of its innovations. force: that is left beside it (N), inf without a mass above 0.
+    """A fit with a curve. rms: of its innovations. force: that is left beside it (N), inf without a
+    mass above 0.
 
     theta: the numbers of the model. moved: by how much the last pass of the smoother moved them.
     """
@@ -115,7 +119,8 @@ def _motion(fit: Place) -> Motion:
     gains, _ = projected(errors, effects)
     states = smoothed_states(log, predictor, found, gains, skip)
     speed = states[predictor.tick.speed]
-    # Without a position among the states, by trapezoids: half a tick late a spring would be a damper.
+    # Without a position among the states, by trapezoids: half a tick late a spring would be a
+    # damper.
     place = states[0] if predictor.tick.speed else np.cumsum(speed) - speed / 2
     whole_ticks = int(np.floor(found["delay"]))
     part = found["delay"] - whole_ticks
@@ -125,7 +130,8 @@ def _motion(fit: Place) -> Motion:
 
 
 def _held(curve: Curve, motion: Motion) -> Iterator[np.ndarray]:
-    """The means of the forces of a curve over each tick, in which the device moves by a straight line (Simpson's rule)."""
+    """The means of the forces of a curve over each tick, in which the device moves by a straight
+    line (Simpson's rule)."""
     speed, place, force = motion
     then = Motion(np.append(speed[1:], speed[-1]), np.append(place[1:], place[-1]), force)
     middle = Motion((speed + then.speed) / 2, (place + then.place) / 2, force)

@@ -62,7 +62,8 @@ def spoken(each: Mapping[str, Any]) -> str:
 
 
 def whole(delay: Mapping[str, Any]) -> int | None:
-    """The delay as a whole number of ticks, which a spec's device may have; None if it is not known to be one."""
+    """The delay as a whole number of ticks, which a spec's device may have; None if it is not
+    known to be one."""
     ticks = max(round(delay["value"]), 0)
     if delay["low"] is None:
         return ticks
@@ -74,7 +75,8 @@ def whole(delay: Mapping[str, Any]) -> int | None:
 
 
 def late(facts: Mapping[str, Any]) -> str:
-    """The key of [device] that has the delay of a table: "delay" in whole ticks, "dead_time" in s, "" if there is none."""
+    """The key of [device] that has the delay of a table: "delay" in whole ticks, "dead_time" in
+    s, "" if there is none."""
     ticks = whole(facts["parameters"]["delay"])
     return (
         ""
@@ -86,7 +88,8 @@ def late(facts: Mapping[str, Any]) -> str:
 
 
 def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Put the delay into [device], as whole ticks or a dead time; return the range of the latter for [for_all]."""
+    """Put the delay into [device], as whole ticks or a dead time; return the range of the latter
+    for [for_all]."""
     name = late(facts)
     if name == "delay":
         device["delay"] = whole(facts["parameters"]["delay"])
@@ -101,7 +104,8 @@ def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, An
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:
-    """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all].
+    """The text of a spec with the device of a table, for every other command, and what its numbers
+    may be in [for_all].
 
     It has no [for_all] if the numbers have no intervals.
     """
@@ -147,7 +151,8 @@ def _of_positions(facts):
 def _two_masses(facts: Mapping[str, Any]) -> str:
     """The template two-mass with the numbers that were found, and a slow first controller.
 
-    A proof takes five ranges at most, so the load's damping has its ends as values in place of a range.
+    A proof takes five ranges at most, so the load's damping has its ends as values in place of a
+    range.
     """
     from wavesweep.program.bundled import bundled
 

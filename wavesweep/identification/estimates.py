@@ -1,15 +1,21 @@
-"""Estimates of the numbers of a model from the residual of a fit: the likeliest numbers, and their 95 % intervals.
+"""Estimates of the numbers of a model from the residual of a fit: the likeliest numbers, and their
+95 % intervals.
 
-The positions are treated as linear in the numbers, with slopes J. The residual r may be one of three things:
+The positions are treated as linear in the numbers, with slopes J. The residual r may be one of
+three things:
 
-- Rounding alone: each reading is within half a step of the model. The numbers for which this holds form a polytope, whose ends
-  are found by linear programs. The interval is valid if the encoder has no noise.
-- Rounding and white noise of deviation s: a reading has the probability F((r + q/2)/s) - F((r - q/2)/s), where q is the step
+- Rounding alone: each reading is within half a step of the model. The numbers for which this holds
+  form a polytope, whose ends are found by linear programs. The interval is valid if the encoder has
+  no noise.
+- Rounding and white noise of deviation s: a reading has the probability F((r + q/2)/s) - F((r -
+  q/2)/s), where q is the step
 and
-  F the normal distribution. Newton's method finds the largest likelihood, and its curvature gives the interval.
-- Coloured noise: an autoregression (Burg's method, order by BIC) gives the spectrum of the score u, the derivative of the
-  logarithm of that probability; the sandwich H^-1 J'E[u u']J H^-1 gives the interval. In short logs the spectrum is known only
-  roughly, so the quantile is that of logs drawn from the same autoregression, each with an estimated spectrum.
+  F the normal distribution. Newton's method finds the largest likelihood, and its curvature gives
+  the interval.
+- Coloured noise: an autoregression (Burg's method, order by BIC) gives the spectrum of the score u,
+  the derivative of the logarithm of that probability; the sandwich H^-1 J'E[u u']J H^-1 gives the
+  interval. In short logs the spectrum is known only roughly, so the quantile is that of logs drawn
+  from the same autoregression, each with an estimated spectrum.
 """
 
 from dataclasses import dataclass
@@ -21,8 +27,9 @@ from scipy.special import log_ndtr, stdtrit
 
 SMOOTH = 0.5  # white noise, in steps, above which rounding acts like more white noise
 NOISE = np.log([0.02, SMOOTH])  # range, in steps, in which the white noise is searched
-NEWTON = 30  # steps of Newton's method at most
-SLACK = 1e-3  # steps by which a reading may miss its rounding, because of the digits of the file
+MOST_NEWTON_STEPS = 30  # steps of Newton's method at most
+# steps by which a reading may miss its rounding, because of the digits of the file
+READING_SLACK = 1e-3
 SEARCHED = 20_000  # rows at most from which the noise is estimated
 ORDER, ROWS_PER_ORDER = (
     30,
@@ -33,17 +40,18 @@ DRAWS, SHORT, WARM = (
     5000,
     1000,
 )  # logs drawn, rows up to which logs are drawn, rows before each
-ADDED = 40  # constraints of a linear program that are added at a time
+CONSTRAINTS_ADDED = 40  # constraints of a linear program that are added at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """Numbers and intervals, estimated near the numbers at which the slopes were taken.
 
-    step: to the likeliest numbers, or the middle of the possible ones. half: half the widths of the intervals. noise: standard
-    deviation of the white noise (m). score (1/m) and weight (1/m^2): minus the first and the second derivative of the logarithm
-    of the likelihood with respect to the residual, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding
-    alone explains each reading.
+    step: to the likeliest numbers, or the middle of the possible ones. half: half the widths of the
+    intervals. noise: standard deviation of the white noise (m). score (1/m) and weight (1/m^2):
+    minus the first and the second derivative of the logarithm of the likelihood with respect to the
+    residual, `(rows,)`. slopes: of the positions, `(rows, numbers)`. rounded: rounding alone
+    explains each reading.
     """
 
     step: np.ndarray
@@ -56,7 +64,8 @@ class Estimate:
 
 
 def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Estimate:
-    """Estimate the numbers from a residual (m) and slopes of the positions. resolution: step of the encoder (m), 0 for none."""
+    """Estimate the numbers from a residual (m) and slopes of the positions. resolution: step of
+    the encoder (m), 0 for none."""
     size = np.linalg.norm(slopes, axis=0)
     basis, upper = np.linalg.qr(slopes / size)
     inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
@@ -76,7 +85,8 @@ def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Es
     curved = basis.T @ (weight[:, None] * basis)
     curved = np.linalg.inv(curved + np.eye(len(change)) * (1e-12 * np.trace(curved) + 1e-300))
     many = max(np.sum(weight) ** 2 / np.sum(weight**2) - len(change) - 1, 1.0)
-    # The curvature and the scores themselves are two estimates of the same variance, of which the larger is taken.
+    # The curvature and the scores themselves are two estimates of the same variance, of which the
+    # larger is taken.
     squares = inverse @ curved @ (basis.T @ (score[:, None] ** 2 * basis)) @ curved @ inverse.T
     square = np.maximum(np.diag(inverse @ curved @ inverse.T), np.diag(squares))
     half = np.sqrt(square * (1 + (len(change) + 1) / many)) * stdtrit(many, 0.975)
@@ -86,25 +96,27 @@ def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Es
 
 
 def _polytope(basis, residual, resolution, aims):
-    """The least and the largest of `aims @ change` with all readings within half a step, `(2, aims)`; None if none is so."""
+    """The least and the largest of `aims @ change` with all readings within half a step, `(2,
+    aims)`; None if none is so."""
     unit = np.sqrt(len(residual))
     A, b, numbers = basis * unit, residual / resolution, basis.shape[1]
-    active = np.unique(np.linspace(0, len(b) - 1, min(len(b), 10 * ADDED)).astype(int))
+    active = np.unique(np.linspace(0, len(b) - 1, min(len(b), 10 * CONSTRAINTS_ADDED)).astype(int))
     least = np.append(np.zeros(numbers), 1.0)
     change, active = _lowest(least, A, b, active, 0.0)  # from which the worst reading is least off
-    if change[-1] > 0.5 + SLACK:
+    if change[-1] > 0.5 + READING_SLACK:
         return None
     ends = np.empty((2, len(aims)))
     for place in np.ndindex(ends.shape):
         aim = aims[place[1]]
         cost = np.append((1, -1)[place[0]] * aim / np.linalg.norm(aim), 0.0)
-        change, active = _lowest(cost, A, b, active, 0.5 + SLACK)
+        change, active = _lowest(cost, A, b, active, 0.5 + READING_SLACK)
         ends[place] = aim @ change[:-1] * unit * resolution
     return ends if np.isfinite(ends).all() else None
 
 
 def _lowest(cost, A, b, active, bound):
-    """The change, and a distance e, of the lowest cost with |b - A change| <= bound + e in each row; e is 0 if it is free.
+    """The change, and a distance e, of the lowest cost with |b - A change| <= bound + e in each
+    row; e is 0 if it is free.
 
     Constraints are added as they are broken. Returns their rows as well.
     """
@@ -118,7 +130,7 @@ def _lowest(cost, A, b, active, bound):
         if done is None:  # HiGHS failed
             return np.full(len(cost), np.inf), active
         off = np.abs(b - A @ done[:-1]) - bound - done[-1]
-        new = np.argpartition(off, -min(ADDED, len(off)))[-ADDED:]
+        new = np.argpartition(off, -min(CONSTRAINTS_ADDED, len(off)))[-CONSTRAINTS_ADDED:]
         new = np.setdiff1d(new[off[new] > 1e-6], active)
         if not len(new):
             return done, active
@@ -152,13 +164,14 @@ def _likeliest(basis, residual, resolution):
 
 
 def _climbed(basis, residual, resolution, noise, change):
-    """The likeliest change for a noise, from another one, by Newton's method, and the logarithm of its likelihood."""
+    """The likeliest change for a noise, from another one, by Newton's method, and the logarithm
+    of its likelihood."""
     value, score, weight = _readings(residual - basis @ change, resolution, noise)
-    for _ in range(NEWTON):
+    for _ in range(MOST_NEWTON_STEPS):
         curved = basis.T @ (weight[:, None] * basis)
         curved += np.eye(len(change)) * (1e-9 * np.trace(curved) + 1e-300)
         step = np.linalg.solve(curved, basis.T @ score)
-        for _ in range(NEWTON):
+        for _ in range(MOST_NEWTON_STEPS):
             after = _readings(residual - basis @ (change + step), resolution, noise)
             if after[0].sum() >= value.sum():
                 break
@@ -171,7 +184,8 @@ def _climbed(basis, residual, resolution, noise, change):
 
 
 def _readings(left, resolution, noise):
-    """Logarithm of the likelihood of residuals, and minus its first and second derivatives, `(rows,)` each."""
+    """Logarithm of the likelihood of residuals, and minus its first and second derivatives,
+    `(rows,)` each."""
     if noise > SMOOTH * resolution:
         square = noise**2 + resolution**2 / 12
         return -(left**2) / (2 * square), left / square, np.full(len(left), 1 / square)
@@ -184,9 +198,11 @@ def _readings(left, resolution, noise):
 
 
 def _autoregression(series):
-    """Polynomials and powers of the innovations of autoregressions, `(series, order + 1)` and `(series,)`.
+    """Polynomials and powers of the innovations of autoregressions, `(series, order + 1)` and
+    `(series,)`.
 
-    Burg's method (Burg 1975) goes up to the largest order; of each series the order with the least BIC is taken.
+    Burg's method (Burg 1975) goes up to the largest order; of each series the order with the least
+    BIC is taken.
     """
     count, rows = series.shape
     most = min(ORDER, rows // ROWS_PER_ORDER)

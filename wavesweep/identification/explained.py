@@ -1,4 +1,5 @@
-"""Whether a fit explains a log: the residual against that of the encoder alone, and which effect is missing."""
+"""Whether a fit explains a log: the residual against that of the encoder alone, and which effect
+is missing."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -20,34 +21,36 @@ from wavesweep.identification.prediction import (
     predicted,
 )
 
-SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
+ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
-EXACT = 1e-10  # residual, relative to the motion, that double precision alone explains
-RARE = 1e-8  # probability of the power of a band below which white noise does not explain it
+EXACT_RESIDUAL = 1e-10  # residual, relative to the motion, that double precision alone explains
+RARE_POWER = 1e-8  # probability of the power of a band below which white noise does not explain it
 SIGMAS = 5.0  # significance at which an effect that the model lacks is seen
-TONES = 48  # frequencies of a resonance that are tried
+TONES_TRIED = 48  # frequencies of a resonance that are tried
 RINGING = 0.03  # its damping ratio
 SWINGING = 0.25  # share of the mass that takes part in it
-SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
+# expected significance at which an effect is seen in spite of errors of three sigmas
+SURE_SIGNIFICANCE = 8.0
 NEARLY = 0.95  # share of a force that a curve has to explain to be fitted beside the numbers
-CLEAR = 0.3  # share of the residual that an effect has to remove to be named
+NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
-TRIED = 3000  # samples at most to which a model with one more effect is fitted
+SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
 
 
 @dataclass(frozen=True)
 class Verdict:
     """The judgement of a fit.
 
-    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", one of
-    `CURVES`, "force" (one that the log does not have), "noise" (of the
-    reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no resonance
-    at all), or empty if it is explained.
-    frequency_hz: of the resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that the
-    effect would remove. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring residuals;
-    correlation_expected: of the encoder alone. resonance_hz: the range in which a resonance with a quarter of the mass would be
-    seen. withheld: the numbers have no intervals, since they are those of a model that lacks something of the motion. lacking:
-    rms of the force that the model lacks (N).
+    explained: the encoder and white noise explain the residual. missing: "friction", "spring",
+    "delay", "resonance", one of `CURVES`, "force" (one that the log does not have), "noise" (of the
+    reading, which is not white), "one-way" (friction or a constant force), "unknown", "unseen" (the
+    log would show no resonance at all), or empty if it is explained. frequency_hz: of the
+    resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that
+    the effect would remove. rms: of the residual (m); expected: that of the encoder alone.
+    correlation: of neighbouring residuals; correlation_expected: of the encoder alone.
+    resonance_hz: the range in which a resonance with a quarter of the mass would be seen. withheld:
+    the numbers have no intervals, since they are those of a model that lacks something of the
+    motion. lacking: rms of the force that the model lacks (N).
     """
 
     explained: bool
@@ -68,8 +71,9 @@ def identified(
 ) -> tuple[Fit, Verdict]:
     """Fit a model to a log and judge the fit.
 
-    If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded readings, see `fit.fitted`;
-    otherwise that by the errors of predictions, whose intervals allow for forces that the log does not have.
+    If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded
+    readings, see `fit.fitted`; otherwise that by the errors of predictions, whose intervals allow
+    for forces that the log does not have.
     """
     log = (force, reading, period, resolution)
     found = predicted(model, *log)
@@ -81,7 +85,8 @@ def identified(
 
 
 class Effect(NamedTuple):
-    """An effect that a model lacks, with which a fit is `likelier` (logarithm of the odds). left: of the missing force (N).
+    """An effect that a model lacks, with which a fit is `likelier` (logarithm of the odds). left:
+    of the missing force (N).
 
     tone_hz: of a resonance. moved: what a curve changes in the numbers.
     """
@@ -94,16 +99,22 @@ class Effect(NamedTuple):
 
 
 def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
-    """What a fit by predictions lacks: the effect without which most is left of the innovations, or else a force.
+    """What a fit by predictions lacks: the effect without which most is left of the innovations, or
+    else a force.
 
-    Where this is a curve of the motion that explains nearly all of the force, the numbers are those of the fit with it.
+    Where this is a curve of the motion that explains nearly all of the force, the numbers are those
+    of the fit with it.
     """
     rows = fit.rows
     first, end = 0, len(rows.force)
-    if end > TRIED:
-        sizes = rows.force[: end // TRIED * TRIED].reshape(-1, TRIED).std(axis=1)
-        first = TRIED * int(np.argmax(sizes))
-        end = first + TRIED
+    if end > SAMPLES_TRIED:
+        sizes = (
+            rows.force[: end // SAMPLES_TRIED * SAMPLES_TRIED]
+            .reshape(-1, SAMPLES_TRIED)
+            .std(axis=1)
+        )
+        first = SAMPLES_TRIED * int(np.argmax(sizes))
+        end = first + SAMPLES_TRIED
     part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
     force, effects = _with_models(replace(fit.model, without=()), found, part)
     seen = True  # whether a force beside that of the log is seen at all
@@ -123,7 +134,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     name, share, tone_hz = ("force" if seen else "noise"), 0.0, float("nan")
     if best is not None:
         share = float(1 - best.left / force)
-    withheld = bool(share > CLEAR)
+    withheld = bool(share > NAMED_SHARE)
     if withheld:
         name, tone_hz = best.name, best.tone_hz
     # Where a drift moves the device a curve of its position explains a little of the drift.
@@ -144,7 +155,8 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
 
 
 def _with_models(model, found, log):
-    """The force that a model lacks in some rows (N), and the effects of the models with one more number."""
+    """The force that a model lacks in some rows (N), and the effects of the models with one more
+    number."""
     effects = []
     larger_models = list(_larger(model))
     if not larger_models:
@@ -180,8 +192,8 @@ def _best(effects):
 def _beside(fit, found, curved):
     """The fit with a curve.
 
-    Its intervals are wider by what the last pass of the smoother changed and, as the curve leaves a share of the force, by
-    this share of what it changed.
+    Its intervals are wider by what the last pass of the smoother changed and, as the curve leaves a
+    share of the force, by this share of what it changed.
     """
     estimate = estimated_at(*curved.place, None, curved.moved)
     open_share = min(curved.force / found.walked, 1.0)
@@ -213,7 +225,8 @@ def judged(fit: Fit) -> Verdict:
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
     left = estimate.score / np.maximum(root, 1e-300)
     left = left - basis @ (basis.T @ left)
-    # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise are Gamma distributed.
+    # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise
+    # are Gamma distributed.
     edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, BANDS + 1)).astype(int))
     powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
     odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
@@ -228,14 +241,20 @@ def judged(fit: Fit) -> Verdict:
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
             shown.append(
-                (frequency, bool((np.abs(directions[:, 0] @ residual_beside) > SURE).any()))
+                (
+                    frequency,
+                    bool((np.abs(directions[:, 0] @ residual_beside) > SURE_SIGNIFICANCE).any()),
+                )
             )
             if share > tone_share:
                 tone, tone_share = frequency, share
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
-    exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
-    alike, remains = _like_friction(fit), not exact and (is_resonance or float(odds.min()) < RARE)
+    exact = estimate.rounded or rms < EXACT_RESIDUAL * np.ptp(rows.reading)
+    alike, remains = (
+        _like_friction(fit),
+        not exact and (is_resonance or float(odds.min()) < RARE_POWER),
+    )
     stretch = [
         *takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))
     ]  # in which a resonance would be seen
@@ -245,7 +264,7 @@ def judged(fit: Fit) -> Verdict:
     named = (missing, float("nan"), 0.0)
     if remains:
         named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda each: each[2])
-        if named[2] < CLEAR:
+        if named[2] < NAMED_SHARE:
             worst = int(np.argmin(odds))
             named = (
                 "unknown",
@@ -259,11 +278,12 @@ def judged(fit: Fit) -> Verdict:
 
 
 def _of_encoder(fit):
-    """The rms and the correlation of neighbours that the rounding of the encoder alone would leave."""
+    """The rms and the correlation of neighbours that the rounding of the encoder alone would
+    leave."""
     rows, errors = fit.rows, []
     steps = fit.readings[rows.skip :] / (rows.resolution or 1.0)
-    for shift in range(SHOWN):
-        shifted = steps + shift / SHOWN
+    for shift in range(ENCODER_OFFSETS):
+        shifted = steps + shift / ENCODER_OFFSETS
         error = rows.resolution * (np.round(shifted) - shifted)
         errors.append((np.mean(error**2), _neighbours(error)))
     square, correlation = np.mean(errors, axis=0).tolist()
@@ -271,7 +291,8 @@ def _of_encoder(fit):
 
 
 def _like_friction(fit: Fit) -> bool:
-    """Whether a constant force opposes a device that moves in one direction only, as Coulomb friction would."""
+    """Whether a constant force opposes a device that moves in one direction only, as Coulomb
+    friction would."""
     if (
         fit.model.friction
         or fit.model.spring
@@ -286,10 +307,13 @@ def _like_friction(fit: Fit) -> bool:
 
 
 def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
-    """Yield each number that the model lacks, and the share of the residual that a fit with it removes."""
+    """Yield each number that the model lacks, and the share of the residual that a fit with it
+    removes."""
     model, rows = fit.model, fit.rows
-    end = rows.skip + TRIED
-    rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end], used=rows.used[:TRIED])
+    end = rows.skip + SAMPLES_TRIED
+    rows = replace(
+        rows, force=rows.force[:end], reading=rows.reading[:end], used=rows.used[:SAMPLES_TRIED]
+    )
     effects = {
         "friction": None if model.friction or model.load else replace(model, friction=True),
         "spring": None if model.spring or model.load else replace(model, spring=True),
@@ -331,7 +355,8 @@ def _neighbours(errors):
 
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
-    """Yield the changes of the readings by each effect that the model lacks; for a resonance with its frequency, else 0."""
+    """Yield the changes of the readings by each effect that the model lacks; for a resonance
+    with its frequency, else 0."""
     numbers, (force, period, skip) = (
         fit.numbers | {"friction": 0.0},
         (fit.rows.force, fit.rows.period, fit.rows.skip),
@@ -350,8 +375,9 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
         yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
     lowest, highest = 3 / (len(force) * period), 0.4 / period
     pushing = pushing - pushing[0]
-    for tone in np.geomspace(lowest, highest, TONES):
-        # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
+    for tone in np.geomspace(lowest, highest, TONES_TRIED):
+        # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 -
+        # q)/m/(s^2 + 2 z w s + w^2).
         mode = (
             SWINGING
             / (1 - SWINGING)

@@ -1,4 +1,5 @@
-"""The figure of a device found from a log: measured and fitted position, what is left, and its spectrum."""
+"""The figure of a device found from a log: measured and fitted position, what is left, and its
+spectrum."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +24,8 @@ SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 
 
 def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw an `identify` table: force, measured and fitted position, the residual with half a step either way, its spectrum."""
+    """Draw an `identify` table: force, measured and fitted position, the residual with half a
+    step either way, its spectrum."""
     from wavesweep.identification.table import READ, turned
 
     measured, times = facts.get("measured", "position"), columns["time_s"]
@@ -82,7 +84,8 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 
 def _legends(panels: Any, labelled: list[int]) -> None:
-    """The legends: beside the panels that are labelled or, if the figure is narrow, a single one above them."""
+    """The legends: beside the panels that are labelled or, if the figure is narrow, a single one
+    above them."""
     if is_narrow():
         handles = [line for axes in panels[1:] for line in axes.get_legend_handles_labels()[0]]
         names = [line.get_label().replace("\n", " ") for line in handles]
@@ -95,7 +98,8 @@ def _legends(panels: Any, labelled: list[int]) -> None:
 
 
 def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw an `identify-response` table: modulus and phase, measured and fitted, and how far they are apart."""
+    """Draw an `identify-response` table: modulus and phase, measured and fitted, and how far
+    they are apart."""
     hertz = columns["frequency_hz"]
     with figure(TWO_COLUMNS, 4.4) as canvas:
         panels = canvas.subplots(3, 1, sharex=True, height_ratios=[2, 1.4, 1.2])
@@ -122,7 +126,8 @@ def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 
 def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
-    """The numbers that were found below the panels, and above them a warning if the model does not explain what was read."""
+    """The numbers that were found below the panels, and above them a warning if the model does
+    not explain what was read."""
     from wavesweep.identification.device_spec import spoken
 
     names = (
@@ -140,7 +145,8 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
 
 
 def _spectrum(columns, facts):
-    """Frequencies (Hz), the amplitude density of the residual over bands, and that of white errors of the encoder and noise."""
+    """Frequencies (Hz), the amplitude density of the residual over bands, and that of white
+    errors of the encoder and noise."""
     left, period = columns["residual"][columns["weight"] > 0], facts["period_s"]
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)

@@ -1,8 +1,10 @@
-"""The fit of a model to a log: by the errors of predictions and, where nothing but the encoder errs, by its rounding as well.
+"""The fit of a model to a log: by the errors of predictions and, where nothing but the encoder
+errs, by its rounding as well.
 
-The fit by predictions (`prediction`) allows for forces that the log does not have. If the log shows none, the likelihood of
-rounded readings over the whole log tells the numbers much better: least squares, outliers, and then the likelihood, from the
-row on at which the force before the first one no longer matters, at a free position and velocity.
+The fit by predictions (`prediction`) allows for forces that the log does not have. If the log shows
+none, the likelihood of rounded readings over the whole log tells the numbers much better: least
+squares, outliers, and then the likelihood, from the row on at which the force before the first one
+no longer matters, at a free position and velocity.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +14,9 @@ from scipy.optimize import least_squares
 
 from wavesweep.identification.estimates import Estimate, estimated
 from wavesweep.identification.model import (
+    DIFFERENCE_STEP,
     ORDER,
     OWN,
-    STEP,
     Model,
     euler,
     measured,
@@ -24,25 +26,31 @@ from wavesweep.identification.model import (
 from wavesweep.identification.prediction import ONE_WAY, Prediction, StaticFriction, predicted
 
 RESTING = 10  # equal readings at the start of a log show a device held by friction
-START = 5  # rows from which the initial velocity is guessed
-PART = 5000  # rows that show whether errors grow
-GROWN = 5.0  # times the noise of the readings or their step, above which an error is not that of an encoder
-EXACT = 1e-7  # of the motion: smaller errors are those of the last digits
-MARCHED = 10_000  # rows at most that are marched with friction, tick by tick; in more of them the predictions know enough
+FIRST_ROWS = 5  # rows from which the initial velocity is guessed
+PART_OF_ROWS = 5000  # rows that show whether errors grow
+# times the noise of the readings or their step, above which an error is not that of an encoder
+GROWN_ERROR = 5.0
+LAST_DIGITS = 1e-7  # of the motion: smaller errors are those of the last digits
+# rows at most that are marched with friction, tick by tick; in more of them the predictions know
+# enough
+MARCHED = 10_000
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
-ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
-OUTLIER = 6.0  # standard deviations from the median beyond which a reading is an outlier, if it is also two steps off
-FEW = 0.02  # share of the rows that may be outliers; more are not
+FITTING_ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
+# standard deviations from the median beyond which a reading is an outlier, if it is also two steps
+# off
+OUTLIER = 6.0
+OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 HUBER = 1.5  # standard deviations beyond which readings count less while outliers are searched
-SETTLED = 0.05  # half-widths; smaller changes end the rounds
+SETTLED_HALF_WIDTHS = 0.05  # half-widths; smaller changes end the rounds
 
 
 @dataclass(frozen=True, eq=False)
 class LogRows:
-    """A log as it is fitted: force (N), held over each tick, and what was read, both of all rows; period (s).
+    """A log as it is fitted: force (N), held over each tick, and what was read, both of all rows;
+    period (s).
 
-    resolution: step of the readings, 0 for none. skip: rows at the start that are left out; used: false for outliers
-    among the others, `(ticks - skip,)`.
+    resolution: step of the readings, 0 for none. skip: rows at the start that are left out; used:
+    false for outliers among the others, `(ticks - skip,)`.
     """
 
     force: np.ndarray
@@ -67,11 +75,12 @@ class LogRows:
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`, and half the widths of their intervals. readings, residual: of all rows, not a number
-    in the first ones. noise: white noise of the readings in addition to their rounding. estimate: the likelihood about theta;
-    None of a fit by predictions, whose readings are predicted from one row to the next. walked: rms of the force that these
-    found beside that of the log (N). static: friction at rest, where these found that it falls with speed. extra: by how much
-    wider the intervals are than those of a model that explains the log.
+    theta: the numbers of `model.names`, and half the widths of their intervals. readings, residual:
+    of all rows, not a number in the first ones. noise: white noise of the readings in addition to
+    their rounding. estimate: the likelihood about theta; None of a fit by predictions, whose
+    readings are predicted from one row to the next. walked: rms of the force that these found
+    beside that of the log (N). static: friction at rest, where these found that it falls with
+    speed. extra: by how much wider the intervals are than those of a model that explains the log.
     """
 
     model: Model
@@ -120,10 +129,12 @@ def fitted(
     resolution: float,
     found: Prediction | None = None,
 ) -> Fit | None:
-    """Fit a model to a log by the likelihood of rounded readings. found: the fit by predictions, if there is one.
+    """Fit a model to a log by the likelihood of rounded readings. found: the fit by predictions, if
+    there is one.
 
-    force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2). period: s. resolution: step of
-    the readings. None if the errors grow over the log as those of no encoder do.
+    force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2).
+    period: s. resolution: step of the readings. None if the errors grow over the log as those of no
+    encoder do.
     """
     rows = LogRows(force, reading, period, resolution)
     begun = replace(model, without=_hidden(model, reading, moves(model, reading)))
@@ -132,16 +143,17 @@ def fitted(
     if not _encoder_alone(begun, theta, rows, found.noise):
         return None
     model, theta, rows = _later(begun, theta, rows)
-    for _ in range(ROUNDS):
+    for _ in range(FITTING_ROUNDS):
         used = _inliers(model, theta, rows)
         if np.array_equal(used, rows.used):
             break
         rows = replace(rows, used=used)
         theta = refined(model, theta, rows)
-    # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they come from wider ones.
+    # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they
+    # come from wider ones.
     widest = SECANT * scales(model, theta, rows)
-    steps = widest if model.friction else STEP * scales(model, theta, rows)
-    for _ in range(ROUNDS):
+    steps = widest if model.friction else DIFFERENCE_STEP * scales(model, theta, rows)
+    for _ in range(FITTING_ROUNDS):
         with np.errstate(all="ignore"):
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if (
@@ -154,7 +166,7 @@ def fitted(
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             return None
         steps = np.minimum(estimates.half, widest) if model.friction else steps
-        if (np.abs(estimates.step) < SETTLED * estimates.half).all():
+        if (np.abs(estimates.step) < SETTLED_HALF_WIDTHS * estimates.half).all():
             break
     theta = np.where(
         np.array(model.names) == "friction", np.abs(theta), theta
@@ -166,7 +178,8 @@ def fitted(
 
 
 def _from_prediction(model, found, rows):
-    """Numbers and rows to begin with, from a fit by predictions; the numbers of the log alone are guessed."""
+    """Numbers and rows to begin with, from a fit by predictions; the numbers of the log alone
+    are guessed."""
     rows = replace(rows, skip=found.skip)
     numbers = found.numbers
     if model.friction:
@@ -180,20 +193,25 @@ def _at_first(model, rows):
     """Position and velocity at the first row of the fit, from the readings there."""
     place = rows.reading[rows.skip :]
     if model.measured == "position":
-        return {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
-    return {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
+        return {
+            "start": place[0],
+            "velocity": (place[FIRST_ROWS] - place[0]) / (FIRST_ROWS * rows.period),
+        }
+    return {"velocity": float(np.median(place[: FIRST_ROWS + 1])) * (model.measured == "velocity")}
 
 
 def _encoder_alone(model, theta, rows, noise):
-    """Whether the first rows of a log lie about the model, with numbers near these, as closely as its readings are known."""
+    """Whether the first rows of a log lie about the model, with numbers near these, as closely
+    as its readings are known."""
     if model.friction and len(rows.force) > MARCHED:
         return False
-    end = rows.skip + PART
+    end = rows.skip + PART_OF_ROWS
     rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end])
-    for _ in range(ROUNDS if model.friction else 1):  # where a device stops, it is not linear
+    # where a device stops, it is not linear
+    for _ in range(FITTING_ROUNDS if model.friction else 1):
         with np.errstate(all="ignore"):
             left = rows.residual(model, theta)
-            slopes = rows.slopes(model, theta, STEP * scales(model, theta, rows))
+            slopes = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
         size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
         if not np.isfinite([left.sum(), slopes.sum()]).all():
             return False
@@ -201,13 +219,16 @@ def _encoder_alone(model, theta, rows, noise):
         theta = theta + step
         left = left - slopes @ step
         usual = float(np.median(np.abs(left))) / 0.6745
-        if usual < GROWN * max(noise, rows.resolution, EXACT * float(np.ptp(rows.reading))):
+        if usual < GROWN_ERROR * max(
+            noise, rows.resolution, LAST_DIGITS * float(np.ptp(rows.reading))
+        ):
             return True
     return False
 
 
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:
-    """Readings as velocities, up to a factor; without those of an acceleration, which shows none."""
+    """Readings as velocities, up to a factor; without those of an acceleration, which shows
+    none."""
     return (
         np.diff(readings)
         if model.measured == "position"
@@ -216,9 +237,11 @@ def moves(model: Model, readings: np.ndarray) -> np.ndarray:
 
 
 def at_an_instant(fit: Fit) -> Fit:
-    """The same fit with intervals for a sensor that gives the acceleration at an instant, not its mean over the tick before.
+    """The same fit with intervals for a sensor that gives the acceleration at an instant, not its
+    mean over the tick before.
 
-    To first order that is the error of Euler's rule in mass and damping, and a part of a tick of delay does not show.
+    To first order that is the error of Euler's rule in mass and damping, and a part of a tick of
+    delay does not show.
     """
     moved = np.zeros(len(fit.theta)) + fit.extra
     moved[:2] += euler(fit.numbers, fit.rows.period)
@@ -227,7 +250,8 @@ def at_an_instant(fit: Fit) -> Fit:
 
 
 def _hidden(model, reading, way):
-    """The numbers that friction hides: the speed of a device at rest; a constant force, if the device moves one way.
+    """The numbers that friction hides: the speed of a device at rest; a constant force, if the
+    device moves one way.
 
     way: the readings as velocities.
     """
@@ -237,7 +261,8 @@ def _hidden(model, reading, way):
 
 
 def _later(model, theta, rows):
-    """Model, numbers and rows of the least squares from the first row on that the force before the log does not move."""
+    """Model, numbers and rows of the least squares from the first row on that the force before
+    the log does not move."""
     most = len(rows.force) // 2
     while True:
         numbers = model.numbers(theta)
@@ -276,7 +301,8 @@ def _own(model, known, rows):
 
 
 def _columns(model, known, own, force, period, skip):
-    """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the readings without these."""
+    """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the
+    readings without these."""
     none, still = np.zeros(len(force)), known | dict.fromkeys(OWN, 0.0)
     forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
     fitted_columns = [
@@ -287,22 +313,23 @@ def _columns(model, known, own, force, period, skip):
 
 
 def _inliers(model, theta, rows):
-    """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones count less (Huber)."""
+    """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones
+    count less (Huber)."""
     rows = replace(rows, used=np.ones(len(rows.used)))
     left, J = (
         rows.residual(model, theta),
-        rows.slopes(model, theta, STEP * scales(model, theta, rows)),
+        rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows)),
     )
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
     off = left - np.median(left)
-    for _ in range(4 * ROUNDS):
+    for _ in range(4 * FITTING_ROUNDS):
         deviation = np.median(np.abs(off)) / 0.6745 + 1e-300
         root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[
             :, None
         ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
     used = np.abs(off) <= max(OUTLIER * deviation, 2 * rows.resolution)
-    return used if np.mean(~used) < FEW else np.ones(len(used), bool)
+    return used if np.mean(~used) < OUTLIER_SHARE else np.ones(len(used), bool)
 
 
 def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
@@ -350,7 +377,7 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
 
     def slopes(part):
         with np.errstate(all="ignore"):
-            new_slopes = rows.slopes(model, theta + (part - 1) * size, STEP * size)
+            new_slopes = rows.slopes(model, theta + (part - 1) * size, DIFFERENCE_STEP * size)
         return np.nan_to_num(new_slopes * (size / reach), posinf=1e6, neginf=-1e6)
 
     # With friction the positions have kinks, so smaller steps mean nothing.

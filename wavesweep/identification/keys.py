@@ -30,7 +30,8 @@ KEYS = Key.by_path(
 
 
 class Measured(dict, TableValue):
-    """The files `z_width` and `response`, relative to the spec's folder; empty without the table."""
+    """The files `z_width` and `response`, relative to the spec's folder; empty without the
+    table."""
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -18,21 +18,22 @@ def identify(log: str | Path, **asked: Unpack[table.FitOptions]) -> DataFrame:
     Parameters
     ----------
     log : str or Path
-        A CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an acceleration; or torque
-        (N*m) and angle (rad), speed or angular_acceleration.
+        A CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an
+        acceleration; or torque (N*m) and angle (rad), speed or angular_acceleration.
     **asked
         What the log has and what is fitted, see Other Parameters.
 
     Returns
     -------
     DataFrame
-        The rows are the samples. `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the
-        log is `explained`, what is `missing`, and the `residual`.
+        The rows are the samples. `.attrs["summary"]` has the `parameters` with `value`, `low`,
+        `high` and `unit`, whether the log is `explained`, what is `missing`, and the `residual`.
 
     Other Parameters
     ----------------
     columns, scales : dict, optional
-        Names in the file and factors to these units, by name: `columns={"position": "enc"}, scales={"position": 2e-5}`.
+        Names in the file and factors to these units, by name: `columns={"position": "enc"},
+        scales={"position": 2e-5}`.
     resolution : float, optional
         Step of the readings (m or rad), by default the one that they show.
     spring, friction : bool, default False

@@ -1,4 +1,5 @@
-"""A log of what pushed a device and how it moved, read from a CSV file; one that cannot be used is refused with one message."""
+"""A log of what pushed a device and how it moved, read from a CSV file; one that cannot be used
+is refused with one message."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -11,12 +12,12 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import LEAST, MOST, Csv, option, read_csv, seconds
 
-MOST_BYTES = 1_000_000_000
-LEAST_ROWS = 50
+MOST_LOG_BYTES = 1_000_000_000
+LEAST_LOG_ROWS = 50
 JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
-UNEVEN = 0.5  # of a period: deviation of a time above which the steps are not equal
-GAP = 1.5  # periods between two rows above which one may be missing
+UNEVEN_STEP = 0.5  # of a period: deviation of a time above which the steps are not equal
+MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
 NAMES = {  # of a column, in small letters, in place of those above
@@ -59,11 +60,13 @@ UNITS = {  # that a name of a column may end in, in small letters, and their fac
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Equally spaced samples: `force` is held from a row to the next, `reading` is measured at the time of the row.
+    """Equally spaced samples: `force` is held from a row to the next, `reading` is measured at the
+    time of the row.
 
-    measured: what the reading is, a key of MOTIONS. period: s. start: time of the first row (s). turns: the force is a torque
-    (N*m), and the reading one of an angle (rad), in place of N and m. jitter: the largest deviation of a time from equal steps,
-    in periods. sha256: of the file. scaled: names of the columns whose scale was given. taken: sentences on columns that have
+    measured: what the reading is, a key of MOTIONS. period: s. start: time of the first row (s).
+    turns: the force is a torque (N*m), and the reading one of an angle (rad), in place of N and m.
+    jitter: the largest deviation of a time from equal steps, in periods. sha256: of the file.
+    scaled: names of the columns whose scale was given. taken: sentences on columns that have
     another unit in their names.
     """
 
@@ -97,7 +100,8 @@ def _refuse_unknown(
 def _places_in(
     file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]
 ) -> dict[str, tuple[str, float]]:
-    """Return the column of the file that has each name, or one of its other names, and a unit with its factor."""
+    """Return the column of the file that has each name, or one of its other names, and a unit
+    with its factor."""
     found = {}
     for name in names:
         if name in columns:
@@ -165,12 +169,13 @@ def read_log(
 ) -> Log:
     """Read a log. columns: the name in the file of time, a push and a motion, where it differs.
 
-    A push is a force, a torque or a current; a motion is a position, a velocity or an acceleration, or an angle, a speed or an
-    angular acceleration. Of several in the file one that `columns` names is taken, then the first in this order. scales:
-    factors that turn the numbers of the file into s, N, m and so on. constant: N/A or N*m/A, of the motor with this current.
-    Errors: UsageError that names the file, the line or the column, what was expected and what was found.
+    A push is a force, a torque or a current; a motion is a position, a velocity or an acceleration,
+    or an angle, a speed or an angular acceleration. Of several in the file one that `columns` names
+    is taken, then the first in this order. scales: factors that turn the numbers of the file into
+    s, N, m and so on. constant: N/A or N*m/A, of the motor with this current. Errors: UsageError
+    that names the file, the line or the column, what was expected and what was found.
     """
-    file = read_csv(path, MOST_BYTES)
+    file = read_csv(path, MOST_LOG_BYTES)
     if not any(file.names):
         raise UsageError(
             f"{path}: expected a header and rows of numbers below it, found an empty file"
@@ -191,7 +196,7 @@ def read_log(
             _refuse_missing(path, name, columns.get(name, name), file)
     _, push, motion = used.values()
     _refuse_motor_constant(path, push, constant, turns)
-    rows = file.numbers([places[name][0] for name in used.values()], LEAST_ROWS)
+    rows = file.numbers([places[name][0] for name in used.values()], LEAST_LOG_ROWS)
     factors = {name: scales.get(name, places[name][1]) for name in used.values()}
     readings = {name: rows[:, at] * factors[name] for at, name in enumerate(used.values())}
     _refuse_constant(path, readings, motion)
@@ -242,8 +247,8 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
             f"found {seconds(times[row + 1])} after {seconds(times[row])}"
         )
     period = float(np.median(steps))
-    if (steps > GAP * period).any():
-        row = int((steps > GAP * period).argmax())
+    if (steps > MISSING_ROW * period).any():
+        row = int((steps > MISSING_ROW * period).argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
         raise UsageError(
             f"{path}:{file.line(row + 1)}: time: expected equal steps, found {problem}; take a part without gaps"
@@ -256,7 +261,7 @@ def _period(path: str | Path, file: Csv, times: np.ndarray) -> tuple[float, floa
         )
     late = times - times[0] - period * np.arange(len(times))
     off = np.abs(late - np.median(late)) / period
-    if off.max() > UNEVEN:
+    if off.max() > UNEVEN_STEP:
         row = int(off.argmax())
         problem = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
         raise UsageError(

@@ -32,10 +32,11 @@ KINDS = {None: "measured limit", True: "measured stable", False: "measured unsta
 
 
 def facts_of(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
-    """The measured points for the figure of a table of that kind, as the fact `measured` of the run, if there are any.
+    """The measured points for the figure of a table of that kind, as the fact `measured` of the
+    run, if there are any.
 
-    They are stored with the table, so that `plot` draws the points of the run. Errors: UsageError for a file that cannot be
-    used.
+    They are stored with the table, so that `plot` draws the points of the run. Errors: UsageError
+    for a file that cannot be used.
     """
     marks: dict[str, Mapping[str, Any]] = {}
     for spec in specs if kind in OF_WALLS or kind in OF_RESPONSES else ():
@@ -67,7 +68,8 @@ def facts_of(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
 
 
 def _look(kind: bool | None, colour: Any) -> dict[str, Any]:
-    """The look of a point: a limit is a diamond, a wall that was tried is a disc if it was stable, otherwise a ring."""
+    """The look of a point: a limit is a diamond, a wall that was tried is a disc if it was
+    stable, otherwise a ring."""
     if kind is False:
         return _POINT | _HOLLOW | {"color": colour}
     return _POINT | _EDGE | {"color": colour, "marker": "D" if kind is None else "o"}
@@ -77,7 +79,8 @@ def _look(kind: bool | None, colour: Any) -> dict[str, Any]:
 class WallMarks:
     """Measured walls in a plane of damping and stiffness.
 
-    of: the walls of a spec, `(2, points)`: damping and stiffness, by whether they were stable (None: limits); and a colour.
+    of: the walls of a spec, `(2, points)`: damping and stiffness, by whether they were stable
+    (None: limits); and a colour.
     """
 
     of: Sequence[tuple[ByKind, Any]]
@@ -90,7 +93,8 @@ class WallMarks:
         return float(tried[tried <= most].max())
 
     def draw(self, axes: Any) -> None:
-        """Draw the walls within the limits of the axes, which have to be set; those on the frame are not cut off."""
+        """Draw the walls within the limits of the axes, which have to be set; those on the frame
+        are not cut off."""
         for kind, points, colour in (
             (*walls_by_kind, colour) for walls, colour in self.of for walls_by_kind in walls.items()
         ):
@@ -103,7 +107,8 @@ class WallMarks:
                 axes.plot(*points[:, inside], **_look(kind, colour), clip_on=False)
 
     def handles(self, x: Sequence[float], y: tuple[float, float]) -> list[Any]:
-        """The entries of a legend, with the number of points beyond the values x along a figure, or its span y."""
+        """The entries of a legend, with the number of points beyond the values x along a figure,
+        or its span y."""
         from matplotlib.lines import Line2D
 
         colour, handles = self.of[0][1] if len(self.of) == 1 else "0.4", []
@@ -118,7 +123,8 @@ class WallMarks:
 
 
 def walls(facts: Facts, x: str | None, along: str, several: bool) -> WallMarks:
-    """The walls in a figure with x along it and the number `along` upwards; of several specs, or of the only one."""
+    """The walls in a figure with x along it and the number `along` upwards; of several specs, or
+    of the only one."""
     specs = specs_of(facts)
     if not several:
         plane_walls = _walls_in_plane(facts, x, along)
@@ -141,7 +147,8 @@ def _walls_by_kind(facts: Facts, spec: str) -> ByKind:
 
 
 def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
-    """Those of the only spec of a run, if its figure has the wall's damping along it and its stiffness upwards."""
+    """Those of the only spec of a run, if its figure has the wall's damping along it and its
+    stiffness upwards."""
     wall = facts.get("spec", {}).get("ports", {}).get("wall")
     names = ("B_VE", "K_VE") if wall is None else (wall["damping"], wall["stiffness"])
     if (x, along) not in (names, tuple(SYMBOLS.get(name, name) for name in names)):
@@ -150,7 +157,8 @@ def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
 
 
 def undrawn(facts: Facts, x: str | None, along: str) -> str:
-    """A sentence about measured walls that a figure with another plane does not show; empty if there are none."""
+    """A sentence about measured walls that a figure with another plane does not show; empty if
+    there are none."""
     if not _walls_by_kind(facts, str(facts.get("spec_name", ""))) or _walls_in_plane(
         facts, x, along
     ):
@@ -182,7 +190,8 @@ class Responses:
     colours: Mapping[str, Any]
 
     def draw(self, axes: Any, name: str) -> np.ndarray:
-        """Draw those of a column of admittances, and give their frequencies (Hz), which all panels at the hand show."""
+        """Draw those of a column of admittances, and give their frequencies (Hz), which all
+        panels at the hand show."""
         places = [np.zeros(0)]
         for spec, colour in self.colours.items():
             points = self.facts["measured"][spec]["response"]
@@ -192,9 +201,8 @@ class Responses:
             )
             if name.startswith("admittance"):
                 label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
-                values = (
-                    1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))
-                )  # mm/N
+                # mm/N
+                values = 1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))
                 axes.plot(hertz, values, color=colour, label=label, **_OF_RESPONSE)
             places += [hertz] if name.startswith(("admittance", "impedance")) else []
         return np.concatenate(places)

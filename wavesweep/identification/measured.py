@@ -1,4 +1,5 @@
-"""How far a spec's own design is from what was measured of the device: limits, walls that were tried, a response."""
+"""How far a spec's own design is from what was measured of the device: limits, walls that were
+tried, a response."""
 
 from __future__ import annotations
 
@@ -17,12 +18,12 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
 
-FAR = 10.0  # times the largest stiffness that was measured, up to which limits are looked for
-CLOSE = (
-    0.1  # of their median: limits without repetition are explained if the model is off by less, rms
-)
+# times the largest stiffness that was measured, up to which limits are looked for
+FARTHEST_LIMIT = 10.0
+# of their median: limits without repetition are explained if the model is off by less, rms
+EXPLAINED_RMS = 0.1
 REPEATED = 5  # repetitions, below which scatter is hardly known, and an F test lets everything pass
-LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
+F_LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are explained
 COHERENT = 0.5  # coherence, below which a point of a response is left out
 WORST = 3  # walls on the wrong side that are named one by one
 
@@ -30,15 +31,17 @@ Points = tuple[MeasuredWalls | None, FrequencyResponse | None]
 
 
 def read_points(spec: Spec) -> Points:
-    """What [measured] names, before anything is computed. Errors: UsageError for a file that cannot be used."""
+    """What [measured] names, before anything is computed. Errors: UsageError for a file that
+    cannot be used."""
     return walls_of(spec), response_of(spec)
 
 
 def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
-    """How far the spec's own design is from its points, as a JSON-able dict; a missing number is None.
+    """How far the spec's own design is from its points, as a JSON-able dict; a missing number is
+    None.
 
-    stable: whether the design is; only then its response is compared. limits: see `_limits`; tried: see `_tried`;
-    response: see `_response`.
+    stable: whether the design is; only then its response is compared. limits: see `_limits`; tried:
+    see `_tried`; response: see `_response`.
     """
     walls, response = points
     distances_found: dict[str, Any] = {}
@@ -63,7 +66,8 @@ def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
 def _stable_intervals(
     spec: Spec, walls: MeasuredWalls
 ) -> list[tuple[list[tuple[float, float, bool]], bool]]:
-    """For each wall, the stable intervals of stiffness at its damping, as (low, high, whether high is an end of stability).
+    """For each wall, the stable intervals of stiffness at its damping, as (low, high, whether high
+    is an end of stability).
 
     Beside them is whether all of the column is known.
     """
@@ -71,7 +75,7 @@ def _stable_intervals(
     along = axis_along(
         spec,
         name_of(stiffness) if spec.drawing else "K_VE",
-        (0.0, FAR * max(walls.K_VE.max(), 1.0)),
+        (0.0, FARTHEST_LIMIT * max(walls.K_VE.max(), 1.0)),
     )
     values, place = np.unique(walls.B_VE, return_inverse=True)
     axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, along)
@@ -94,12 +98,14 @@ def _stable_intervals(
 
 
 def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
-    """The limit that the model has in place of each measured one: ratio, rms, and on which side the model errs.
+    """The limit that the model has in place of each measured one: ratio, rms, and on which side the
+    model errs.
 
-    A wall was stable just below a limit, and unstable just above. If the limit lies in a stable interval of the model, it is
-    compared with the upper end of that; otherwise the model became unstable at the upper end of the next interval below, and
-    0 stands for none. So a limit above a hole is compared with the end above the hole. beyond: the model has no limit up to
-    FAR times the largest one measured, and its ratio is at least that.
+    A wall was stable just below a limit, and unstable just above. If the limit lies in a stable
+    interval of the model, it is compared with the upper end of that; otherwise the model became
+    unstable at the upper end of the next interval below, and 0 stands for none. So a limit above a
+    hole is compared with the end above the hole. beyond: the model has no limit up to
+    FARTHEST_LIMIT times the largest one measured, and its ratio is at least that.
     """
     points = []
     for B, K, (intervals, complete) in zip(
@@ -142,11 +148,13 @@ def _far(ratio: float) -> float:
 
 
 def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
-    """rms of computed minus measured (N/m), its share of the median limit, and whether the model explains the limits.
+    """rms of computed minus measured (N/m), its share of the median limit, and whether the model
+    explains the limits.
 
-    If limits were measured again at the same damping, REPEATED times or more in all, their scatter (N/m) is what the model is
-    held against: it explains them if the means are off by no more than repetitions are, by an F test at LEVEL with no number
-    fitted. Otherwise the rms is held against CLOSE of the median.
+    If limits were measured again at the same damping, REPEATED times or more in all, their scatter
+    (N/m) is what the model is held against: it explains them if the means are off by no more than
+    repetitions are, by an F test at F_LEVEL with no number fitted. Otherwise the rms is held
+    against EXPLAINED_RMS of the median.
     """
     if not known:
         return {"rms": None, "share": None, "scatter": None, "explained": None}
@@ -158,11 +166,11 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     means = np.bincount(place, off) / repeats
     spare = len(off) - len(means)
     if spare < REPEATED:
-        return {"rms": rms, "share": share, "scatter": None, "explained": share <= CLOSE}
+        return {"rms": rms, "share": share, "scatter": None, "explained": share <= EXPLAINED_RMS}
     from scipy.special import fdtri
 
     scatter = float(np.sum((off - means[place]) ** 2) / spare)
-    explained = float(np.mean(repeats * means**2)) <= fdtri(len(means), spare, LEVEL) * scatter
+    explained = float(np.mean(repeats * means**2)) <= fdtri(len(means), spare, F_LEVEL) * scatter
     return {
         "rms": rms,
         "share": share,
@@ -174,8 +182,9 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
 def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
     """How many of the walls that were tried are on the wrong side, and the worst ones.
 
-    promised: unstable in the experiment, stable by the model, which is the dangerous side; denied: the other way round. Their
-    ratio is that of the nearest end of stability over the stiffness that was tried; None without one, or of a stiffness of 0.
+    promised: unstable in the experiment, stable by the model, which is the dangerous side; denied:
+    the other way round. Their ratio is that of the nearest end of stability over the stiffness that
+    was tried; None without one, or of a stiffness of 0.
     """
     wrong: dict[str, list[dict[str, Any]]] = {"promised": [], "denied": []}
     unknown = 0
@@ -211,7 +220,8 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
 
 
 def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str, Any]:
-    """Computed over measured admittance: ratios of magnitude and differences of phase (deg), their medians and worst.
+    """Computed over measured admittance: ratios of magnitude and differences of phase (deg), their
+    medians and worst.
 
     Frequencies above half the rate of the ticks, and points of low coherence, are not compared.
     """

@@ -1,4 +1,5 @@
-"""The sampled model of a log: a device with Coulomb friction under a force that is held over a tick and may be late.
+"""The sampled model of a log: a device with Coulomb friction under a force that is held over a tick
+and may be late.
 
     m a + d v + k x = f(t - D T) + f_0 - F_c sgn(v)
 
@@ -6,13 +7,14 @@ or two masses on a spring, of which the force moves the first:
 
     m_1 a_1 + d_1 v_1 + p = f(t - D T) + f_0,    m_2 a_2 + d_2 v_2 = p,    p = k (x_1 - x_2) + d (v_1 - v_2)
 
-Fitted are the logarithm of the mass, the other free numbers of the device, and numbers of the log alone: its initial position
-and velocity, a constant force (gravity, the offset of an amplifier, the rest of a spring), and the offset of a sensor of
-velocity or acceleration, its bias.
+Fitted are the logarithm of the mass, the other free numbers of the device, and numbers of the log
+alone: its initial position and velocity, a constant force (gravity, the offset of an amplifier, the
+rest of a spring), and the offset of a sensor of velocity or acceleration, its bias.
 
-A log of velocities or accelerations leaves some of these open: the position, of a velocity's bias b and the force f_0 all but
-f_0 + d b, of an acceleration's f_0 and initial velocity all but f_0 - d v_0, unless a spring or friction tells them apart. What
-is left open is 0. An accelerometer gives the mean over the tick before, as one that adds up its samples does.
+A log of velocities or accelerations leaves some of these open: the position, of a velocity's bias b
+and the force f_0 all but f_0 + d b, of an acceleration's f_0 and initial velocity all but f_0 - d
+v_0, unless a spring or friction tells them apart. What is left open is 0. An accelerometer gives
+the mean over the tick before, as one that adds up its samples does.
 """
 
 from bisect import bisect_left
@@ -39,18 +41,18 @@ UNSEEN = {
     "acceleration": ("start", "velocity"),
 }  # without a spring
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
-LARGEST = 100.0  # logarithm of the largest mass that is tried
-BLOCK = 1024  # ticks that are marched at a time
-STEP = 1e-4  # of finite differences, relative to the scale of a number
+LARGEST_LOG_MASS = 100.0  # logarithm of the largest mass that is tried
+TICKS_AT_ONCE = 1024  # ticks that are marched at a time
+DIFFERENCE_STEP = 1e-4  # of finite differences, relative to the scale of a number
 
 
 @dataclass(frozen=True)
 class Model:
     """The numbers that are fitted.
 
-    spring, friction, load: whether the model has them; load: a second mass on a spring. delay: in ticks, None if it is fitted.
-    without: those of `OWN` that are 0, in addition to those that do not show in what is measured, a position, a velocity or an
-    acceleration.
+    spring, friction, load: whether the model has them; load: a second mass on a spring. delay: in
+    ticks, None if it is fitted. without: those of `OWN` that are 0, in addition to those that do
+    not show in what is measured, a position, a velocity or an acceleration.
     """
 
     spring: bool = False
@@ -89,30 +91,34 @@ class Model:
         logs = {"mass": "log_mass"} | (
             {"load_mass": "log_load", "coupling_stiffness": "log_coupling"} if self.load else {}
         )
-        sizes = {name: exp(min(max(fitted[log], -LARGEST), LARGEST)) for name, log in logs.items()}
+        sizes = {
+            name: exp(min(max(fitted[log], -LARGEST_LOG_MASS), LARGEST_LOG_MASS))
+            for name, log in logs.items()
+        }
         return numbers | sizes | {"friction": abs(numbers["friction"])}
 
 
 def readings(
     model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0
 ) -> np.ndarray:
-    """What is measured at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the initial numbers hold.
+    """What is measured at the start of each tick from tick `skip` on, `(ticks - skip,)`; there the
+    initial numbers hold.
 
-    force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the delay, by a tick more for an
-    acceleration, it is not needed; otherwise the first one is used.
+    force: N, of all ticks; period: s. The force before the log is not known. With `skip` above the
+    delay, by a tick more for an acceleration, it is not needed; otherwise the first one is used.
     """
     return measured(model.numbers(theta), model.measured, force, period, skip)
 
 
 def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
-    """The same for numbers by their names; what: a position (m), a velocity (m/s) or an acceleration (m/s^2)."""
+    """The same for numbers by their names; what: a position (m), a velocity (m/s) or an
+    acceleration (m/s^2)."""
     if not abs(found["delay"]) < len(force):
         return np.full(len(force) - skip, np.nan)
     if "load_mass" in found:
         return two_masses(found, force, period, skip)[int(what == "position")] + found["bias"]
-    ahead = (
-        what == "acceleration"
-    )  # the mean over a tick is that over the next one, with a force that is a tick later
+    # the mean over a tick is that over the next one, with a force that is a tick later
+    ahead = what == "acceleration"
     push, pulls, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
     push = np.pad(push, ((0, 0), (0, int(ahead))))
     pulls = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in pulls)
@@ -126,10 +132,11 @@ def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) 
 
 
 def _pushes(found, force, period, skip):
-    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its two parts; the effect of 1 N.
+    """What the force of each tick adds to velocity and position by its end, `(2, ticks)`; its two
+    parts; the effect of 1 N.
 
-    A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then:
-    the parts are pairs of seconds and N.
+    A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and
+    that of tick `k - n` then: the parts are pairs of seconds and N.
     """
     whole_ticks = int(np.floor(found["delay"]))
     fraction = found["delay"] - whole_ticks
@@ -142,9 +149,11 @@ def _pushes(found, force, period, skip):
 
 
 def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
-    """Velocity and position of the first mass, and position minus that of the second one, at each tick, `(3, ticks - skip)`.
+    """Velocity and position of the first mass, and position minus that of the second one, at each
+    tick, `(3, ticks - skip)`.
 
-    The motion without the position of both masses has three modes, each of which is a filter of the first order.
+    The motion without the position of both masses has three modes, each of which is a filter of the
+    first order.
     """
     whole_ticks = int(np.floor(found["delay"]))
     fraction = found["delay"] - whole_ticks
@@ -170,7 +179,8 @@ def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.nda
 
 
 def tick_of_two(found, period, part):
-    """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force before and after its part."""
+    """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force
+    before and after its part."""
     first, two, k, d = (
         found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping")
     )
@@ -213,10 +223,12 @@ def step(found, period):
 
 
 def of_modes(total, rate, tone, ratio, share):
-    """The numbers of two masses (`total`, in kg) from modes, whose dampers are in proportion to these, of rate 1/s.
+    """The numbers of two masses (`total`, in kg) from modes, whose dampers are in proportion to
+    these, of rate 1/s.
 
-    tone: of the resonance (Hz), with its damping ratio. share: of the load, relative to the first mass. Their admittance at the
-    first mass is `1/(M s^2 + rate M s) + share/M/(s^2 + 2 z w s + w^2)`.
+    tone: of the resonance (Hz), with its damping ratio. share: of the load, relative to the first
+    mass. Their admittance at the first mass is `1/(M s^2 + rate M s) + share/M/(s^2 + 2 z w s +
+    w^2)`.
     """
     turn, first, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
     both = first * two / total
@@ -233,7 +245,8 @@ def of_modes(total, rate, tone, ratio, share):
 
 
 def resonance(force, tone, ratio, period, late, what):
-    """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2 + 2 z w s + w^2)`."""
+    """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2
+    + 2 z w s + w^2)`."""
     unit = {
         "mass": 1.0,
         "damping": 4 * np.pi * tone * ratio,
@@ -245,7 +258,8 @@ def resonance(force, tone, ratio, period, late, what):
 
 
 def _linear(found, push, period, row):
-    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for poles near 1.
+    """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for
+    poles near 1.
 
     row: 0 for the velocity in place of the position, which follows the same equation.
     """
@@ -270,10 +284,12 @@ def _linear(found, push, period, row):
 
 
 def _sliding(found, push, parts, full, period, row):
-    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there.
+    """The same with friction, tick by tick; a tick in which the device stops or starts is divided
+    there.
 
-    Without a spring the speed does not depend on the position: while no force can stop the device within a tick the speed alone
-    is followed, and a device at rest waits for a force above friction.
+    Without a spring the speed does not depend on the position: while no force can stop the device
+    within a tick the speed alone is followed, and a device at rest waits for a force above
+    friction.
     """
     friction, stiffness = found["friction"], found["stiffness"]
     (first, before), (then, now) = parts
@@ -286,8 +302,8 @@ def _sliding(found, push, parts, full, period, row):
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
     safe = inf if stiffness else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), 1e-300)
     v, x, moved, speeds = found["velocity"], found["start"], np.empty(len(now)), np.empty(len(now))
-    for begin in range(0, len(now), BLOCK):
-        block = slice(begin, begin + BLOCK)
+    for begin in range(0, len(now), TICKS_AT_ONCE):
+        block = slice(begin, begin + TICKS_AT_ONCE)
         to_v, to_x, early, late = (
             values[block].tolist() for values in (*push, before if first else now, now)
         )
@@ -320,7 +336,8 @@ def _sliding(found, push, parts, full, period, row):
 
 
 def _slid(series, v, vv, drive, safe):
-    """Add the speeds of a device that slides to a series, as long as it is faster than `safe`; the next speed is returned."""
+    """Add the speeds of a device that slides to a series, as long as it is faster than `safe`;
+    the next speed is returned."""
     low, high = (safe, inf) if v > 0 else (-inf, -safe)
     for push in drive[len(series) :]:
         after = vv * v + push
@@ -332,7 +349,8 @@ def _slid(series, v, vv, drive, safe):
 
 
 def _tick(found, period, full, first, then):
-    """A function from velocity, position, the two forces of a tick and what they add, to the velocity and position after it."""
+    """A function from velocity, position, the two forces of a tick and what they add, to the
+    velocity and position after it."""
     friction, stiffness = found["friction"], found["stiffness"]
     (vv, vx), (xv, xx) = step(found, period).tolist()
     by_v, by_x = (friction * full).tolist()
@@ -358,7 +376,8 @@ def _tick(found, period, full, first, then):
 
 
 def _through_rest(law, v, x, pull, left):
-    """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series.
+    """Velocity and position after `left` seconds in which the device stops, under a constant force,
+    by Taylor's series.
 
     law: mass, damping, stiffness and friction.
     """
@@ -391,7 +410,8 @@ def _through_rest(law, v, x, pull, left):
 
 
 def euler(found, period):
-    """The error of Euler's rule in the logarithm of the mass and in the damping: the share T d/2m."""
+    """The error of Euler's rule in the logarithm of the mass and in the damping: the share T
+    d/2m."""
     share = period * abs(found["damping"]) / (2 * found["mass"])
     return np.array([share, share * abs(found["damping"])])
 
@@ -399,9 +419,11 @@ def euler(found, period):
 def sensitivities(
     model: Model, theta: np.ndarray, force: np.ndarray, period: float, steps, skip: int = 0
 ) -> np.ndarray:
-    """Derivatives of what is measured with respect to the numbers, `(ticks - skip, numbers)`, by central differences.
+    """Derivatives of what is measured with respect to the numbers, `(ticks - skip, numbers)`, by
+    central differences.
 
-    steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes them kink.
+    steps: of the numbers. With friction they should be as wide as the intervals, since a stop makes
+    them kink.
     """
     columns = []
     for at, size in enumerate(steps):

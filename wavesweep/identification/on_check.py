@@ -19,7 +19,8 @@ def refuse(spec: Spec) -> None:
 
 
 def facts(spec: Spec, own: Facts, _: object = None) -> dict[str, Any]:
-    """measured: of a spec with [measured], how far the design is from the points, see `measured.distances`."""
+    """measured: of a spec with [measured], how far the design is from the points, see
+    `measured.distances`."""
     if not spec.measured:
         return {}
     from wavesweep.identification.measured import distances, read_points

@@ -6,7 +6,8 @@ from wavesweep.program.spec import Spec
 
 
 def data(spec: Spec) -> dict[str, dict[str, object]]:
-    """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit), and the response; if any."""
+    """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit),
+    and the response; if any."""
     walls, response = read_points(spec)
     marked: dict[str, object] = {}
     if walls is not None:

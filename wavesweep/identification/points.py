@@ -1,4 +1,5 @@
-"""Measured limits of walls, walls that were tried, and measured responses, from the files that a spec names."""
+"""Measured limits of walls, walls that were tried, and measured responses, from the files that a
+spec names."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import SHOWN, read_csv
+from wavesweep.program.csv_files import LETTERS_SHOWN, read_csv
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -26,15 +27,16 @@ DERIVED = {
     "accelerance": 2,
 }  # responses of position, velocity and acceleration
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
-LEAST_ROWS = 8  # of a response that is fitted
-MOST_BYTES = 100_000_000
+LEAST_RESPONSE_ROWS = 8  # of a response that is fitted
+MOST_POINTS_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
 FLAGS = {"1": True, "true": True, "0": False, "false": False}
 
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """frequency_hz: above 0, increasing. admittance: complex (m/N). coherence: 0 to 1, 1 where the file has none."""
+    """frequency_hz: above 0, increasing. admittance: complex (m/N). coherence: 0 to 1, 1 where
+    the file has none."""
 
     frequency_hz: np.ndarray
     admittance: np.ndarray
@@ -44,7 +46,8 @@ class FrequencyResponse:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredWalls:
-    """Damping (N*s/m) and stiffness (N/m) of walls: limits or, with `stable`, walls that were tried."""
+    """Damping (N*s/m) and stiffness (N/m) of walls: limits or, with `stable`, walls that were
+    tried."""
 
     B_VE: np.ndarray
     K_VE: np.ndarray
@@ -53,8 +56,12 @@ class MeasuredWalls:
 
 
 def is_response(path: str | Path, columns: Mapping[str, str] | None = None) -> bool:
-    """Whether a file contains a frequency response and not a log. columns: as of `read_response`."""
-    return FREQUENCY in (columns or {}) or _frequency(read_csv(path, MOST_BYTES * 10).names) != ""
+    """Whether a file contains a frequency response and not a log. columns: as of
+    `read_response`."""
+    return (
+        FREQUENCY in (columns or {})
+        or _frequency(read_csv(path, MOST_POINTS_BYTES * 10).names) != ""
+    )
 
 
 def _frequency(names: Sequence[str]) -> str:
@@ -64,15 +71,16 @@ def _frequency(names: Sequence[str]) -> str:
 
 def read_response(
     path: str | Path,
-    least: int = LEAST_ROWS,
-    most: int = MOST_BYTES,
+    least: int = LEAST_RESPONSE_ROWS,
+    most: int = MOST_POINTS_BYTES,
     scales: Mapping[str, float] | None = None,
     columns: Mapping[str, str] | None = None,
 ) -> FrequencyResponse:
     """Read a frequency response with at least `least` rows and at most `most` bytes.
 
-    scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and `admittance` (or `mobility`,
-    or `accelerance`). columns: the names in the file of `frequency_hz`, `admittance_abs` and so on, where they differ.
+    scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and
+    `admittance` (or `mobility`, or `accelerance`). columns: the names in the file of
+    `frequency_hz`, `admittance_abs` and so on, where they differ.
 
     Errors: UsageError that names the file and the line or column.
     """
@@ -166,7 +174,7 @@ def _stable_flags(file):
     if None in flags:
         line, text = cells[flags.index(None)]
         raise UsageError(
-            f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}"
+            f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:LETTERS_SHOWN] or 'nothing'}"
         )
     return np.array(flags)
 

@@ -1,18 +1,20 @@
 """The fit of a device by the errors of predictions, for logs of forces that are not all known.
 
-A friction curve, a drifting offset or a cable moves a device by little within a tick, and by much within a second. So each
-reading is predicted from those before it, by a Kalman filter that also follows a force that walks at random, and the numbers
-are those with the least sum of squares of the innovations (Ljung, System Identification, 1999, sections 3.3 and 7.2). One over
-the mass and the friction are linear in the innovations, and follow for each choice of the other numbers (variable projection,
-Golub and Pereyra 1973); so does the state at the first row. The variances of the forces, relative to that of the reading, are
-fitted as well.
+A friction curve, a drifting offset or a cable moves a device by little within a tick, and by much
+within a second. So each reading is predicted from those before it, by a Kalman filter that also
+follows a force that walks at random, and the numbers are those with the least sum of squares of the
+innovations (Ljung, System Identification, 1999, sections 3.3 and 7.2). One over the mass and the
+friction are linear in the innovations, and follow for each choice of the other numbers (variable
+projection, Golub and Pereyra 1973); so does the state at the first row. The variances of the
+forces, relative to that of the reading, are fitted as well.
 
-Friction is `F tanh(v/v_t)`, averaged over the tick, with the velocity from a smoother. If the log shows that it falls with
-speed, `(F_s - F) exp(-(v/v_s)^2)` is added to F (Armstrong-Helouvry, Dupont and Canudas de Wit 1994). Nothing pushes a device
-that rests.
+Friction is `F tanh(v/v_t)`, averaged over the tick, with the velocity from a smoother. If the log
+shows that it falls with speed, `(F_s - F) exp(-(v/v_s)^2)` is added to F (Armstrong-Helouvry,
+Dupont and Canudas de Wit 1994). Nothing pushes a device that rests.
 
-An interval is the widest of those of white innovations and of sums of scores over 10 and over 20 blocks of rows, wider by what
-other variances, the last round of the smoother and, in mass and delay, a curve in place of a line change.
+An interval is the widest of those of white innovations and of sums of scores over 10 and over 20
+blocks of rows, wider by what other variances, the last round of the smoother and, in mass and
+delay, a curve in place of a line change.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -37,7 +39,7 @@ PART, PART_OF_TWO = (
 )  # rows with the largest forces, from which a long log's numbers are found first; of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 ONE_WAY = 0.98  # share of the motion one way above which friction is a constant force
-CLEAR = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
+CLEAR_OF_NOISE = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
 SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
 FEWEST, MOST = -2.0, 20.0  # ticks of delay
 ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tried first, and then
@@ -47,15 +49,14 @@ WHITE, DRIFT = (
     (-8.0, -4.0, 0.0, 4.0),
     (-14.0, -10.0, -7.0, -4.0, -1.0),
 )  # decades of the variances, tried first
-HIGHEST = 8.0  # decade of a variance
-SPARE = 4  # rows that are left out beyond the delay
+HIGHEST_DECADE = 8.0  # decade of a variance
+SPARE_ROWS = 4  # rows that are left out beyond the delay
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
-PASSES = 2  # of the smoother
+SMOOTHER_PASSES = 2  # of the smoother
 FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
 FALLS = 0.1  # share of the friction by which it has to fall with speed
-NARROWEST = (
-    10.0  # times the slowest speed at which friction turns round: the least speed at which it fades
-)
+# times the slowest speed at which friction turns round: the least speed at which it fades
+LEAST_FADING = 10.0
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 OTHER = (
@@ -68,7 +69,7 @@ OTHER = (
 )  # decades by which the variances are changed
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
-KEPT = 8  # values that a log remembers
+VALUES_KEPT = 8  # values that a log remembers
 FILTERING = (
     "rate",
     "square",
@@ -88,12 +89,12 @@ STARTS, APART = (
     2,
     0.3,
 )  # resonances from which two masses are searched, and the logarithm of their ratio at least
-LIKELIER = 15.0  # logarithm of the odds by which two masses have to explain the innovations better than one
+# logarithm of the odds by which two masses have to explain the innovations better than one
+LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared
-SPIKE = (
-    20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
-)
-FEW = 0.02  # share of the rows that may be outliers; more are not
+# standard deviations of a second difference, beyond which a single reading is an outlier
+SPIKE = 20.0
+OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 
 NO_MASS = (
     "the force does not show in the position: no mass, however large or small, fits better than none; record a pulse, a chirp "
@@ -110,12 +111,14 @@ OTHER_SIGN = (
 
 @dataclass(frozen=True, eq=False)
 class ScaledLog:
-    """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
+    """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for
+    forces (N).
 
-    speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
-    one_way: there is friction, and the device moves one way only, so that a constant force would do the same. beside: forces
-    of unit size that act as well, held over each tick, whose gains are fitted.
-    The last values that `remembered` made are kept: a search asks for most of them again with one other number.
+    speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more.
+    moving: 0 while it rests. one_way: there is friction, and the device moves one way only, so that
+    a constant force would do the same. beside: forces of unit size that act as well, held over each
+    tick, whose gains are fitted. The last values that `remembered` made are kept: a search asks for
+    most of them again with one other number.
     """
 
     model: Model
@@ -134,7 +137,7 @@ class ScaledLog:
     def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """What `make` gives for a key."""
         if key not in self._kept:
-            if len(self._kept) == KEPT:
+            if len(self._kept) == VALUES_KEPT:
                 del self._kept[next(iter(self._kept))]
             self._kept[key] = make()
         return self._kept[key]
@@ -150,7 +153,8 @@ class ScaledLog:
         return few
 
     def side(self, turning: float, fading: float = np.inf) -> np.ndarray:
-        """The mean of tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity is a straight line.
+        """The mean of tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity is a
+        straight line.
 
         w is turning log cosh(v/turning), which is |v| but for the turn: so there is a primitive.
         """
@@ -182,7 +186,8 @@ class Place(NamedTuple):
 
 
 class StaticFriction(NamedTuple):
-    """The friction at rest (N), which falls to that of the model as exp(-(v/speed)^2); speed: that of Stribeck (m/s)."""
+    """The friction at rest (N), which falls to that of the model as exp(-(v/speed)^2); speed:
+    that of Stribeck (m/s)."""
 
     force: float
     speed: float
@@ -190,11 +195,13 @@ class StaticFriction(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The numbers `theta` of `model.names`, none of the log alone, and half the widths of their intervals.
+    """The numbers `theta` of `model.names`, none of the log alone, and half the widths of their
+    intervals.
 
-    left: innovations, in the unit of the reading, from row `skip` on; used: false for those of outliers. noise: of the reading
-    alone. walked: the rms of the force that is not in the log (N), from a smoother. correlation: of neighbouring innovations.
-    searched: the numbers of the search by their names. static: None if friction is a line. place: where the search ended.
+    left: innovations, in the unit of the reading, from row `skip` on; used: false for those of
+    outliers. noise: of the reading alone. walked: the rms of the force that is not in the log (N),
+    from a smoother. correlation: of neighbouring innovations. searched: the numbers of the search
+    by their names. static: None if friction is a line. place: where the search ended.
     """
 
     model: Model
@@ -240,7 +247,7 @@ def scaled(
         )
         noise = 3 * np.sqrt(3 / (2 * width**3 + 3 * width**2 + width))
         used = width
-        if CLEAR / 3 * noise < 0.05 * speeds.std():
+        if CLEAR_OF_NOISE / 3 * noise < 0.05 * speeds.std():
             break
     moving = np.ones(len(force))
     if model.measured == "position":
@@ -258,7 +265,8 @@ def scaled(
 
 
 def errors_of(log: ScaledLog, found: Mapping[str, float], skip: int):
-    """The predictor of some numbers, the innovations of the readings alone, and what unit gains add to them.
+    """The predictor of some numbers, the innovations of the readings alone, and what unit gains add
+    to them.
 
     The last are `(gains, rows)`.
     """
@@ -276,7 +284,8 @@ def errors_of(log: ScaledLog, found: Mapping[str, float], skip: int):
 
 
 def _pushes(log, found, tick):
-    """The effects of unit gains: of the force over the mass and, with friction, of that of friction."""
+    """The effects of unit gains: of the force over the mass and, with friction, of that of
+    friction."""
     whole_ticks = int(np.floor(found["delay"]))
     now = late(log.force, whole_ticks) * log.moving
     before = late(log.force, whole_ticks + 1) * log.moving
@@ -291,7 +300,8 @@ def _pushes(log, found, tick):
 
 
 def projected(errors, effects):
-    """The gains that leave least of the errors, and what they leave. effects: of unit gains, `(gains, rows)`."""
+    """The gains that leave least of the errors, and what they leave. effects: of unit gains,
+    `(gains, rows)`."""
     products = effects @ effects.T
     size = np.maximum(np.sqrt(np.diag(products)), 1e-150)
     gains = (
@@ -331,8 +341,8 @@ class Search:
         if model.delay is None:
             entries["delay"] = (begun["delay"], 0.5, FEWEST, MOST)
         if model.measured != "acceleration":
-            entries["white"] = (np.log10(begun["white"]), 1.0, lowest[0], HIGHEST)
-            entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST)
+            entries["white"] = (np.log10(begun["white"]), 1.0, lowest[0], HIGHEST_DECADE)
+            entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST_DECADE)
         if model.friction:
             usual = float(log.speeds.std())
             entries["turning"] = (
@@ -345,7 +355,7 @@ class Search:
                 entries["fading"] = (
                     np.log(begun["fading"]),
                     0.7,
-                    np.log(NARROWEST * log.slowest),
+                    np.log(LEAST_FADING * log.slowest),
                     np.log(3 * usual),
                 )
         self.names = tuple(entries)
@@ -377,7 +387,8 @@ def predicted(
 ) -> Prediction:
     """Fit a model to a log by the errors of its predictions.
 
-    force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the readings, 0 for none.
+    force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the
+    readings, 0 for none.
 
     Errors: UsageError if the force does not show in the readings.
     """
@@ -411,7 +422,8 @@ def predicted(
 
 
 class _Rounds(NamedTuple):
-    """A log with the velocities of the smoother, the point of a search, and by how much the last round moved the numbers."""
+    """A log with the velocities of the smoother, the point of a search, and by how much the last
+    round moved the numbers."""
 
     log: ScaledLog
     point: np.ndarray
@@ -420,9 +432,10 @@ class _Rounds(NamedTuple):
 
 
 def _smoothing(rounds, search, skip):
-    """Rounds of a smoother that gives the velocity, and of a search with the friction at this velocity."""
+    """Rounds of a smoother that gives the velocity, and of a search with the friction at this
+    velocity."""
     log, point, before, moved = rounds
-    for _ in range(PASSES):
+    for _ in range(SMOOTHER_PASSES):
         predictor, errors, effects = errors_of(log, search.found(point), skip)
         gains, _ = projected(errors, effects)
         if not gains[0] > 0:
@@ -442,7 +455,8 @@ def _smoothing(rounds, search, skip):
 
 
 def _with_curve(log, search, point, skip):
-    """A search with friction that falls with speed (Stribeck), and its point; None if it does not explain the log better."""
+    """A search with friction that falls with speed (Stribeck), and its point; None if it does
+    not explain the log better."""
     log = log.part(0, CHANGED)  # so many rows show it
     without = _square(log, search, point, skip)
     if not np.isfinite(without):
@@ -462,18 +476,20 @@ def _with_curve(log, search, point, skip):
 
 
 def _spikes(reading, resolution):
-    """Which readings are far to one side of both neighbours, which are near to each other: outliers."""
+    """Which readings are far to one side of both neighbours, which are near to each other:
+    outliers."""
     change = np.diff(reading)
     before, after = change[:-1], -change[1:]
     usual = np.median(np.abs(before + after)) / 0.6745
     height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
     alone = np.abs(before - after) < 0.5 * height
     spikes = np.pad(alone & (height > max(SPIKE * usual, 3 * resolution)), 1)
-    return spikes if spikes.mean() < FEW else np.zeros(len(reading), bool)
+    return spikes if spikes.mean() < OUTLIER_SHARE else np.zeros(len(reading), bool)
 
 
 class Innovations(NamedTuple):
-    """rms: of the innovations of a model, in the unit of the reading. walked: of the force that is not in the log (N).
+    """rms: of the innovations of a model, in the unit of the reading. walked: of the force that is
+    not in the log (N).
 
     tone_hz: of the resonance of two masses.
     """
@@ -512,22 +528,23 @@ def innovations_of(
 
 
 def _near(log, whole, near=None):
-    """The search, its best point for `log`, a part of the whole log, and the rows that are left out.
+    """The search, its best point for `log`, a part of the whole log, and the rows that are left
+    out.
 
     near: numbers of a smaller model to begin with.
     """
     if not log.model.load:
         begun = _begun(log, near)
-        skip = int(max(begun["delay"], 0.0)) + SPARE
+        skip = int(max(begun["delay"], 0.0)) + SPARE_ROWS
         search = Search(whole, begun)
         return search, least_of(log, search, search.begun, skip, 20), skip
     alone = replace(log, model=replace(log.model, load=False))
     begun = _begun(alone, near)
     search = Search(alone, begun)
-    skip = int(max(begun["delay"], 0.0)) + SPARE
+    skip = int(max(begun["delay"], 0.0)) + SPARE_ROWS
     point = least_of(alone, search, search.begun, skip, 20)
     without = _square(alone, search, point, skip)
-    skip = int(MOST) // 2 + SPARE
+    skip = int(MOST) // 2 + SPARE_ROWS
     found = search.found(point) | {"rate": RATES[0]}  # that of one mass is not that of two
     tried = []
     for begun in _resonances(alone, found, skip):
@@ -597,7 +614,8 @@ def smoothed_states(log, predictor, found, gains, skip):
 
 
 def force_beside(log, search, point, skip):
-    """The rms of the force that is not in the log (N): of the walk, from a smoother, and of the white one."""
+    """The rms of the force that is not in the log (N): of the walk, from a smoother, and of the
+    white one."""
     found = search.found(point)
     predictor, errors, effects = errors_of(log, found, skip)
     gains, left = projected(errors, effects)
@@ -619,7 +637,7 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     if model.measured == "acceleration":
         whites = drifts = [0.0]
     best, sign = (np.inf, {}), 0.0
-    skip = SPARE + int(max(0.0, *delays))
+    skip = SPARE_ROWS + int(max(0.0, *delays))
 
     def tried(rates, squares, delays, whites, drifts):
         nonlocal best, sign
@@ -794,7 +812,8 @@ def _static(log, found, gains):
 
 
 def _step(log, search, point, skip, free):
-    """Gains and numbers of one step of Gauss and Newton from a point with its variances held, `(free,)`."""
+    """Gains and numbers of one step of Gauss and Newton from a point with its variances held,
+    `(free,)`."""
     _, errors, effects = errors_of(log, search.found(point), skip)
     gains, left = projected(errors, effects)
     slopes = _slopes(log, search, point, gains, skip)[:, free]
@@ -805,7 +824,8 @@ def _step(log, search, point, skip, free):
 
 
 def _slopes(log, search, point, gains, skip):
-    """Derivatives of the innovations with respect to gains and numbers, `(rows, gains + numbers)`."""
+    """Derivatives of the innovations with respect to gains and numbers, `(rows, gains +
+    numbers)`."""
 
     def left(at):
         _, errors, effects = errors_of(log, search.found(at), skip)
@@ -826,7 +846,8 @@ def _differences(function, point, steps):
 
 
 def _half_widths(left, slopes, to_theta):
-    """Half the widths of the intervals: the widest of those of white innovations and of blocks of scores."""
+    """Half the widths of the intervals: the widest of those of white innovations and of blocks
+    of scores."""
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     unit = slopes / size
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)

@@ -2,9 +2,10 @@
 
     s[k+1] = A s[k] + G (f[k] + w[k] + u[k]),   w[k+1] = w[k] + z[k],   y[k] = C s[k] + r[k]
 
-f is the force of the log over the mass, w a force that walks at random, as of a cable or a hand, u a white one, r the noise
-of the reading. The filter predicts each reading from all before it; what is left, the innovations, is white if the model is
-right, whatever w has done to the device until then (Anderson and Moore, Optimal Filtering, 1979, chapter 4).
+f is the force of the log over the mass, w a force that walks at random, as of a cable or a hand, u
+a white one, r the noise of the reading. The filter predicts each reading from all before it; what
+is left, the innovations, is white if the model is right, whatever w has done to the device until
+then (Anderson and Moore, Optimal Filtering, 1979, chapter 4).
 
 A tick is the unit of time here.
 """
@@ -19,16 +20,18 @@ from scipy.signal import lfilter
 from wavesweep.identification.model import Model
 
 DOUBLINGS = 60  # of the time over which the Riccati equation is solved
-SETTLED = 1e-12  # relative change of its solution that ends the doublings
+SETTLED_DOUBLING = 1e-12  # relative change of its solution that ends the doublings
 FORGOTTEN = 1e-9  # effect of the initial state below which it no longer matters
 
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """A tick of a unit mass with the walking force as its last state: `s[k+1] = A s[k] + ...`, of which `C s` is read.
+    """A tick of a unit mass with the walking force as its last state: `s[k+1] = A s[k] + ...`, of
+    which `C s` is read.
 
-    held: the effect of a unit force over the whole tick. speed: the state that is the velocity. flow: the equations in which a
-    unit force is the last state, of which those from `first` on are kept.
+    held: the effect of a unit force over the whole tick. speed: the state that is the velocity.
+    flow: the equations in which a unit force is the last state, of which those from `first` on are
+    kept.
     """
 
     A: np.ndarray
@@ -47,8 +50,9 @@ class Tick:
 def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     """The tick of a model.
 
-    shape: `rate`, the damping over the mass (1/s), and `square`, the stiffness over it; of two masses also `share`, the load
-    over the first mass, `load_rate`, its damping over it, and of the spring `square` and `coupling_rate`, over the first mass.
+    shape: `rate`, the damping over the mass (1/s), and `square`, the stiffness over it; of two
+    masses also `share`, the load over the first mass, `load_rate`, its damping over it, and of the
+    spring `square` and `coupling_rate`, over the first mass.
     """
     if model.load:
         rate = shape["rate"]
@@ -90,10 +94,11 @@ def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
 
 
 class Predictor:
-    """The filter of a tick for white force and walk of variances `white` and `drift`, relative to that of the reading.
+    """The filter of a tick for white force and walk of variances `white` and `drift`, relative to
+    that of the reading.
 
-    M: the matrix of the errors of its states; spread: the variance of an innovation, relative to that of the reading. from_zero:
-    the walk begins at 0, and not anywhere.
+    M: the matrix of the errors of its states; spread: the variance of an innovation, relative to
+    that of the reading. from_zero: the walk begins at 0, and not anywhere.
     """
 
     def __init__(
@@ -117,13 +122,15 @@ class Predictor:
         self._initial = basis[:, sizes > 1e-8 * sizes[0]]
 
     def innovations(self, reading: np.ndarray, skip: int) -> np.ndarray:
-        """Of a log without force, from row `skip` on, without what the state at this row explains."""
+        """Of a log without force, from row `skip` on, without what the state at this row
+        explains."""
         if self._by_modes:
             return self._without_initial((reading - self._seen([(self.gain, reading)]))[skip:])
         return self._without_initial(lfilter(self._ahead, self._past, reading)[skip:])
 
     def effect(self, parts: list[tuple[np.ndarray, np.ndarray]], skip: int) -> np.ndarray:
-        """The same of what forces add to the predictions. parts: the effect of a unit force over a tick, and the forces."""
+        """The same of what forces add to the predictions. parts: the effect of a unit force over
+        a tick, and the forces."""
         if self._by_modes:
             return self._without_initial(self._seen(parts)[skip:])
         effect = np.zeros(len(parts[0][1]))
@@ -134,7 +141,8 @@ class Predictor:
         return self._without_initial(effect[skip:])
 
     def _seen(self, parts):
-        """What is read of the states that signals move, each by its effect, from rest: one pole after the other."""
+        """What is read of the states that signals move, each by its effect, from rest: one pole
+        after the other."""
         seen = np.zeros(len(parts[0][1]), dtype=complex)
         states = []
         for row in reversed(range(len(self.M))):
@@ -149,10 +157,12 @@ class Predictor:
         return seen.real
 
     def smoothed(self, reading: np.ndarray, push: np.ndarray, skip: int) -> np.ndarray:
-        """The states at each row from all readings and `push`, the effects of all forces, `(states, rows)` both.
+        """The states at each row from all readings and `push`, the effects of all forces, `(states,
+        rows)` both.
 
-        In the first `skip` rows, whose forces are not known, they are those of the next row. The backward pass is that of Bryson
-        and Frazier in the form of Durbin and Koopman (2012, section 4.4).
+        In the first `skip` rows, whose forces are not known, they are those of the next row. The
+        backward pass is that of Bryson and Frazier in the form of Durbin and Koopman (2012, section
+        4.4).
         """
         reading, push = reading[skip:], push[:, skip:]
         drive = np.zeros((len(self.M), len(reading)))
@@ -174,7 +184,8 @@ class Predictor:
 
 
 def _steady(A, C, noise):
-    """The covariance of the states before a reading of unit variance, by doubling (Anderson and Moore 1979, section 6.7)."""
+    """The covariance of the states before a reading of unit variance, by doubling (Anderson and
+    Moore 1979, section 6.7)."""
     forward, seen, covariance = A.T, np.outer(C, C), noise
     identity = np.eye(len(A))
     for _ in range(DOUBLINGS):
@@ -185,13 +196,14 @@ def _steady(A, C, noise):
         forward = forward @ forward_shared
         covariance = covariance + (added + added.T) / 2
         seen = (seen + seen.T) / 2
-        if np.abs(added).max() <= SETTLED * np.abs(covariance).max():
+        if np.abs(added).max() <= SETTLED_DOUBLING * np.abs(covariance).max():
             break
     return covariance
 
 
 def _free(M, C, rows):
-    """What a unit of each state at the first row adds to each innovation, `(rows, states)`, as far as it matters."""
+    """What a unit of each state at the first row adds to each innovation, `(rows, states)`, as
+    far as it matters."""
     free, power = C[None, :], M
     while len(free) < rows:
         free = np.concatenate([free, free @ power])
@@ -202,7 +214,8 @@ def _free(M, C, rows):
 
 
 def _run(M, drive):
-    """The states x[k] = M x[k-1] + drive[:, k] from 0, `(states, rows)`, by a Schur form: one pole after the other."""
+    """The states x[k] = M x[k-1] + drive[:, k] from 0, `(states, rows)`, by a Schur form: one
+    pole after the other."""
     triangle, basis = schur(M, "complex")
     driven = basis.conj().T @ drive
     states = np.zeros_like(driven)

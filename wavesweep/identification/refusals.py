@@ -1,4 +1,5 @@
-"""What is said of a log that does not tell the mass: whether its columns are of other rows, and which piece of it does."""
+"""What is said of a log that does not tell the mass: whether its columns are of other rows, and
+which piece of it does."""
 
 from dataclasses import replace
 
@@ -11,13 +12,12 @@ from wavesweep.identification.prediction import FEWEST, MOST, predicted
 from wavesweep.program.csv_files import seconds
 
 PIECES = (2, 4, 8)  # into how many equal pieces a log is cut
-ENOUGH = 3000  # rows with which a column is shifted
-SHORTEST = 200  # rows of a piece at least
+ROWS_SHIFTED = 3000  # rows with which a column is shifted
+SHORTEST_PIECE = 200  # rows of a piece at least
 KNOWN_DELAY = 1.0  # half the width of the interval of its delay (ticks)
-KNOWN = 1.2  # the highest over the lowest mass of a piece that helps
-FURTHEST = (
-    4  # times the range of delays, to which a column is shifted against the other, either way
-)
+HELPING_RATIO = 1.2  # the highest over the lowest mass of a piece that helps
+# times the range of delays, to which a column is shifted against the other, either way
+FURTHEST = 4
 
 
 def help_for(model: Model, log: Log, resolution: float) -> str:
@@ -29,11 +29,12 @@ def help_for(model: Model, log: Log, resolution: float) -> str:
 
 
 def _other_rows(model, log, resolution):
-    """Whether the log tells the mass if one column is shifted, by more rows than a delay may have."""
+    """Whether the log tells the mass if one column is shifted, by more rows than a delay may
+    have."""
     if model.delay is not None:
         return ""
     reach = int(MOST - FEWEST)
-    log = replace(log, force=log.force[:ENOUGH], reading=log.reading[:ENOUGH])
+    log = replace(log, force=log.force[:ROWS_SHIFTED], reading=log.reading[:ROWS_SHIFTED])
     shifts = range(reach // 2, FURTHEST * reach, reach // 2)
     for shift in (*shifts, *(-rows for rows in shifts)):
         force, reading = log.force, log.reading
@@ -41,7 +42,7 @@ def _other_rows(model, log, resolution):
             force, reading = force[:shift], reading[-shift:]
         else:
             force, reading = force[shift:], reading[:-shift]
-        if len(force) < SHORTEST:
+        if len(force) < SHORTEST_PIECE:
             continue
         found = _known(model, replace(log, force=force, reading=reading), resolution)
         if found is not None:
@@ -56,7 +57,7 @@ def _piece(model, log, resolution):
     rows = len(log.force)
     for count in PIECES:
         length = rows // count
-        if length < SHORTEST:
+        if length < SHORTEST_PIECE:
             break
         best = np.inf, ""
         for first in range(0, length * count, length):
@@ -82,7 +83,8 @@ def _piece(model, log, resolution):
 def _known(model, log, resolution):
     """The fit by predictions, if it knows the mass.
 
-    Of many pieces one seems to know it by chance: with a delay that is anything, or a negative damping.
+    Of many pieces one seems to know it by chance: with a delay that is anything, or a negative
+    damping.
     """
     if np.ptp(log.reading) < 3 * resolution or not np.ptp(log.force):
         return None
@@ -93,4 +95,8 @@ def _known(model, log, resolution):
     half = dict(zip(found.model.names, found.half, strict=True))
     knows_delay = half.get("delay", 0.0) < KNOWN_DELAY
     with_damping = found.numbers["damping"] + half["damping"] > 0
-    return found if 2 * half["log_mass"] < np.log(KNOWN) and knows_delay and with_damping else None
+    return (
+        found
+        if 2 * half["log_mass"] < np.log(HELPING_RATIO) and knows_delay and with_damping
+        else None
+    )

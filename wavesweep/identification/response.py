@@ -1,4 +1,5 @@
-"""The fit of a device to a frequency response: the admittance of the model, sampled or analogue, with relative errors."""
+"""The fit of a device to a frequency response: the admittance of the model, sampled or analogue,
+with relative errors."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -16,20 +17,24 @@ from wavesweep.identification.prediction import NO_RESONANCE
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
-RELATED = 3.5  # standard deviations of the correlation of neighbouring residuals beyond which they are not noise
-ALIKE = 0.99  # largest correlation of neighbouring residuals by which intervals are widened
-RARE = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
-TONES = 80  # frequencies of a resonance that are tried
+# standard deviations of the correlation of neighbouring residuals beyond which they are not noise
+RELATED = 3.5
+# largest correlation of neighbouring residuals by which intervals are widened
+LARGEST_CORRELATION = 0.99
+RARE_ODDS = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
+RESONANCES_TRIED = 80  # frequencies of a resonance that are tried
 RINGING_TRIED = 0.03  # damping ratio of a resonance that is tried
-CLEAR = 0.3  # share of the residual that an effect has to remove to be named
+NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseFit:
-    """The numbers `names` of a model, half the widths of their intervals, and the judgement, as for a log.
+    """The numbers `names` of a model, half the widths of their intervals, and the judgement, as for
+    a log.
 
-    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals. extra: by how much
-    wider the intervals are on both sides if the model does not explain the response.
+    fitted: admittance (m/N). residual: relative, complex. correlation: of neighbouring residuals.
+    extra: by how much wider the intervals are on both sides if the model does not explain the
+    response.
     """
 
     model: Model
@@ -65,7 +70,8 @@ def _numbers(model, theta):
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """How a response was measured: with a force that was held over ticks of `period` s, or with an analogue one.
+    """How a response was measured: with a force that was held over ticks of `period` s, or with an
+    analogue one.
 
     The delay is in ticks; of an analogue force `period` is its unit.
     """
@@ -75,7 +81,8 @@ class Hold:
 
 
 def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hold) -> np.ndarray:
-    """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the ticks over the held force."""
+    """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the
+    ticks over the held force."""
     period, coupled = hold.period, "load_mass" in numbers
     if not hold.held:
         s = 2j * np.pi * frequency_hz
@@ -119,20 +126,19 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
         / max(np.sum(np.abs(complexes) ** 2), 1e-300)
     )
     named = max(_tried(measured, hold, model, theta, left, J), key=lambda each: each[2])
-    rare = (
-        len(H) * named[2] > np.log(TONES) + RARE
-    )  # noise explains shares of 1/n; the largest of many is ln(number)/n
+    # noise explains shares of 1/n; the largest of many is ln(number)/n
+    rare = len(H) * named[2] > np.log(RESONANCES_TRIED) + RARE_ODDS
     far = (
         float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300))
-        > np.log(len(H)) + RARE
+        > np.log(len(H)) + RARE_ODDS
     )
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)
     if explained:
         named = ("", float("nan"), 0.0)
-    elif named[2] < CLEAR:
+    elif named[2] < NAMED_SHARE:
         named = ("unknown", float(measured.frequency_hz[np.argmax(np.abs(complexes))]), named[2])
     if not explained:  # there are fewer independent errors than frequencies
-        extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, ALIKE))) - 1)
+        extra = half * (np.sqrt(2 / (1 - np.clip(related, 0.0, LARGEST_CORRELATION))) - 1)
         extra[:2] += euler(_numbers(model, theta), hold.period) * hold.held
     return ResponseFit(
         model, theta, half, H, measured.admittance / H - 1, explained, *named, related, extra
@@ -140,13 +146,15 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
 
 
 def _weights(measured):
-    """One over the standard deviation of the relative error, up to a factor common to all frequencies."""
+    """One over the standard deviation of the relative error, up to a factor common to all
+    frequencies."""
     square = np.minimum(measured.coherence, 0.9999)
     return np.sqrt(square / (1 - square)) / np.sqrt(0.9999 / 0.0001)
 
 
 def _off(measured, hold, model, theta):
-    # The logarithm of the ratio: unlike the difference over the measured size, errors leave no bias in it.
+    # The logarithm of the ratio: unlike the difference over the measured size, errors leave no bias
+    # in it.
     with np.errstate(all="ignore"):
         fitted = admittance(_numbers(model, theta), measured.frequency_hz, hold)
         off = _weights(measured) * np.log(measured.admittance / fitted)
@@ -167,7 +175,8 @@ def _fit(measured, hold, model, start):
 
 
 def _first(measured, hold, model):
-    """Rough numbers; of one mass those of a linear fit, of two those of the best of some rates, resonances and delays."""
+    """Rough numbers; of one mass those of a linear fit, of two those of the best of some rates,
+    resonances and delays."""
     if not model.load:
         return _first_alone(measured, hold, model)
     s, best = 2j * np.pi * measured.frequency_hz, (np.inf,)
@@ -235,7 +244,7 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
         after = _fit(measured, hold, larger, start)[1]
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)
-    for tone in np.geomspace(hertz[0], hertz[-1], TONES):
+    for tone in np.geomspace(hertz[0], hertz[-1], RESONANCES_TRIED):
         mode = (
             weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance
         )

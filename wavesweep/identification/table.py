@@ -1,4 +1,5 @@
-"""A device found from a log: the table `identify`, with the numbers in its facts and its summary."""
+"""A device found from a log: the table `identify`, with the numbers in its facts and its
+summary."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,7 +55,9 @@ LOGARITHMS = {
     "coupling_stiffness": "log_coupling",
 }  # that are fitted
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
-KNOWN = 2.0  # times the least load or stiffness, below which the largest has to be: noise alone looks like a less certain one
+# times the least load or stiffness, below which the largest has to be: noise alone looks like a
+# less certain one
+KNOWN_RATIO = 2.0
 MILLI = 1e-3  # s, the unit of the delay of an analogue force
 READ = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # unit of what is measured
 TURNING = {"mass": "kg*m^2", "load_mass": "kg*m^2"}
@@ -74,7 +77,7 @@ MISSING = {
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
-SLOW = 10  # periods in a log, below which it is not told whether something is a resonance
+LEAST_PERIODS = 10  # periods in a log, below which it is not told whether something is a resonance
 MISSING_OF_TWO = {
     "resonance": "another resonance, near {frequency_hz:.3g} Hz",
     "unknown": "an effect that is no delay or resonance, as Coulomb friction, which is a constant force (offset) if the motor "
@@ -88,9 +91,11 @@ RESPONSE_METHOD = (
 
 
 class FitOptions(TypedDict, total=False):
-    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response.
+    """Names in the file and factors to SI units of columns, step of the encoder, what is fitted,
+    and the rate of a response.
 
-    motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in the log.
+    motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in
+    the log.
     """
 
     columns: Mapping[str, str]
@@ -105,7 +110,8 @@ class FitOptions(TypedDict, total=False):
 
 
 def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
-    """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response, as `api.identify` says.
+    """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response,
+    as `api.identify` says.
 
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
     """
@@ -257,9 +263,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         raise UsageError(
             f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration"
         )
-    origin = (
-        log.reading[0] if log.measured == "position" else 0.0
-    )  # with it readings far from 0 would lose digits
+    # with it readings far from 0 would lose digits
+    origin = log.reading[0] if log.measured == "position" else 0.0
     with one_thread():
         try:
             fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
@@ -328,7 +333,8 @@ def _parameters(
 ) -> dict[str, dict[str, Any]]:
     """The numbers with their intervals of 95 % and units.
 
-    constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and fitted with the middle one.
+    constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and
+    fitted with the middle one.
     """
     ends = dict(
         zip(
@@ -387,7 +393,7 @@ def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
         )
     for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
-        if not (each := parameters[name])["high"] < KNOWN * each["low"]:
+        if not (each := parameters[name])["high"] < KNOWN_RATIO * each["low"]:
             raise UsageError(
                 f"what was measured leaves the resonance of the two masses open: the {name} could be anything from "
                 f"{each['low']:.2g} to {each['high']:.2g} {each['unit']}; record a chirp or noise through the resonance"
@@ -413,7 +419,8 @@ def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:
 
 
 def _unusual(mass: Mapping[str, Any], turns: bool, question: str, powers: Mapping[str, int]) -> str:
-    """A doubt about a mass so unusual that a unit may be wrong, with a question; empty if it is not.
+    """A doubt about a mass so unusual that a unit may be wrong, with a question; empty if it is
+    not.
 
     powers: of the scales of columns, to which the mass is proportional.
     """
@@ -494,9 +501,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         False,
     )
     yield from _spoken(found)
-    followed = (
-        found["residual"].get("walked", 0.0) > 0
-    )  # of predictions, which follow a constant force as any other
+    # of predictions, which follow a constant force as any other
+    followed = found["residual"].get("walked", 0.0) > 0
     if "offset" not in found["parameters"] and found["measured"] != "acceleration" and not followed:
         yield (
             "no constant force was fitted: the device moves one way only, where it and friction are the same",
@@ -562,7 +568,7 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
     hertz = left["frequency_hz"] or 0.0
     newton = "N*m" if found.get("turns") else "N"
     missing = missing_words[found["missing"]].format(frequency_hz=hertz)
-    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
+    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < LEAST_PERIODS:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
         beyond = " beyond the steps of the encoder" * bool(found["resolution"])

@@ -19,8 +19,8 @@ FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 def inspect(table: str) -> None:
     """Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.
 
-    TABLE is a Parquet file of another command, a CSV with its data package beside it, a folder of results, or the name of a
-    spec, whose results are in results/NAME.
+    TABLE is a Parquet file of another command, a CSV with its data package beside it, a folder of
+    results, or the name of a spec, whose results are in results/NAME.
 
     \b
     Examples:
@@ -76,7 +76,8 @@ def _described(
     from wavesweep.program.tables.kind import counted_doubts
 
     own_kind = kind in kinds() and bool(kind_named(kind).fields)
-    # The columns of a design study follow from its spec, and those of a missing command are not known here.
+    # The columns of a design study follow from its spec, and those of a missing command are not
+    # known here.
     fields = fields_of(kind, columns, facts) if own_kind else described_fields(path)
     table = {"kind": kind, "rows": len(next(iter(columns.values())))}
     if "doubt" in columns:

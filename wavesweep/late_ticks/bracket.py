@@ -1,8 +1,9 @@
 """What is proved and what is refuted of a loop whose ticks take any time within an interval.
 
-Nodes of a graph are the places of ticks in a frame, perhaps with the cell of lengths that the last tick was in; each has a
-quadratic form. An edge is a control point of a cell, and all control points of a cell lead from a node to the same node: so the
-form decreases in every tick of the cell, see `tick_curves`. `norm_check` of [for_all] proves what is found here.
+Nodes of a graph are the places of ticks in a frame, perhaps with the cell of lengths that the last
+tick was in; each has a quadratic form. An edge is a control point of a cell, and all control points
+of a cell lead from a node to the same node: so the form decreases in every tick of the cell, see
+`tick_curves`. `norm_check` of [for_all] proves what is found here.
 """
 
 from __future__ import annotations
@@ -26,17 +27,18 @@ from wavesweep.late_ticks.patterns import (
 from wavesweep.late_ticks.tick_curves import DEGREE, LateTicks
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
-# Cells of lengths, and how many ticks back a node remembers them: of the graphs that are tried in turn.
+# Cells of lengths, and how many ticks back a node remembers them: of the graphs that are tried in
+# turn.
 GRAPHS = ((1, 0), (2, 1), (4, 1))
 TOLERANCE = 0.02  # of an end: distance of proof and refutation that needs no finer graph
-INSIDE = 2e-3  # of the refuted end, how far before it a proof ends
-LEAST_STEP = (
-    1e-3  # of a number, or of the way that is left: stretches that are shorter are not tried
-)
+INSIDE_REFUTED = 2e-3  # of the refuted end, how far before it a proof ends
+# of a number, or of the way that is left: stretches that are shorter are not tried
+LEAST_STEP = 1e-3
 MOST_STEPS = 80  # of a proof with one graph
-WORK = 4e9  # operations of searches for norms, for each side: some seconds
-FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0
-# Steps with which a search for norms ends: shorter ones than both, the second of the way that is left.
+OPERATIONS_OF_BRACKET = 4e9  # operations of searches for norms, for each side: some seconds
+FROM_ZERO_OF_END = 1e-4  # of the high end, from which on is proved what begins at 0
+# Steps with which a search for norms ends: shorter ones than both, the second of the way that is
+# left.
 SLOW, STALLED = 2e-3, 0.03
 LEAST_FORM = 1e-3  # what Lyapunov functions lose in a tick, in units in which ticks are about 1
 STARTS = (0.3, 0.05, 0.6, 0.01)  # of an interval, where a proof begins
@@ -47,7 +49,8 @@ TicksWith = Callable[[int], LateTicks]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class End:
-    """An end of what is proved, and the nearest value beyond it that is refuted, NaN if none is known, with its pattern."""
+    """An end of what is proved, and the nearest value beyond it that is refuted, NaN if none is
+    known, with its pattern."""
 
     reached: float
     fails: float = np.nan
@@ -65,7 +68,8 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The search for norms of some ticks, on a graph whose nodes remember the cells of the last ticks."""
+    """The search for norms of some ticks, on a graph whose nodes remember the cells of the last
+    ticks."""
 
     ticks: LateTicks
     remembered: int
@@ -109,8 +113,9 @@ class Search:
     def found(self, x: float) -> Any:
         """Norms in which all ticks shrink at x, in doubles; None if none are found.
 
-        The search begins with ticks that are all alike, the mean A of those at a place, and with their Lyapunov functions
-        `P_i = e + A' P_j A`; the interval of lengths then opens, `A + w (A_k - A)`.
+        The search begins with ticks that are all alike, the mean A of those at a place, and with
+        their Lyapunov functions `P_i = e + A' P_j A`; the interval of lengths then opens, `A + w
+        (A_k - A)`.
         """
         switched = offered("switched")
         A = self.at(x)
@@ -132,7 +137,7 @@ class Search:
             start = switched.Centre(P, self.graph, units, inverse).rounded()
             centre = switched.recentred(start, same, 8)
             width = 0.0
-            while width < 1 and centre.work < WORK:
+            while width < 1 and centre.work < OPERATIONS_OF_BRACKET:
                 before = width
                 centre, width = switched.advanced(centre, opened, width, 1.0)
                 centre = centre.rounded()
@@ -157,8 +162,8 @@ class Search:
         return offered("switched").recentred(lifted, self.at(x), 8)
 
     def proved(self, *ends: tuple[float, Any]) -> bool:
-        """Whether norms at one number, or those between the norms at two, are proved to be norms for it, or for all numbers
-        between."""
+        """Whether norms at one number, or those between the norms at two, are proved to be norms
+        for it, or for all numbers between."""
         switched = offered("switched")
         low, high = min(ends, key=_first), max(ends, key=_first)
         points = self.ticks.family.hull(low[0], high[0])
@@ -169,7 +174,8 @@ class Search:
         return switched.shrink_along(norms, *points, self.ticks.family.follows)
 
     def walked(self, centre: Any, x: float, goal: float, work: float) -> tuple[Any, float]:
-        """The last norms of a proof without a gap from x towards a goal, and the number that it reaches."""
+        """The last norms of a proof without a gap from x towards a goal, and the number that it
+        reaches."""
         switched = offered("switched")
         for _ in range(MOST_STEPS):
             if x == goal or centre.work > work:
@@ -195,7 +201,8 @@ class Search:
 
 
 def _periodic(ticks: np.ndarray) -> np.ndarray | None:
-    """Forms that each of some ticks in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the loop is not stable."""
+    """Forms that each of some ticks in a row lowers, `P_i = e + A_i' P_{i+1} A_i`; None if the
+    loop is not stable."""
     from scipy.linalg import solve_discrete_lyapunov
 
     n = ticks.shape[-1]
@@ -219,7 +226,8 @@ def _first(pair):
 
 
 def decided(ticks_with: TicksWith) -> tuple[str, str]:
-    """Whether a loop at its own values is stable for ticks of all lengths in any order, and the pattern with which it is not.
+    """Whether a loop at its own values is stable for ticks of all lengths in any order, and the
+    pattern with which it is not.
 
     ticks_with: along no number.
     """
@@ -249,17 +257,18 @@ def bracket(
         centre = search.found(start)
         if centre is not None and search.proved((start, centre)):
             above = _side(ticks_with, search, centre, start, high, tolerance)
-            near = FROM_ZERO * above.reached if low == 0 else 0.0
+            near = FROM_ZERO_OF_END * above.reached if low == 0 else 0.0
             below = _side(ticks_with, search, centre, start, max(low, near), tolerance)
             return Bracket(below, above)
     return None
 
 
 def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
-    """What is proved and refuted from a start towards a limit, with finer graphs as long as they are far apart."""
+    """What is proved and refuted from a start towards a limit, with finer graphs as long as they
+    are far apart."""
     ticks = search.ticks
     fails, pattern = nearest_growing(ticks, start, limit)
-    goal = fails + INSIDE * (start - fails) if pattern else limit
+    goal = fails + INSIDE_REFUTED * (start - fails) if pattern else limit
     reached = start
     centre = replace(centre, work=0.0)
     for cells, remembered in GRAPHS:
@@ -267,8 +276,8 @@ def _side(ticks_with, search, centre, start, limit, tolerance) -> End:
             finer = Search(ticks_with(cells), remembered)
             centre = finer.refined(search, centre, reached)
             search = finer
-        centre, reached = search.walked(centre, reached, goal, WORK)
+        centre, reached = search.walked(centre, reached, goal, OPERATIONS_OF_BRACKET)
         near = abs(goal - reached) <= tolerance * max(abs(goal), tolerance * abs(goal - start))
-        if near or centre.work > WORK:
+        if near or centre.work > OPERATIONS_OF_BRACKET:
             break
     return End(reached, fails, pattern, in_words(ticks, pattern))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PATH = "for_all.tick"
 COMMANDS = ("zwidth", "stability-region", "check", "report")
-LONGEST = 10.0  # s
+LONGEST_TICK_S = 10.0  # s
 NOMINAL = "nominal"
 KEYS = Key.by_path(
     [
@@ -26,10 +26,14 @@ KEYS = Key.by_path(
             "s",
             "by how much a fast tick may be late: each takes its own time to that much more, another time in each tick, in any "
             "order; what is held is held as long, and the program counts with the nominal tick",
-            high=LONGEST,
+            high=LONGEST_TICK_S,
         ),
-        Key.positive(f"{PATH}.start", None, "s", "the shortest time of a fast tick", high=LONGEST),
-        Key.positive(f"{PATH}.stop", None, "s", "the longest time of a fast tick", high=LONGEST),
+        Key.positive(
+            f"{PATH}.start", None, "s", "the shortest time of a fast tick", high=LONGEST_TICK_S
+        ),
+        Key.positive(
+            f"{PATH}.stop", None, "s", "the longest time of a fast tick", high=LONGEST_TICK_S
+        ),
         Key.word(
             f"{PATH}.steps",
             NOMINAL,
@@ -43,12 +47,13 @@ KEYS = Key.by_path(
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
 EITHER = "either late, or start and stop"
-SAME = 1e-9  # relative: a spec's own tick is within an interval that ends there
+SAME_TICK = 1e-9  # relative: a spec's own tick is within an interval that ends there
 
 
 @dataclass(frozen=True, slots=True)
 class LateTick(TableValue):
-    """The times of a fast tick: from the spec's own one to `late` (s) more, or from start to stop (s)."""
+    """The times of a fast tick: from the spec's own one to `late` (s) more, or from start to
+    stop (s)."""
 
     late: float | None = None
     start: float | None = None
@@ -57,7 +62,8 @@ class LateTick(TableValue):
     otherwise: ClassVar = "ticks that are all on time"
 
     def interval(self, hz: float) -> tuple[float, float]:
-        """Return the shortest and the longest time of a tick (s); hz: the rate of the spec's own ticks."""
+        """Return the shortest and the longest time of a tick (s); hz: the rate of the spec's own
+        ticks."""
         if self.late is not None:
             return 1 / hz, 1 / hz + self.late
         return float(self.start or 0.0), float(self.stop or 0.0)
@@ -75,7 +81,8 @@ class LateTick(TableValue):
 
 
 def build(request: Request) -> LateTick | None:
-    """Return the times and add their mistakes, and those of what cannot be proved beside them; None if there are none."""
+    """Return the times and add their mistakes, and those of what cannot be proved beside them;
+    None if there are none."""
     leaves = dict(request.belongs.below(PATH))
     mistakes = request.mistakes
     table = leaves.pop("", None)
@@ -100,7 +107,7 @@ def build(request: Request) -> LateTick | None:
     if request.hz:
         own = 1 / request.hz
         low, high = found.interval(request.hz)
-        if not low <= own * (1 + SAME) or not own <= high * (1 + SAME) or not low < high:
+        if not low <= own * (1 + SAME_TICK) or not own <= high * (1 + SAME_TICK) or not low < high:
             expected = (
                 f"times from start up to stop, with the spec's own tick of {own:g} s among them"
             )
@@ -111,7 +118,8 @@ def build(request: Request) -> LateTick | None:
 
 
 def _beside(request: Request) -> Iterator[tuple[str, str]]:
-    """Yield what is expected beside late ticks and what is found, for all that is not proved beside them."""
+    """Yield what is expected beside late ticks and what is found, for all that is not proved
+    beside them."""
     for_all = request.asked.get("for_all")
     if for_all and (for_all.axes or for_all.lost or for_all.loss):
         names = [axis.name for axis in for_all.axes]

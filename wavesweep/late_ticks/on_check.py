@@ -1,4 +1,5 @@
-"""What `check` finds of ticks that are late: whether the spec's own loop is stable for all of their lengths in any order."""
+"""What `check` finds of ticks that are late: whether the spec's own loop is stable for all of
+their lengths in any order."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Patterns of short and long ticks that make a loop unstable if they are repeated for ever.
 
-The loop is linear, and a tick nearly linear in its length. So the growth of a pattern changes with each of its ticks as the
-eigenvalue does: with the product `Q A P` of a pattern, its largest eigenvalue z and the vectors x and y of that,
+The loop is linear, and a tick nearly linear in its length. So the growth of a pattern changes with
+each of its ticks as the eigenvalue does: with the product `Q A P` of a pattern, its largest
+eigenvalue z and the vectors x and y of that,
 
     dz = y' Q dA P x.
 
@@ -23,13 +24,14 @@ FRAMES = (1, 2, 3)  # in a pattern
 WAVES = 3  # in a pattern that a climb begins with, at most
 PHASES = (0.0, 0.25, 0.5, 0.75)  # of these
 CLIMBS = 30  # steps
-WHOLE = 4  # of these that change every tick that they would; later ones half as many each
-SAME = 1e-13  # of an eigenvalue: a change that is none
+# of these that change every tick that they would; later ones half as many each
+CLIMBS_OF_ALL_TICKS = 4
+SAME_EIGENVALUE = 1e-13  # of an eigenvalue: a change that is none
 SCANNED = 16  # numbers between a start and a limit at which patterns are searched
 NEAREST = 1e-3  # of the way to the limit, where the first of them is
 BISECTIONS = 9
 CLOSER = 40  # bisections with one pattern
-MOST_TICKS = 600  # of a pattern
+MOST_PATTERN_TICKS = 600  # of a pattern
 
 Pattern = tuple[int, ...]
 """Of each tick which of the lengths it has, from the first tick of a frame on."""
@@ -44,19 +46,19 @@ def growing(ticks: LateTicks, x: float, known: Sequence[Pattern] = ()) -> tuple[
     best: tuple[float, Pattern] = (0.0, ())
     for frames in FRAMES:
         length = frames * ticks.places
-        if length > MOST_TICKS and frames > 1:
+        if length > MOST_PATTERN_TICKS and frames > 1:
             break
         starts = [_waves(frames, length, len(ticks.lengths))]
         starts += [np.array([pattern]) for pattern in known if len(pattern) == length]
         rate, pattern = _climbed(A, np.concatenate(starts))
-        if rate > best[0] * (1 + SAME):
+        if rate > best[0] * (1 + SAME_EIGENVALUE):
             best = rate, pattern
     return best
 
 
 def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float, Pattern]:
-    """Return the number closest to the start at which a pattern is proved to grow, of those that a search finds, and that
-    pattern; NaN and () if there is none."""
+    """Return the number closest to the start at which a pattern is proved to grow, of those that
+    a search finds, and that pattern; NaN and () if there is none."""
     stable = start
     unstable, pattern = np.nan, ()
     for x in start + (limit - start) * np.geomspace(NEAREST, 1.0, SCANNED):
@@ -80,8 +82,8 @@ def nearest_growing(ticks: LateTicks, start: float, limit: float) -> tuple[float
 def grows_from(
     ticks: LateTicks, pattern: Pattern, stable: float, unstable: float, limit: float
 ) -> tuple[float, Pattern]:
-    """Return the number next to where a pattern begins to grow at which that is proved, and the pattern; NaN and () if none
-    is."""
+    """Return the number next to where a pattern begins to grow at which that is proved, and the
+    pattern; NaN and () if none is."""
     switched = offered("switched")
     word = word_of(ticks, pattern)
     for _ in range(CLOSER):
@@ -103,7 +105,8 @@ def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:
 
 
 def in_words(ticks: LateTicks, pattern: Pattern) -> str:
-    """Return a pattern as a text: the length of each tick from the slow sample on, in ms, with runs of equal ones."""
+    """Return a pattern as a text: the length of each tick from the slow sample on, in ms, with
+    runs of equal ones."""
     if not pattern:
         return ""
     runs = []
@@ -173,15 +176,15 @@ def _climbed(A, patterns):
         largest = np.abs(z).argmax(-1)
         rates = np.abs(z).max(-1) ** (places / length)
         fastest = int(rates.argmax())
-        if rates[fastest] > best[0] * (1 + SAME):
+        if rates[fastest] > best[0] * (1 + SAME_EIGENVALUE):
             best = float(rates[fastest]), tuple(patterns[fastest].tolist())
         gains = _gains(at_place, chosen, before, vectors, z, largest)
         wanted = gains.argmax(-1)
         now = np.take_along_axis(gains, patterns[..., None], 2)[..., 0]
         better = gains.max(-1) - now
-        least = np.full((len(patterns), 1), SAME)
-        if step >= WHOLE:
-            share = 1 - 0.5 ** (step - WHOLE + 1)
+        least = np.full((len(patterns), 1), SAME_EIGENVALUE)
+        if step >= CLIMBS_OF_ALL_TICKS:
+            share = 1 - 0.5 ** (step - CLIMBS_OF_ALL_TICKS + 1)
             least = np.maximum(least, np.quantile(better, share, axis=1)[:, None])
         changed = np.where(better >= least, wanted, patterns)
         moved = (changed != patterns).any(1)
@@ -192,8 +195,8 @@ def _climbed(A, patterns):
 
 
 def _gains(at_place, chosen, before, vectors, z, largest):
-    """What each tick of each pattern does to its largest eigenvalue with each length, relative to that, `(patterns, ticks,
-    lengths)`."""
+    """What each tick of each pattern does to its largest eigenvalue with each length, relative
+    to that, `(patterns, ticks, lengths)`."""
     length, lengths = at_place.shape[:2]
     own = np.arange(len(z))
     x = vectors[own, :, largest]

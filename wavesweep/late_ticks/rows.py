@@ -1,4 +1,5 @@
-"""Intervals along a number in which a loop is stable for ticks of all lengths in any order, and the verdict on its own values."""
+"""Intervals along a number in which a loop is stable for ticks of all lengths in any order, and
+the verdict on its own values."""
 
 from __future__ import annotations
 
@@ -21,10 +22,10 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
-SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
-FROM_ZERO = 1e-3  # of the high end, from which on proved counts as proved from 0
+SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
+FROM_ZERO_OF_ROW = 1e-3  # of the high end, from which on proved counts as proved from 0
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
-MOST_PLACES = 256  # ticks in a frame
+MOST_FRAME_PLACES = 256  # ticks in a frame
 STATUS = {PROVED: Status.PROVED, REFUTED: Status.REFUTED}
 
 
@@ -53,11 +54,12 @@ class LateTicksGuarantee(Guarantee):
 
 
 def refuse(spec: Spec, along: str) -> None:
-    """Raise UsageError for a number that intervals cannot be held for; along: empty for a design alone."""
+    """Raise UsageError for a number that intervals cannot be held for; along: empty for a design
+    alone."""
     own = own_loop(spec, along) if along else own_loop(spec)
     drawn = own.drawn()
-    if drawn.ticks > MOST_PLACES:
-        expected = f"a frame of at most {MOST_PLACES} ticks"
+    if drawn.ticks > MOST_FRAME_PLACES:
+        expected = f"a frame of at most {MOST_FRAME_PLACES} ticks"
         raise UsageError(f"[for_all] tick: expected {expected}, found {drawn.ticks}")
     if along and not scalar_place(own.drawing, name_of(along)):
         expected = "intervals along a number that one wire or gain reads linearly, such as K_VE"
@@ -72,7 +74,8 @@ def refuse(spec: Spec, along: str) -> None:
 def records_for_ticks(
     loop: Loops, along: str, span: tuple[float, float], interval: tuple[float, float]
 ) -> np.ndarray:
-    """Intervals of a loop along a number within span = (low, high), for ticks of an interval (s) in any order, as records.
+    """Intervals of a loop along a number within span = (low, high), for ticks of an interval (s) in
+    any order, as records.
 
     A row lies within an interval of the loop whose ticks are all on time.
     """
@@ -97,7 +100,8 @@ def records_for_ticks(
 
 
 def _row(found: Bracket, about, span, on_time: str):
-    """What is proved; on_time: what refutes the ends of the interval of ticks that are all on time, empty if it is not known."""
+    """What is proved; on_time: what refutes the ends of the interval of ticks that are all on
+    time, empty if it is not known."""
     switched = offered("switched")
     low, high = found.below, found.above
     if not low.text and about[0] > span[0]:
@@ -107,7 +111,7 @@ def _row(found: Bracket, about, span, on_time: str):
     below = low.fails if low.text else low.reached
     above = high.fails if high.text else high.reached
     part = switched.Part(below, above, low.text or None, high.text or None)
-    from_zero = not low.text and low.reached <= FROM_ZERO * high.reached
+    from_zero = not low.text and low.reached <= FROM_ZERO_OF_ROW * high.reached
     near_low = from_zero or _is_near(low, span[0])
     settled = near_low and _is_near(high, span[1])
     return switched.Row(
@@ -116,10 +120,11 @@ def _row(found: Bracket, about, span, on_time: str):
 
 
 def _is_near(end: End, edge: float) -> bool:
-    """Whether proof and refutation are near to each other, or the proof reaches the edge of the range."""
+    """Whether proof and refutation are near to each other, or the proof reaches the edge of the
+    range."""
     if not end.text:
         return end.reached == edge
-    return abs(end.reached - end.fails) <= SETTLED * max(abs(end.reached), abs(end.fails))
+    return abs(end.reached - end.fails) <= SETTLED_WITHIN * max(abs(end.reached), abs(end.fails))
 
 
 def claim(spec: Spec) -> Claim:

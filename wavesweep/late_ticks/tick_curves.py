@@ -1,13 +1,15 @@
 """The ticks of a loop for all lengths that they may have, between control points.
 
-What moves continuously does so for the true length h of a tick: `x[k+1] = x[k] + E(h) x[k] + B(h) u[k]` with u held. All that
-a program computes is that of its nominal tick, and does not depend on h. So a tick is affine in the entries of E and B of what
-moves, whatever number the loop is cut open at. In a cell of lengths these entries are within R of a Bezier curve,
+What moves continuously does so for the true length h of a tick: `x[k+1] = x[k] + E(h) x[k] + B(h)
+u[k]` with u held. All that a program computes is that of its nominal tick, and does not depend on
+h. So a tick is affine in the entries of E and B of what moves, whatever number the loop is cut open
+at. In a cell of lengths these entries are within R of a Bezier curve,
 
     E(h) = sum_j b_j(t) E_j,   b_j >= 0,   sum_j b_j = 1,
 
-with the same t from 0 to 1 for all of them. Each tick is then a convex combination of the ticks with E_j and B_j, the control
-points, up to what R does to it. A form decreases in all ticks of a cell if it does so in its control points.
+with the same t from 0 to 1 for all of them. Each tick is then a convex combination of the ticks
+with E_j and B_j, the control points, up to what R does to it. A form decreases in all ticks of a
+cell if it does so in its control points.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import ENTRIES, OpenTicks, Ticks
+from wavesweep.engine.frames import ENTRY_ROUNDING, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, UnresolvedError
 
@@ -32,10 +34,10 @@ LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enc
 ORDER = 10  # of the Taylor models of a cell
 DEGREE = 2  # of the curves
 STRAIGHT = 1e-4  # of an entry: what a cell may leave out of its curve before it is divided
-ROUNDED = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
+CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
 MOST_CELLS = 64
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
-GONE = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
+GONE_TERM = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
 ROUNDINGS = 64.0  # of the terms of a curve in its control points
 
@@ -47,9 +49,9 @@ Curve = tuple[np.ndarray, np.ndarray]
 class LateTicks:
     """The ticks of a loop along a number, for lengths between two ends.
 
-    family: the matrix of each place of a tick in its frame with each control point of each cell, in this order, as
-    `LoopFrames`. at_ends: the same with the lengths at which cells meet, in place of control points. lengths: these (s).
-    places: of ticks in a frame. cells: of lengths.
+    family: the matrix of each place of a tick in its frame with each control point of each cell, in
+    this order, as `LoopFrames`. at_ends: the same with the lengths at which cells meet, in place of
+    control points. lengths: these (s). places: of ticks in a frame. cells: of lengths.
     """
 
     family: Any
@@ -67,10 +69,11 @@ class LateTicks:
 def late_ticks(
     loops: Loops, along: str, interval: tuple[float, float], least_cells: int = 1
 ) -> LateTicks:
-    """Return the ticks of a loop along a number that is one gain of it; empty for the loop at its own values.
+    """Return the ticks of a loop along a number that is one gain of it; empty for the loop at its
+    own values.
 
-    interval: the least and the largest length of a tick (s). least_cells: into which it is divided at least.
-    Errors: IllPosedLoopError for an algebraic loop without a solution.
+    interval: the least and the largest length of a tick (s). least_cells: into which it is divided
+    at least. Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     cells = least_cells
     while True:
@@ -110,7 +113,7 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     rate = ("/", ("number", 1.0, 0), ("name", LENGTH, 0), 0)
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
     if low < high:  # both may be rounded: times and rates are given in decimals
-        low, high = low * (1 - ROUNDED), high * (1 + ROUNDED)
+        low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
     enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], ORDER)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)
@@ -120,7 +123,8 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
 def _curve(matrix: Polynomials) -> Curve:
     """The Bezier curve of a polynomial in s from -1 to 1, and what is left of it.
 
-    With s = 2 t - 1 the powers of t have coefficients p_j, and the control points are `sum_j binomial(i, j)/binomial(d, j) p_j`.
+    With s = 2 t - 1 the powers of t have coefficients p_j, and the control points are `sum_j
+    binomial(i, j)/binomial(d, j) p_j`.
     """
     if matrix.numbers == 0:
         return np.repeat(matrix.terms[:1], DEGREE + 1, axis=0), matrix.rest
@@ -202,15 +206,18 @@ def _moved(
     entries: Mapping[str, Sequence[tuple[np.ndarray, np.ndarray]]],
     share: float,
 ) -> MultirateLoop:
-    """Return a loop with other entries E and B of its blocks that move; an error of ENTRIES of the sizes of their terms is so
-    much of what may be left out."""
+    """Return a loop with other entries E and B of its blocks that move; an error of ENTRIES of
+    the sizes of their terms is so much of what may be left out."""
     placed = []
     for scheduled in loop.placed:
         block = scheduled.block
         if block.name in entries:
             (E, of_E), (B, of_B) = entries[block.name]
             sizes = block.terms[2:] if block.terms else (np.abs(block.C), np.abs(block.D))
-            of_moved = [np.abs(E) + share * of_E / ENTRIES, np.abs(B) + share * of_B / ENTRIES]
+            of_moved = [
+                np.abs(E) + share * of_E / ENTRY_ROUNDING,
+                np.abs(B) + share * of_B / ENTRY_ROUNDING,
+            ]
             block = replace(block, E=E, B=B, terms=(*of_moved, *sizes))
         placed.append(replace(scheduled, block=block))
     return replace(loop, placed=tuple(placed))
@@ -219,13 +226,13 @@ def _moved(
 def _with_sizes(exact: Block, uncertain: Block) -> Block:
     """Return a tick with the sizes of the terms of the same tick about which less is known.
 
-    Entries that what is left out could be are set to zero there, if they are small beside their row: here they stay, and are
-    uncertain by that much.
+    Entries that what is left out could be are set to zero there, if they are small beside their
+    row: here they stay, and are uncertain by that much.
     """
     sizes = []
     for name, size, own in zip("EBCD", uncertain.terms, exact.terms, strict=True):
         entries = getattr(exact, name)
         gone = (getattr(uncertain, name) == 0) & (entries != 0)
         largest = np.abs(entries).max(-1, keepdims=True, initial=0.0)
-        sizes.append(np.where(gone, own + GONE * largest / ENTRIES, size))
+        sizes.append(np.where(gone, own + GONE_TERM * largest / ENTRY_ROUNDING, size))
     return replace(exact, terms=tuple(sizes))

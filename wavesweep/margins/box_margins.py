@@ -1,10 +1,13 @@
-"""Margins that hold for all numbers of [for_all]: searched for the worst numbers, then proved for all of them.
+"""Margins that hold for all numbers of [for_all]: searched for the worst numbers, then proved for
+all of them.
 
-A factor k of the signal is one more number of the loop, and a margin is a path of k that starts at 1, over its size p: gains
-`exp(p)` and `exp(-p)`, the phase `exp(j p)`, the disk `k = (1 + p exp(j psi))/(1 - p exp(j psi))`. [for_all] proves that all
-loops along the path are stable, for all numbers of the box; one with complex k is a real loop of twice the size. Where frames
-are polynomials in k, a disk is proved on its rim alone, as the spectral radius of a frame that is analytic in k has no peak
-inside. Delays are no factors of a frame: they are checked with bounds that are sampled, see `Arc`.
+A factor k of the signal is one more number of the loop, and a margin is a path of k that starts at
+1, over its size p: gains `exp(p)` and `exp(-p)`, the phase `exp(j p)`, the disk `k = (1 + p exp(j
+psi))/(1 - p exp(j psi))`. [for_all] proves that all loops along the path are stable, for all
+numbers of the box; one with complex k is a real loop of twice the size. Where frames are
+polynomials in k, a disk is proved on its rim alone, as the spectral radius of a frame that is
+analytic in k has no peak inside. Delays are no factors of a frame: they are checked with bounds
+that are sampled, see `Arc`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,18 +29,18 @@ from wavesweep.engine.sets import Side
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
-from wavesweep.margins.loop_margins import MOST, BrokenLoop, Margin, disk_margins
+from wavesweep.margins.loop_margins import LARGEST_GAIN_FACTOR, BrokenLoop, Margin, disk_margins
 from wavesweep.program.spec import Axis, Spec
 
-NEAR = 4e-3  # of a margin that is refuted, how far from it a proof is tried
-SETTLED = 1e-2  # of a margin, how far proof and refutation may be apart
-HALVINGS = 6  # of the steps of the search for the worst numbers
+TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
+SETTLED_WITHIN = 1e-2  # of a margin, how far proof and refutation may be apart
+STEP_HALVINGS = 6  # of the steps of the search for the worst numbers
 SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
 FRAMES = 200_000  # that the check of a delay may take
-ROUNDS = 6  # of search and proof
+PROOF_ROUNDS = 6  # of search and proof
 SWEEPS = 12  # of balancing
-TERMS = 16.0  # errors of the entries of a frame, in roundings of their sizes
-ROUNDED = 1e-12  # of a size that is proved, for the rounding of its factor
+ENTRY_ROUNDINGS = 16.0  # errors of the entries of a frame, in roundings of their sizes
+INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
 LOGARITHM = Side(path_of(GAIN), 0.0)
 DISK = tuple(
@@ -51,8 +54,8 @@ TURNED = {
 }
 OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
 ENDS = {
-    "gain_up": np.log(MOST),
-    "gain_down": np.log(MOST),
+    "gain_up": np.log(LARGEST_GAIN_FACTOR),
+    "gain_down": np.log(LARGEST_GAIN_FACTOR),
     "phase": np.pi,
     "delay_frames": np.inf,
     "disk": 1.0,
@@ -70,9 +73,10 @@ METHOD_FOR_ALL = (
 class BoxMargin:
     """A margin of all loops of a box.
 
-    value: what is proved, of a delay what is checked, NaN if nothing is. refuted: the least that a loop of the box was seen to
-    have, NaN without; omega: its frequency, rad/s; counterexample: the numbers of that loop. settled: whether both are within
-    SETTLED of each other. limited: whether there is a limit. doubt: why nothing is proved, a code.
+    value: what is proved, of a delay what is checked, NaN if nothing is. refuted: the least that a
+    loop of the box was seen to have, NaN without; omega: its frequency, rad/s; counterexample: the
+    numbers of that loop. settled: whether both are within SETTLED_WITHIN of each other. limited:
+    whether there is a limit. doubt: why nothing is proved, a code.
     """
 
     name: str
@@ -86,7 +90,8 @@ class BoxMargin:
 
 
 def refused(spec: Spec) -> str:
-    """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
+    """Why there are no margins for all of the spec's [for_all], empty if there are. Errors:
+    UsageError for too many numbers."""
     varying = spec.for_all.boxes.varying(spec)
     refusal = (
         "messages may be late or lost"
@@ -101,7 +106,8 @@ def refused(spec: Spec) -> str:
 
 
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
-    """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all numbers of its [for_all]."""
+    """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all
+    numbers of its [for_all]."""
     spec, cut = with_block(spec, cut)
     axes, boxes = spec.for_all.unknown, spec.for_all.boxes
     listed = [axis for axis in axes if axis.values or axis.structural]
@@ -125,7 +131,8 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
 
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
-    """Yield the case of a spec, or one for each part of a range in which dead times have the same whole ticks."""
+    """Yield the case of a spec, or one for each part of a range in which dead times have the
+    same whole ticks."""
     if fixed:
         spec = spec.with_values(fixed)
     drawing = spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges))
@@ -148,7 +155,7 @@ def _for_all_cases(found, name) -> BoxMargin:
     case, _, point, worst = min(found, key=lambda each: size_of(each[-1]))
     least = size_of(worst)
     within_range = bool(np.isfinite(least) and least < ENDS[name])
-    settled = bool(proved >= (1 - SETTLED) * min(least, ENDS[name]))
+    settled = bool(proved >= (1 - SETTLED_WITHIN) * min(least, ENDS[name]))
     refuted = np.nan
     omega = np.nan
     counterexample = ""
@@ -183,7 +190,7 @@ def size_of(margin: Margin) -> float:
 def _value(name, size):
     match name:
         case "delay_frames":
-            return min(size, MOST)
+            return min(size, LARGEST_GAIN_FACTOR)
         case "gain_up":
             return float(np.exp(size))
         case "gain_down":
@@ -262,20 +269,22 @@ class _Case:
         return points if self.ranged else [()]
 
     def unstable(self) -> Iterator[dict[str, object]]:
-        """Yield the numbers with which a loop at a corner or in the middle of the box is not stable."""
+        """Yield the numbers with which a loop at a corner or in the middle of the box is not
+        stable."""
         return (self.named(point) for point in self._corners if self._at(point) is None)
 
     def margin(self, name: str) -> tuple[float, tuple[float, ...], Margin]:
-        """The size of a margin that is proved for the whole box, 0 for none, and the worst loop found, with its margin."""
+        """The size of a margin that is proved for the whole box, 0 for none, and the worst loop
+        found, with its margin."""
         point, worst = self._worst(name, [])
         if not self.ranged:
             return (0.0 if worst.doubt else size_of(worst)), point, worst
         if worst.doubt or (name == "delay_frames" and self.rated):
             return 0.0, point, worst
         shares, proved = [*SHARES], 0.0
-        for _ in range(ROUNDS):
+        for _ in range(PROOF_ROUNDS):
             size = min(size_of(worst), ENDS[name])
-            end = 1.0 if size == ENDS[name] and name != "disk" else 1 - NEAR
+            end = 1.0 if size == ENDS[name] and name != "disk" else 1 - TRIED_NEAR_REFUTED
             proved, met = self._proved(name, shares[0] * end * size)
             point, worst = self._worst(name, met)
             if size_of(worst) >= size:
@@ -285,7 +294,8 @@ class _Case:
         return proved, point, worst
 
     def _worst(self, name, met):
-        """The point with the least margin that a search finds, and this margin; one in doubt if there is one."""
+        """The point with the least margin that a search finds, and this margin; one in doubt if
+        there is one."""
 
         def size(point):
             margins = self._at(point)
@@ -293,7 +303,7 @@ class _Case:
             return -np.inf if margin is None or margin.doubt else size_of(margin)
 
         best = min([*self._corners, *met, *self.known], key=size)
-        for halving in range(1, 1 + HALVINGS if self.ranged else 1):
+        for halving in range(1, 1 + STEP_HALVINGS if self.ranged else 1):
             steps = np.diag(self.box[1] - self.box[0]) * 0.5**halving
             near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
             best = min([best, *map(tuple, near.tolist())], key=size)
@@ -301,7 +311,8 @@ class _Case:
         return best, margins.get(name, Margin(name, np.nan, np.nan, np.nan, Doubt.SEARCH))
 
     def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
-        """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""
+        """The size of a margin, up to this one, that is proved, and points next to which it may
+        be smaller."""
         if name == "delay_frames":
             covered = self._delay(size)
             met = np.concatenate([covered.unstable[:, 1:], covered.open[-1:, :, 1:].mean(1)])
@@ -311,12 +322,13 @@ class _Case:
         if name == "disk" and self._delayed and not found.whole:
             proved = 0.0
         if proved < ENDS[name]:
-            proved *= 1 - ROUNDED
+            proved *= 1 - INWARD
         return proved, [] if found.met is None else [found.met[-len(self.ranged) :]]
 
     @cached_property
     def _delayed(self):
-        """Whether the signal comes back in no tick at once, so that frames have no poles in its factor and the rim is enough.
+        """Whether the signal comes back in no tick at once, so that frames have no poles in its
+        factor and the rim is enough.
 
         What depends on the factor anywhere does so at a place that nobody has chosen.
         """
@@ -363,7 +375,8 @@ class _Case:
         return covered
 
     def closed(self, k, x) -> Frames:
-        """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""
+        """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal,
+        `(n,)`."""
         return self.frames_at(np.column_stack([k, x]))
 
 
@@ -373,14 +386,17 @@ def _units(frames):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arc:
-    """Functions of angle (rad per frame) and numbers that are positive where L stays away from an arc: see `Functions`.
+    """Functions of angle (rad per frame) and numbers that are positive where L stays away from an
+    arc: see `Functions`.
 
-    With s frames of delay the loop has an eigenvalue on the unit circle where `-L = exp(j s theta)`. For all s from 0 to
-    `frames` this is an arc of the unit circle from 1 on. No value of -L on the arc lies inside of the circle ("below"), outside
-    of it ("above"), beyond the arc's chord ("beyond") or, if the arc is less than half a circle, on the other side of the line
-    through 0 and its end ("past") or its begin ("before"). If one of these holds at every angle, and L is inside of the circle
-    at pi, no delay up to `frames` moves an eigenvalue across the circle. At angles whose arc is a whole circle "below" has to
-    hold. With `det(z - A) = D` without the signal and `D + N` with it, L is N/D.
+    With s frames of delay the loop has an eigenvalue on the unit circle where `-L = exp(j s
+    theta)`. For all s from 0 to `frames` this is an arc of the unit circle from 1 on. No value of
+    -L on the arc lies inside of the circle ("below"), outside of it ("above"), beyond the arc's
+    chord ("beyond") or, if the arc is less than half a circle, on the other side of the line
+    through 0 and its end ("past") or its begin ("before"). If one of these holds at every angle,
+    and L is inside of the circle at pi, no delay up to `frames` moves an eigenvalue across the
+    circle. At angles whose arc is a whole circle "below" has to hold. With `det(z - A) = D` without
+    the signal and `D + N` with it, L is N/D.
     """
 
     WAYS = "below", "above"
@@ -398,8 +414,9 @@ class Arc:
         E = (closed.E * (units / units[:, None])).reshape(2, 1, len(x), units.size, units.size)
         w = on_circle(np.stack([x[:, 0], -x[:, 0]]))[..., None, None] * np.eye(units.size)
         phase, log = np.linalg.slogdet(w - E)
-        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
-        change = TERMS * (np.abs(E) + np.abs(w))
+        # to first order, the relative change of a determinant is the trace of the inverse times the
+        # change of the matrix
+        change = ENTRY_ROUNDINGS * (np.abs(E) + np.abs(w))
         relative = (np.abs(inverse(w - E).mT) * change).sum((-1, -2))
         pivots = closed.pivots.reshape(2, len(x), -1)
         scale = log.max((0, 1))
@@ -433,7 +450,8 @@ class Arc:
         )
 
     def _line(self, end):
-        """The line that values of -L do not reach, by its level and its angle; end: the angle of the arc's end."""
+        """The line that values of -L do not reach, by its level and its angle; end: the angle of
+        the arc's end."""
         if self.way == "beyond":
             return np.cos(end / 2), end / 2
         if self.way == "past":

@@ -14,7 +14,7 @@ from wavesweep.engine.keys import nearest
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import lines_in_loops
 from wavesweep.margins.lifted_margins import LiftedLoop
-from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
+from wavesweep.margins.loop_margins import BESIDE_ZERO, LARGEST_GAIN_FACTOR, BrokenLoop, Margin
 from wavesweep.program.spec import Spec, load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -32,7 +32,8 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
 
 
 def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLoop | LiftedLoop:
-    """Break a loop at the output of a block; named: names of signals that may have been meant. Errors: see `broken_at`."""
+    """Break a loop at the output of a block; named: names of signals that may have been meant.
+    Errors: see `broken_at`."""
     times = _times_per_frame(loop)
     if signal not in times:
         shown = [
@@ -68,13 +69,14 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
 def lines_at(
     spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]
 ) -> np.ndarray:
-    """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no frequency.
+    """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no
+    frequency.
 
     It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of
     the margin: its gain, or -1/L: of the eigenvalues of a lifted L the one that meets the phase, or
     has the largest |1 - L|/|1 + L| (disk), |1/(1 + L)| (sensitivity) or |L/(1 + L)|. No factor does
-    so for an L of 0, as a lifted one has whose samples are not all read; if there is no other, it is
-    the frequency itself.
+    so for an L of 0, as a lifted one has whose samples are not all read; if there is no other, it
+    is the frequency itself.
     """
     lines = np.array([margin.omega for margin in margins]) / (2 * np.pi)
     at = []
@@ -95,13 +97,14 @@ def lines_at(
 
 
 def _factor_at(margin: Margin, broken: BrokenLoop | LiftedLoop) -> complex | None:
-    """The factor of the signal that puts an eigenvalue on the circle at a margin, None if none does; see `lines_at`."""
+    """The factor of the signal that puts an eigenvalue on the circle at a margin, None if none
+    does; see `lines_at`."""
     if not np.isfinite(margin.omega):
         return None
     if margin.name.startswith("gain"):
         return margin.value
-    L = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE)))
-    L = L[abs(L) > 1 / MOST]
+    L = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE_ZERO)))
+    L = L[abs(L) > 1 / LARGEST_GAIN_FACTOR]
     if not len(L):
         return None
     with np.errstate(divide="ignore"):
@@ -119,7 +122,8 @@ def _factor_at(margin: Margin, broken: BrokenLoop | LiftedLoop) -> complex | Non
 
 
 def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
-    """The spec with a name in [signals] as the output of a block, and that output; another signal as it is.
+    """The spec with a name in [signals] as the output of a block, and that output; another signal
+    as it is.
 
     The block is a gain of 1, which runs when the only block that reads it does, else in every tick.
     """
@@ -180,7 +184,8 @@ def cuts_of(spec: Spec) -> list[str]:
 def _times_per_frame(loop: Loops) -> dict[str, int]:
     """How often each output that a wire reads is made in a frame.
 
-    Those that dead times bring to plants, or read of them, between two ticks are left out: a gain there would be in the tick.
+    Those that dead times bring to plants, or read of them, between two ticks are left out: a gain
+    there would be in the tick.
     """
     drawn = loop.drawn()
     plants = loop.drawing.plants

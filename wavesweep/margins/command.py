@@ -19,14 +19,15 @@ from wavesweep.program.cli.study_commands import one_spec
 def margins(spec: str, options: Options, cut: str) -> None:
     """Compute gain, phase, delay and disk margins and peak sensitivities of a loop broken at one signal.
 
-    SPEC is a TOML file. Its own loop is broken at an output of a block, so that the rest of the loop, at all its rates, is one
-    exact transfer function at the rate of the frame. The table has a row per margin, with its frequency and a bound on its
-    error. A signal that is made several times in a frame has the margins of the lifted loop: one factor multiplies all of its
-    samples.
+    SPEC is a TOML file. Its own loop is broken at an output of a block, so that the rest of the
+    loop, at all its rates, is one exact transfer function at the rate of the frame. The table has a
+    row per margin, with its frequency and a bound on its error. A signal that is made several times
+    in a frame has the margins of the lifted loop: one factor multiplies all of its samples.
 
-    No grid of frequencies is used: gains are the ends of a certified stable interval, phases come from all crossings of the
-    gain 1, peaks from level sets. With unknown numbers in [for_all] there are also rows of the margins that are proved for all
-    of them, with the numbers that refute larger ones.
+    No grid of frequencies is used: gains are the ends of a certified stable interval, phases come
+    from all crossings of the gain 1, peaks from level sets. With unknown numbers in [for_all] there
+    are also rows of the margins that are proved for all of them, with the numbers that refute
+    larger ones.
 
     \b
     Examples:

@@ -15,14 +15,15 @@ from wavesweep.engine.drawing import Drawing, DrawnBlock, path_of
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.margins.broken_loops import with_block
-from wavesweep.margins.lifted_margins import EXACT
+from wavesweep.margins.lifted_margins import END_ERROR
 from wavesweep.margins.loop_margins import Margin
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
 BLOCK, SECONDS = "late by the cut", "dead time of the cut"  # no block or number is called so
-LONGEST = 1000  # ticks that are looked at
-WORK = 2e5  # of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
+MOST_DEAD_TICKS = 1000  # ticks that are looked at
+# of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
+STATES_TIMES_TICKS = 2e5
 
 
 def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
@@ -45,19 +46,20 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
     loops = late(spec, signal)
     if loops is None:
         return None
-    span = (0.0, LONGEST / float(loops.rate))
+    span = (0.0, MOST_DEAD_TICKS / float(loops.rate))
     one = ((np.zeros(1, int), loops.unbuilt),)
     search = Search(path_of(SECONDS), span, one, lines=False, checked=True)
-    records, (_, looked_at) = search.about(0.0, WORK)
+    records, (_, looked_at) = search.about(0.0, STATES_TIMES_TICKS)
     for row in records:
         ends_within = 0 < row["high"] < looked_at
         if row["intervals"] and row["low"] == 0 and ends_within and row["certified"]:
-            return Margin("delay", float(row["high"]), float(row["high_omega"]), EXACT)
+            return Margin("delay", float(row["high"]), float(row["high_omega"]), END_ERROR)
     return None
 
 
 def late(spec: Spec, signal: str) -> Loops | None:
-    """The spec's own loop with a dead time behind a signal, the number SECONDS; see `delay_margin`."""
+    """The spec's own loop with a dead time behind a signal, the number SECONDS; see
+    `delay_margin`."""
     spec, signal = with_block(spec, signal)
     loop = own_loop(spec)
     drawing = _with_dead_time(loop.drawing, signal)
@@ -65,7 +67,8 @@ def late(spec: Spec, signal: str) -> Loops | None:
 
 
 def _with_dead_time(drawing: Drawing, signal: str) -> Drawing | None:
-    """The drawing in which all wires read a signal as late as the dead time is; None if they may not."""
+    """The drawing in which all wires read a signal as late as the dead time is; None if they may
+    not."""
     plants = {block.name for block in drawing.blocks if block.plant}
     readers = {
         port.rpartition(".")[0]

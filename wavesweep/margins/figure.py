@@ -1,4 +1,5 @@
-"""The figure of margins: Nyquist curve, open-loop Bode plot and step response of a loop that is broken at a signal."""
+"""The figure of margins: Nyquist curve, open-loop Bode plot and step response of a loop that is
+broken at a signal."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +30,7 @@ from wavesweep.program.plots.style import (
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.tables.number_words import rounded_down
 
-LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
+LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
 FIRST, STEP, NEXT, ROUNDS = (
     600,
@@ -38,24 +39,24 @@ FIRST, STEP, NEXT, ROUNDS = (
     24,
 )  # angles; change of ln L between neighbours, and least angle (rad)
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
-ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
-FARTHEST = (
-    4.0  # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
-)
+ROOM_OF_NYQUIST = 0.08  # of the Nyquist plot, beyond what it has to show
+# of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
+FARTHEST_SHOWN = 4.0
 OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D", "delay_frames": "D"}
 Family = Sequence[tuple[str, Spec]]
-_TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
+_CIRCLE = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
     """L of a loop that is broken at a signal, over its frequencies (Hz), with its margins.
 
-    several: whether the values of L are the eigenvalues of a lifted one, which have no order. table: value, omega (rad/s) and
-    strongest line (Hz) of each margin. marks: the value of L at which each of those that `_MARKS` names is set. rate: of the
-    signal, Hz. bode: frequencies up to half of that and L of the signal's rate, which a lifted signal has besides.
+    several: whether the values of L are the eigenvalues of a lifted one, which have no order.
+    table: value, omega (rad/s) and strongest line (Hz) of each margin. marks: the value of L at
+    which each of those that `_MARKS` names is set. rate: of the signal, Hz. bode: frequencies up to
+    half of that and L of the signal's rate, which a lifted signal has besides.
     """
 
     hertz: np.ndarray
@@ -67,7 +68,8 @@ class OpenLoop:
     bode: tuple[np.ndarray, np.ndarray]
 
     def place(self, name: str) -> float:
-        """The frequency (Hz) of a margin: of a lifted signal that at which its samples show the strongest line."""
+        """The frequency (Hz) of a margin: of a lifted signal that at which its samples show the
+        strongest line."""
         _, omega, hz = self.table[name]
         return (
             abs((hz + self.rate / 2) % self.rate - self.rate / 2)
@@ -94,18 +96,20 @@ class OpenLoop:
 
     @property
     def disk(self) -> np.ndarray | None:
-        """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends; None if there is no limit."""
+        """The disk about -1 that L leaves free, with the gains `gain` and 1/gain at its ends;
+        None if there is no limit."""
         gain, omega, _ = self.table.get("disk_gain", (np.nan,) * 3)
         return None if np.isnan(omega) else disk_of(gain)
 
 
 def disk_of(gain: float) -> np.ndarray:
     """The rim of the disk about -1 with the gains `gain` and 1/gain at its ends."""
-    return -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
+    return -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _CIRCLE
 
 
 def _margin_rows(columns):
-    """The margins of the spec and those for all of [for_all]: by their names, value, omega (rad/s) and frequency (Hz)."""
+    """The margins of the spec and those for all of [for_all]: by their names, value, omega
+    (rad/s) and frequency (Hz)."""
     guarantee = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
     names = "margin", "value", "omega", "hz"
     margins_of = {}
@@ -116,13 +120,15 @@ def _margin_rows(columns):
 
 
 def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
-    """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the gain 1, and the disk margin.
+    """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the
+    gain 1, and the disk margin.
 
-    Beside it are gain (dB) and phase of L over frequency, see `draw_bode`, with the margins as lines between the curve and
-    its limit, and below it the closed loop's response to a step of the signal. All of this is computed from the spec of the
-    table, the curves so densely that no step shows. family: names and specs of other loops, which have a curve in each
-    panel and no margins; by default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that
-    is proved for all of them.
+    Beside it are gain (dB) and phase of L over frequency, see `draw_bode`, with the margins as
+    lines between the curve and its limit, and below it the closed loop's response to a step of the
+    signal. All of this is computed from the spec of the table, the curves so densely that no step
+    shows. family: names and specs of other loops, which have a curve in each panel and no margins;
+    by default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk
+    that is proved for all of them.
     """
     from wavesweep.program.spec import load
 
@@ -188,7 +194,8 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
 
 
 def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
-    """The spec at the ends of the ranges of [for_all], named: in all combinations or, if these are many, each by itself.
+    """The spec at the ends of the ranges of [for_all], named: in all combinations or, if these are
+    many, each by itself.
 
     Numbers that change from frame to frame are left out, since they make no loop of their own.
     """
@@ -210,7 +217,8 @@ def _ends(axis: Axis) -> tuple[float, float]:
 
 
 def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple[str, Spec]]:
-    """The spec with other numbers, and these in words; places: their names, as axes have them, and values."""
+    """The spec with other numbers, and these in words; places: their names, as axes have them,
+    and values."""
     paths, facts = (
         {name: spec.names.find(name).path for place in places for name in place},
         {"spec": spec.tables()},
@@ -225,7 +233,8 @@ def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple
 
 
 def _closed_step(spec: Spec, cut: str) -> Step | None:
-    """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or not at all."""
+    """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or
+    not at all."""
     from wavesweep.margins.broken_loops import with_block
     from wavesweep.program.analyses.steps import step_at
 
@@ -267,14 +276,16 @@ def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np
 def response_of(
     loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one its eigenvalues.
+    """Frequencies (Hz) of a broken loop and L there, so densely that no step shows; of a lifted one
+    its eigenvalues.
 
-    step, first: change of ln L between two of them, and the number to begin with; loci: their number for a lifted one.
+    step, first: change of ln L between two of them, and the number to begin with; loci: their
+    number for a lifted one.
     """
     angles = (
         dense_angles(loop.response, step, first)
         if loop.times == 1
-        else np.geomspace(LEAST, 1.0, loci) * np.pi
+        else np.geomspace(LOWEST_SHOWN, 1.0, loci) * np.pi
     )
     return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(
         loop.response(angles)
@@ -282,7 +293,8 @@ def response_of(
 
 
 def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, complex]:
-    """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings to -1."""
+    """The value of L, or the eigenvalue of a lifted one, that the factor of each margin brings
+    to -1."""
     marks = {}
     for name in _MARKS:
         value, omega = table.get(name, (np.nan, np.nan))[:2]
@@ -305,7 +317,8 @@ def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, compl
 def dense_angles(
     response: Callable[[np.ndarray], np.ndarray], step: float, first: int
 ) -> np.ndarray:
-    """Angles up to pi between which ln L changes little, so that neither plot shows a step at a resonance."""
+    """Angles up to pi between which ln L changes little, so that neither plot shows a step at a
+    resonance."""
     angles = (
         np.concatenate(
             [np.geomspace(1e-6, 1e-2, first // 3, endpoint=False), np.linspace(1e-2, 1.0, first)]
@@ -331,12 +344,15 @@ Others = Sequence[tuple[OpenLoop, Look, str]]
 
 
 def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> str:
-    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others, in the neighbourhood of -1.
+    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others, in the
+    neighbourhood of -1.
 
     Gives a sentence on what is cut off, empty without any.
     """
     L, disk = loop.L, loop.disk
-    axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
+    axes.plot(
+        _CIRCLE.real, _CIRCLE.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1"
+    )
     axes.plot(
         L.real,
         L.imag,
@@ -376,19 +392,19 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
         )
     point_sets = {
         "L": np.concatenate([L, *(member.L for member, *_ in others)]),
-        "the disk": disk if disk is not None else _TURN,
+        "the disk": disk if disk is not None else _CIRCLE,
         **{
             f"the mark of {name.replace('_', ' ')}": np.array([at])
             for name, at in loop.marks.items()
         },
     }
-    marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST)])
+    marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST_SHOWN)])
     all_points = np.concatenate(
-        [_TURN, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST]]
+        [_CIRCLE, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST_SHOWN]]
     )
     near = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(all_points).max()]
     reach = np.concatenate([all_points, near])
-    half = (0.5 + ROOM) * max(
+    half = (0.5 + ROOM_OF_NYQUIST) * max(
         np.ptp(reach.real), 2 * np.abs(reach.imag).max()
     )  # of a square, since a strip shows little
     middle = (reach.real.min() + reach.real.max()) / 2
@@ -435,7 +451,8 @@ def in_words(name: str, value: float, omega: float, hz: float) -> str:
 
 
 def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Gain (dB) and phase of L, which goes on at -180 degrees and begins at most at 180; of eigenvalues that of one turn."""
+    """Gain (dB) and phase of L, which goes on at -180 degrees and begins at most at 180; of
+    eigenvalues that of one turn."""
     degrees = -(-np.degrees(np.angle(L)) % 360) if several else np.degrees(np.unwrap(np.angle(L)))
     degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)
     with np.errstate(divide="ignore"):
@@ -445,19 +462,19 @@ def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.n
 def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> None:
     """Draw gain (dB) and phase of L over the frequencies of the signal, up to half its rate.
 
-    Margins of a lifted signal are those of eigenvalues, which L of the signal's rate meets as far as what comes back of a sine
-    is a sine of its frequency.
+    Margins of a lifted signal are those of eigenvalues, which L of the signal's rate meets as far
+    as what comes back of a sine is a sine of its frequency.
     """
     from matplotlib.ticker import MultipleLocator
 
     hertz, L = loop.bode
     both, top = decibels_and_degrees(L, False), loop.rate / 2
-    lowest, family_seen = LEAST * top, ([], [])
+    lowest, family_seen = LOWEST_SHOWN * top, ([], [])
     shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
     for member, look, _ in others:
         values_of = decibels_and_degrees(member.bode[1], False)
         inside = (
-            (member.bode[0] >= LEAST * member.rate / 2)
+            (member.bode[0] >= LOWEST_SHOWN * member.rate / 2)
             & (member.bode[0] <= ALMOST * member.rate / 2)
             & np.isfinite(values_of[0])
         )

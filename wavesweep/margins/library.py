@@ -26,14 +26,15 @@ class LoopMargins(api.Loop):
         Parameters
         ----------
         cut : str, optional
-            An output of a block that a wire reads, "block.port"; by default the only one that acts on the plant.
+            An output of a block that a wire reads, "block.port"; by default the only one that acts
+            on the plant.
 
         Returns
         -------
         DataFrame
-            A row per margin: cut, margin (its name), value in its unit (a ratio, deg or s), omega (rad/s from frame to frame)
-            and hz (Hz, the line that a spectrum shows), bound (relative), certified, doubt, limited (whether there is a limit
-            at all).
+            A row per margin: cut, margin (its name), value in its unit (a ratio, deg or s), omega
+            (rad/s from frame to frame) and hz (Hz, the line that a spectrum shows), bound
+            (relative), certified, doubt, limited (whether there is a limit at all).
 
         Raises
         ------
@@ -56,8 +57,8 @@ class LoopMargins(api.Loop):
         ax : Axes, optional
             As for `plot_zwidth`.
         **axes : float or array of shape (n,)
-            Numbers with several values each (see `Loop`); each combination has a curve in each panel. By default these are the
-            ends of the ranges of [for_all].
+            Numbers with several values each (see `Loop`); each combination has a curve in each
+            panel. By default these are the ends of the ranges of [for_all].
 
         Returns
         -------

@@ -1,11 +1,14 @@
-"""Margins of a loop broken at a signal that is made several times in a frame: those of the lifted loop.
+"""Margins of a loop broken at a signal that is made several times in a frame: those of the lifted
+loop.
 
-With the signal multiplied by the same number k in all of its m samples of a frame, the frame's eigenvalues z solve
-`det(1 - k H(z)) = 0`, H being the m x m transfer function from the samples back to themselves without the number: -H is the
-return ratio of the lifted signal. A real k gives gain margins, `k = exp(j phi)` the phase margin, `k = (1 + d)/(1 - d)` with
+With the signal multiplied by the same number k in all of its m samples of a frame, the frame's
+eigenvalues z solve `det(1 - k H(z)) = 0`, H being the m x m transfer function from the samples back
+to themselves without the number: -H is the return ratio of the lifted signal. A real k gives gain
+margins, `k = exp(j phi)` the phase margin, `k = (1 + d)/(1 - d)` with
 |d| < a/2 the disk margin a. With `S = 1/(1 - H)` the last one is `det(1 - 2 d (S - 1/2)) = 0`, so that 1/a is the largest
-spectral radius of `S - 1/2` on the unit circle: the structured singular value of a repeated complex scalar (A. Packard,
-J. Doyle, Automatica 29, 1993). For one sample in a frame all this is what `loop_margins` computes of a scalar.
+spectral radius of `S - 1/2` on the unit circle: the structured singular value of a repeated complex
+scalar (A. Packard, J. Doyle, Automatica 29, 1993). For one sample in a frame all this is what
+`loop_margins` computes of a scalar.
 """
 
 from collections.abc import Iterator
@@ -18,9 +21,9 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
 from wavesweep.engine.intervals import stable_along_any
 from wavesweep.engine.norms import (
+    NORM_TOLERANCE,
     SOFT,
     START,
-    TOLERANCE,
     LiftedMap,
     TickMaps,
     reached,
@@ -28,7 +31,7 @@ from wavesweep.engine.norms import (
     squared_norm,
 )
 from wavesweep.margins.loop_margins import (
-    BESIDE,
+    BESIDE_ZERO,
     SPANS,
     BrokenLoop,
     Margin,
@@ -38,20 +41,22 @@ from wavesweep.margins.loop_margins import (
     scalar_margins,
 )
 
-EXACT = 2e-9  # relative error of an end of `stable_along_any`
-GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
-GRID = 10_000  # samples of a frame at all angles at which the spectral radius is looked at before its peaks are refined
-STILL = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
-MET = 1e-6  # of a mode, from the place on the circle where it should be
-ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
+END_ERROR = 2e-9  # relative error of an end of `stable_along_any`
+DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
+# samples of a frame at all angles at which the spectral radius is looked at before its peaks are
+# refined
+GRID = 10_000
+NO_DRIFT_SEEN = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
+MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
+DISK_ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
 
 
 @dataclass(frozen=True, eq=False)
 class LiftedLoop:
     """A single loop without a number that multiplies all samples of a signal in a frame.
 
-    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame, s. places: when the signal is
-    made, as shares of a frame.
+    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame,
+    s. places: when the signal is made, as shares of a frame.
     """
 
     ticks: OpenTicks
@@ -72,7 +77,8 @@ class LiftedLoop:
 
     @property
     def _returned_matrices(self):
-        """E, G, O and T of H: a state from frame to frame, how samples reach it, how they read it, and each other."""
+        """E, G, O and T of H: a state from frame to frame, how samples reach it, how they read
+        it, and each other."""
         H = self.returned
         return H.E[0], H.G[0], H.O[0], H.T[0]
 
@@ -88,21 +94,24 @@ class LiftedLoop:
         return bool(acts_on_itself.any() or self.returned.T.any())
 
     def response(self, theta) -> np.ndarray:
-        """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`; of one sample L, `(...)`.
+        """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`;
+        of one sample L, `(...)`.
 
-        They are 1/s - 1 for the eigenvalues s of S: next to a large eigenvalue of H, as integrators give it at low frequencies,
-        rounding would leave nothing of the small ones.
+        They are 1/s - 1 for the eigenvalues s of S: next to a large eigenvalue of H, as integrators
+        give it at low frequencies, rounding would leave nothing of the small ones.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             returns = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
         return returns if self.times > 1 else returns[..., 0]
 
     def at_line(self, theta) -> np.ndarray:
-        """Return what comes back of a sine at the signal, of its own frequency, with its sign changed: L of the signal's rate.
+        """Return what comes back of a sine at the signal, of its own frequency, with its sign
+        changed: L of the signal's rate.
 
-        theta: rad per frame, up to pi times the samples. A sine also comes back with its images. With samples at equal steps
-        these are off the diagonal of the harmonic transfer matrix, which has the eigenvalues of L (N. Wereley, thesis, MIT
-        1991); without anything slower than the signal there are none, and L is that of a loop of one rate.
+        theta: rad per frame, up to pi times the samples. A sine also comes back with its images.
+        With samples at equal steps these are off the diagonal of the harmonic transfer matrix,
+        which has the eigenvalues of L (N. Wereley, thesis, MIT 1991); without anything slower than
+        the signal there are none, and L is that of a loop of one rate.
         """
         E, G, O, T = self._returned_matrices
         angles = np.asarray(theta, float)[..., None, None]
@@ -120,8 +129,9 @@ class LiftedLoop:
     def sensitivity(self) -> TickMaps:
         """The map `S = 1/(1 - H)`, in states of even units.
 
-        The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it:
-        `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
+        The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v
+        w`, if S does not have it: `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by
+        constant factors has `C v = 0`, and any w will do.
         """
         E, G, O, T = self._returned_matrices
         left = np.linalg.inv(np.eye(len(T)) - T)
@@ -146,15 +156,15 @@ class LiftedLoop:
             v = v @ np.linalg.inv(w @ v)
             seen = np.abs(C @ v @ w @ B)
             sizes = np.abs(C) @ np.abs(v) @ np.abs(w) @ np.abs(B)
-            if (seen <= STILL * sizes).all():
+            if (seen <= NO_DRIFT_SEEN * sizes).all():
                 matrices = ((E - v @ w)[None], *matrices[1:])
         return TickMaps((matrices,), np.zeros(1, int))
 
     def radius(self, theta) -> np.ndarray:
         """Return the spectral radius of `S - 1/2` at the angles theta.
 
-        Next to a drift that moves the signal rounding of S hides its small eigenvalues: 0 if no mode of the frame is there with
-        the factor that the largest one gives.
+        Next to a drift that moves the signal rounding of S hides its small eigenvalues: 0 if no
+        mode of the frame is there with the factor that the largest one gives.
         """
         theta = np.asarray(theta, float)
         peaks = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
@@ -167,7 +177,7 @@ class LiftedLoop:
             factor = (2 * largest + 1) / (2 * largest - 1)
             modes = np.linalg.eigvals(np.nan_to_num(self.frames(factor).E))
         distance = np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1)
-        met = distance.reshape(theta.shape) <= MET
+        met = distance.reshape(theta.shape) <= MODE_MET
         return np.where(met, size, 0.0)
 
     def frames(self, k) -> Frames:
@@ -194,10 +204,11 @@ class LiftedLoop:
         )
 
     def along_turn(self, factor):
-        """Return the stable intervals along an angle from 0 to pi; factor: k, and its analytic continuation, for an angle.
+        """Return the stable intervals along an angle from 0 to pi; factor: k, and its analytic
+        continuation, for an angle.
 
-        The real matrix [[Re, -Im], [Im, Re]] of a complex frame has its eigenvalues and their conjugates, which are those at
-        the opposite angle.
+        The real matrix [[Re, -Im], [Im, Re]] of a complex frame has its eigenvalues and their
+        conjugates, which are those at the opposite angle.
         """
 
         def frames(_, p):
@@ -232,7 +243,8 @@ def _real_form(up, down):
 
 
 def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
-    """Return the margins of a broken loop, empty if it is not stable, and why its stability is in doubt, a code."""
+    """Return the margins of a broken loop, empty if it is not stable, and why its stability is
+    in doubt, a code."""
     if isinstance(loop, LiftedLoop):
         return lifted_margins(loop)
     margins, doubt = scalar_margins(loop)
@@ -246,12 +258,14 @@ def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
 
 
 def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
-    """Return the margins of a lifted loop, empty if it is not stable, and why its stability is in doubt, a code.
+    """Return the margins of a lifted loop, empty if it is not stable, and why its stability is in
+    doubt, a code.
 
-    As `margins_of`, with the same factor on all samples of a frame; sensitivity and complementary are the largest singular
-    values of S and of S - 1. There is no delay margin: a delay of samples is no factor of a frame.
-    Accuracy: gains and phase EXACT, as ends of certified intervals along k; a disk that is smaller by GAP is proved: along its
-    rim the frame is stable, and so it is within, since the spectral radius of a frame that is analytic in k has no peak there.
+    As `margins_of`, with the same factor on all samples of a frame; sensitivity and complementary
+    are the largest singular values of S and of S - 1. There is no delay margin: a delay of samples
+    is no factor of a frame. Accuracy: gains and phase END_ERROR, as ends of certified intervals
+    along k; a disk that is smaller by DISK_GAP is proved: along its rim the frame is stable, and so
+    it is within, since the spectral radius of a frame that is analytic in k has no peak there.
     """
     for most in SPANS:
         intervals = loop.along_gain((1 / most, most))
@@ -265,8 +279,8 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
         return [], doubt
     low = float(around_1.low[0])
     high = float(around_1.high[0])
-    up = limited_or_not("gain_up", high, float(around_1.high_omega[0]), EXACT, doubt)
-    down = limited_or_not("gain_down", low, float(around_1.low_omega[0]), EXACT, doubt)
+    up = limited_or_not("gain_up", high, float(around_1.high_omega[0]), END_ERROR, doubt)
+    down = limited_or_not("gain_down", low, float(around_1.low_omega[0]), END_ERROR, doubt)
     return [up, down, _phase(loop), *_peaks(loop)], doubt
 
 
@@ -277,18 +291,18 @@ def _phase(loop):
     if not known.low.size or known.low[0] != 0 or np.isnan(known.high_omega[0]):
         return Margin.unlimited("phase", 180.0, doubt)
     high = float(known.high[0])
-    bound = EXACT * (1 + 1e-3 / high)
+    bound = END_ERROR * (1 + 1e-3 / high)
     return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), bound, doubt)
 
 
 def _peaks(loop) -> Iterator[Margin]:
     disk, theta, doubt = _disk(loop)
-    yield from disk_margins(disk, theta / loop.period, GAP, doubt)
+    yield from disk_margins(disk, theta / loop.period, DISK_GAP, doubt)
     E, B, C, D = loop.sensitivity.maps[0]
     for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
         matrices = (E, B, C, D - less * np.eye(loop.times))
         peak = squared_norm(TickMaps((matrices,), np.zeros(1, int)))
-        yield peak_margin(name, peak, loop.period, TOLERANCE)
+        yield peak_margin(name, peak, loop.period, NORM_TOLERANCE)
 
 
 def _disk(loop):
@@ -300,7 +314,7 @@ def _disk(loop):
     poles = np.abs(np.angle(1 + np.linalg.eigvals(E[0])))
     everywhere = [np.geomspace(1e-6, 1.0, few), np.linspace(0, np.pi, few)]
     points = np.concatenate([START, SOFT, *everywhere, poles])
-    points = np.unique(np.clip(points[np.isfinite(points)], BESIDE, np.pi))
+    points = np.unique(np.clip(points[np.isfinite(points)], BESIDE_ZERO, np.pi))
     direct = np.diagonal(loop.returned.T[0])
 
     def negative_radius(theta):
@@ -308,7 +322,7 @@ def _disk(loop):
 
     best = 0.0
     at = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(DISK_ROUNDS):
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
             ends = points[max(top - 1, 0)], points[min(top + 1, points.size - 1)]
@@ -322,7 +336,7 @@ def _disk(loop):
                 best = float(size[top])
                 at = float(points[top])
         disk = min(1 / best, 2.0)
-        reach = disk / 2 * (1 - GAP)
+        reach = disk / 2 * (1 - DISK_GAP)
         intervals = loop.along_turn(lambda angle, reach=reach: _on_rim(reach * np.exp(1j * angle)))
         doubt = int(intervals.doubt[0])
         if not doubt and (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any():

@@ -1,4 +1,5 @@
-"""How far a loop that is broken at one signal is from instability: gain, phase, delay and disk margins, peak sensitivities."""
+"""How far a loop that is broken at one signal is from instability: gain, phase, delay and disk
+margins, peak sensitivities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,9 +12,9 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
 from wavesweep.engine.intervals import stable_intervals
 from wavesweep.engine.norms import (
+    NORM_TOLERANCE,
     SOFT,
     START,
-    TOLERANCE,
     Peak,
     TickMaps,
     angles,
@@ -21,21 +22,23 @@ from wavesweep.engine.norms import (
     with_middles,
 )
 
-MOST = 1e6  # times more or less gain, up to which a limit is looked for
-SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
+LARGEST_GAIN_FACTOR = 1e6  # times more or less gain, up to which a limit is looked for
+SPANS = 16.0, 1e3, LARGEST_GAIN_FACTOR  # of the gain; a short span is known better
 SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
-DIRECT = 1e-6  # distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
-BESIDE = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
+# distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
+DIRECT = 1e-6
+BESIDE_ZERO = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
 
 
 @dataclass(frozen=True, slots=True)
 class Margin:
     """One margin.
 
-    value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN without a limit. bound: on
-    the error of the value, relative, to first order. doubt: a number of `Doubt`. limited: whether there
-    is a limit; otherwise the value is the end of what was looked at.
+    value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN
+    without a limit. bound: on the error of the value, relative, to first order. doubt: a number of
+    `Doubt`. limited: whether there is a limit; otherwise the value is the end of what was looked
+    at.
     """
 
     name: str
@@ -53,11 +56,12 @@ class Margin:
 
 @dataclass(frozen=True, eq=False)
 class BrokenLoop:
-    """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and bounds on errors of these.
+    """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and
+    bounds on errors of these.
 
-    cut: a single loop, at the number by which the signal is multiplied. lifted: the same as a `LiftedLoop` of one sample, which
-    settles what is in doubt here.
-    Accuracy: see `slope_and_error`.
+    cut: a single loop, at the number by which the signal is multiplied. lifted: the same as a
+    `LiftedLoop` of one sample, which settles what is in doubt here. Accuracy: see
+    `slope_and_error`.
     """
 
     cut: LinearFractional
@@ -89,7 +93,8 @@ class BrokenLoop:
         return -(C @ solve(A, B + 0 * A[..., :1]) + D)[..., 0, 0]
 
     def slope_and_error(self, theta: float) -> tuple[complex, float]:
-        """Return the derivative of L by the angle, and a bound on its error: of the frame's entries, and of rounding."""
+        """Return the derivative of L by the angle, and a bound on its error: of the frame's
+        entries, and of rounding."""
         E, B, C, D = self.parts
         dE, dB, dC, dD = self.errors
         w = complex(on_circle(theta))
@@ -112,10 +117,12 @@ class BrokenLoop:
         return TickMaps.of(matrices, np.zeros(1, int), ()).in_even_units()
 
     def unit_gains(self) -> tuple[np.ndarray, bool]:
-        """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there are no others.
+        """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there
+        are no others.
 
         |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
-        these and their middles the size of L shows where it crosses, and a root is found to rounding.
+        these and their middles the size of L shows where it crosses, and a root is found to
+        rounding.
         """
         from scipy.optimize import brentq
 
@@ -154,15 +161,19 @@ class BrokenLoop:
 
 
 def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
-    """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a code.
+    """Return the margins of a loop, empty if it is not stable, and why its stability is in doubt, a
+    code.
 
-    gain_up, gain_down: factors of the signal at the ends of the stable interval around 1; MOST and 0 if they are beyond MOST
-    and 1/MOST. phase (degrees): up to which every rotation of the signal leaves the loop stable. delay_frames: a delay of fewer
-    whole frames leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
-    from 1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
+    gain_up, gain_down: factors of the signal at the ends of the stable interval around 1;
+    LARGEST_GAIN_FACTOR and 0 if they are beyond LARGEST_GAIN_FACTOR and 1/LARGEST_GAIN_FACTOR.
+    phase (degrees): up to which every rotation of the signal leaves the loop stable. delay_frames:
+    a delay of fewer whole frames leaves it stable. disk: the largest a for which every factor (1 +
+    a d/2)/(1 - a d/2), |d| < 1, does, so those from 1/disk_gain to disk_gain, and rotations up to
+    disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
     |L/(1 + L)|.
-    Accuracy: see `Margin.bound`. Peaks by level sets (see `hinf_norm`), gains as in `stable_intervals`.
-    Source: P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
+    Accuracy: see `Margin.bound`. Peaks by level sets (see `hinf_norm`), gains as in
+    `stable_intervals`. Source: P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems Magazine 40
+    (2020), with a disk of no skew.
     """
     gains, doubt = _gains(loop)
     if not gains:
@@ -171,7 +182,8 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
 
 
 def _gains(loop):
-    """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
+    """The gain margins, none if the loop is not known to be stable, and the doubt about its
+    interval."""
     for most in SPANS:
         intervals = stable_intervals(loop.cut.as_batch(1), FIRST, (0.0, most), np.zeros((1, 1)))
         around_1 = intervals.take(
@@ -188,8 +200,8 @@ def _gains(loop):
         ("gain_down", float(around_1.low[0]), float(around_1.low_omega[0])),
     )
     for name, gain, omega in ends:
-        if not 1 / MOST < gain < MOST:
-            margins.append(Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt))
+        if not 1 / LARGEST_GAIN_FACTOR < gain < LARGEST_GAIN_FACTOR:
+            margins.append(Margin.unlimited(name, LARGEST_GAIN_FACTOR if gain > 1 else 0.0, doubt))
             continue
         theta = omega * loop.period
         response = complex(loop.response(theta))
@@ -201,9 +213,11 @@ def _gains(loop):
 
 
 def _error(loop, theta, left, along, *, free=True):
-    """A bound on the error of L where a real part of it is 0: of L itself, and as the angle moves with it.
+    """A bound on the error of L where a real part of it is 0: of L itself, and as the angle moves
+    with it.
 
-    left: what is left of that part; along: gives it from the derivative of L; free: whether the angle may move.
+    left: what is left of that part; along: gives it from the derivative of L; free: whether the
+    angle may move.
     """
     slope, error = loop.slope_and_error(theta)
     error += abs(left)
@@ -225,7 +239,7 @@ def _phases(loop) -> Iterator[Margin]:
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     if not theta.size:
         yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
-        yield Margin.unlimited("delay_frames", MOST, doubt if slow else Doubt.FAST)
+        yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
         return
     response = loop.response(theta)
     lag = np.angle(-response)
@@ -260,11 +274,11 @@ def _peaks(loop) -> Iterator[Margin]:
         peak = squared_norm(loop.sensitivity(less))
         theta = float(peak.theta[0])
         size = float(np.sqrt(peak.value[0]))
-        angle = max(theta, BESIDE)  # an integrator has no response at 0
+        angle = max(theta, BESIDE_ZERO)  # an integrator has no response at 0
         S = 1 / (1 + complex(loop.response(angle)))
         _, error = loop.slope_and_error(angle)
         error_of_S = abs(S) ** 2 * error + abs(abs(S - less) - size)
-        bound = TOLERANCE + error_of_S / size
+        bound = NORM_TOLERANCE + error_of_S / size
         if name == "disk":
             doubt = Doubt.NONE if peak.certified[0] else Doubt.SEARCH
             yield from disk_margins(1 / size, theta / loop.period, bound, doubt)
@@ -275,20 +289,21 @@ def _peaks(loop) -> Iterator[Margin]:
 def peak_margin(name: str, peak: Peak, period: float, bound: float) -> Margin:
     """Return the margin of the peak of a squared response.
 
-    Beyond MOST it has no limit, as next to a drift that it moves.
+    Beyond LARGEST_GAIN_FACTOR it has no limit, as next to a drift that it moves.
     """
     doubt = Doubt.NONE if peak.certified[0] else Doubt.SEARCH
-    if peak.value[0] >= MOST**2:
-        return Margin.unlimited(name, MOST, Doubt.NONE)
+    if peak.value[0] >= LARGEST_GAIN_FACTOR**2:
+        return Margin.unlimited(name, LARGEST_GAIN_FACTOR, Doubt.NONE)
     size = float(np.sqrt(peak.value[0])) if np.isfinite(peak.value[0]) else np.nan
     return _margin(name, size, float(peak.theta[0]) / period, bound, doubt)
 
 
 def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterator[Margin]:
-    """Yield the disk margin with its gain and its phase, `(1 + a/2)/(1 - a/2)` and `2 atan(a/2)`."""
+    """Yield the disk margin with its gain and its phase, `(1 + a/2)/(1 - a/2)` and `2
+    atan(a/2)`."""
     yield _margin("disk", disk, omega, bound, doubt)
     gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
-    of_gain = bound * 4 * disk / (4 - disk**2) if gain < MOST else 0.0
+    of_gain = bound * 4 * disk / (4 - disk**2) if gain < LARGEST_GAIN_FACTOR else 0.0
     yield limited_or_not("disk_gain", gain, omega, of_gain, doubt)
     phase = 2 * np.arctan(disk / 2)
     of_phase = bound * np.sin(phase) / phase
@@ -296,7 +311,8 @@ def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterato
 
 
 def limited_or_not(name: str, gain: float, omega: float, bound: float, doubt: int) -> Margin:
-    """Return the margin of a gain, which has a limit between 1/MOST and MOST."""
-    if 1 / MOST < gain < MOST:
+    """Return the margin of a gain, which has a limit between 1/LARGEST_GAIN_FACTOR and
+    LARGEST_GAIN_FACTOR."""
+    if 1 / LARGEST_GAIN_FACTOR < gain < LARGEST_GAIN_FACTOR:
         return _margin(name, gain, omega, bound, doubt)
-    return Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt)
+    return Margin.unlimited(name, LARGEST_GAIN_FACTOR if gain > 1 else 0.0, doubt)

@@ -9,16 +9,17 @@ from wavesweep.engine.response import BAND, Step
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.plots.style import GRID, Look, distinct_colour
 
-FEW = 60  # samples, up to which each has a dot
+DOTTED_SAMPLES = 60  # samples, up to which each has a dot
 MARK = "0.2"
 _MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
 
 
 def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
-    """Draw a step response over time, with the name of its axis; gives the marks for a legend, each with its words."""
+    """Draw a step response over time, with the name of its axis; gives the marks for a legend,
+    each with its words."""
     final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
     unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
-    dots = {"marker": ".", "markersize": 3} if times.size <= FEW else {}
+    dots = {"marker": ".", "markersize": 3} if times.size <= DOTTED_SAMPLES else {}
     line = extremes(scale * times, values)
     axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
     axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
@@ -63,7 +64,8 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
 
 
 def draw_others(axes: Any, steps: Sequence[tuple[Step, Look]]) -> None:
-    """Draw the step responses of a family in a panel that has one; all are shown until the last one has come to rest."""
+    """Draw the step responses of a family in a panel that has one; all are shown until the last
+    one has come to rest."""
     scale = 1e3 if "ms" in axes.get_xlabel() else 1.0
     for step, look in steps:
         shown = step.time_s <= max(axes.get_xlim()[1] / scale, step.time_s[step.shown - 1])

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
 
 def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:
-    """Whether `margins` goes on from a verdict: for a stable drawn loop without a hand that can be broken."""
+    """Whether `margins` goes on from a verdict: for a stable drawn loop without a hand that can
+    be broken."""
     from wavesweep.margins.broken_loops import cuts_of
 
     return bool(found["stable"] and spec.drawing and not spec.drawing.hand and cuts_of(spec))

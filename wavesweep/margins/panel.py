@@ -1,5 +1,5 @@
-"""For a page of `explore`, how a drawn loop without a hand behaves: its step response, L of the loop broken at a signal, and
-the margins of that.
+"""For a page of `explore`, how a drawn loop without a hand behaves: its step response, L of the
+loop broken at a signal, and the margins of that.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ COARSE, FIRST = (
     0.2,
     90,
 )  # change of ln L between two points of a curve, and the number of points to begin with
-MOST = 1_000_000  # samples of a step response times states
+MOST_STEP_STATES = 1_000_000  # samples of a step response times states
 SAMPLES = 600  # of a step response that are sent
 
 
@@ -32,7 +32,8 @@ Shown = Mapping[str, Any]  # what a page has, with `cuts` and `routes`
 
 
 def data(spec: Spec) -> dict[str, list]:
-    """The signals at which a drawn loop without a hand can be broken, and its pairs of an input and an output."""
+    """The signals at which a drawn loop without a hand can be broken, and its pairs of an input
+    and an output."""
     if not spec.drawing or spec.drawing.hand:
         return {"cuts": [], "routes": []}
     return {
@@ -50,7 +51,8 @@ def _returns(spec: Spec, cut: str) -> bool:
 
 
 def _chosen(question: Mapping[str, Any], shown: Shown) -> tuple[str, list[str] | None]:
-    """The signal at which the loop is broken, and the input and the output of a step, if there are any."""
+    """The signal at which the loop is broken, and the input and the output of a step, if there
+    are any."""
     cut, route = question["cut"], question.get("route")
     if cut not in shown["cuts"] or (route and tuple(route) not in shown["routes"]):
         raise KeyError(cut)
@@ -58,11 +60,12 @@ def _chosen(question: Mapping[str, Any], shown: Shown) -> tuple[str, list[str] |
 
 
 def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -> dict:
-    """L over frequency, and the response to a step: of an input of the route that is asked for, or without one of the loop
-    closed at the cut; nothing without a cut.
+    """L over frequency, and the response to a step: of an input of the route that is asked for, or
+    without one of the loop closed at the cut; nothing without a cut.
 
-    L is exact up to rounding at its points. The step response has bounds on its errors and on what comes after it, so that its
-    numbers are proved. If the loop is not `stable`, or does not come to rest, it has an `error` in place of these.
+    L is exact up to rounding at its points. The step response has bounds on its errors and on what
+    comes after it, so that its numbers are proved. If the loop is not `stable`, or does not come to
+    rest, it has an `error` in place of these.
     """
     if not question.get("cut"):
         return {}
@@ -78,7 +81,11 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
     if not stable:
         return {"open": curve, "step": {"error": "the loop is unstable, and nothing comes to rest"}}
     try:
-        step = step_between(spec, (route[0], route[1]), MOST) if route else step_at(spec, cut, MOST)
+        step = (
+            step_between(spec, (route[0], route[1]), MOST_STEP_STATES)
+            if route
+            else step_at(spec, cut, MOST_STEP_STATES)
+        )
     except UsageError:
         return {"open": curve, "step": {"error": "it does not come to rest, or too slowly to tell"}}
     unit = spec.unit_between(*route) if route else RATIO
@@ -106,7 +113,8 @@ def _numbers(step: Step, sign: float) -> dict:
 
 
 def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
-    """The margins of the loop that is broken at a signal, as the table has them, with L where each is set."""
+    """The margins of the loop that is broken at a signal, as the table has them, with L where
+    each is set."""
     cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
     margins, doubt = margins_of(loop)

@@ -11,7 +11,8 @@ KNOWN = "Certified, to a relative 1e-6 or better, unless a line says that it is 
 
 
 def section(spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table, with {} for the spec, and what makes it; cut: by default the signal that acts on the plant."""
+    """The command of the table, with {} for the spec, and what makes it; cut: by default the
+    signal that acts on the plant."""
     from wavesweep.margins.broken_loops import cuts_of
     from wavesweep.margins.table import margins
 

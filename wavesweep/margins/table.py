@@ -57,11 +57,13 @@ ROUNDED_UP = ("gain_down", *BY_SINGULAR_VALUES)  # the others hold up to their v
 
 
 def margins(spec: Spec, cut: str = "") -> Table:
-    """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made several times in a frame.
+    """The margins of the spec's own loop, broken at a signal; of the lifted loop if it is made
+    several times in a frame.
 
-    With unknown numbers in [for_all] there are rows of the margins that hold for all of them as well.
-    cut: the signal, "block.port" or a name in [signals]; by default the first of `cuts_of`, an actuator's. Errors: UsageError
-    for a signal at which the loop cannot be broken, or a loop that is not known to be stable.
+    With unknown numbers in [for_all] there are rows of the margins that hold for all of them as
+    well. cut: the signal, "block.port" or a name in [signals]; by default the first of `cuts_of`,
+    an actuator's. Errors: UsageError for a signal at which the loop cannot be broken, or a loop
+    that is not known to be stable.
     """
     from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
     from wavesweep.margins.dead_time_margin import in_seconds
@@ -123,7 +125,8 @@ def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) 
 
 
 def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns:
-    """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns of these."""
+    """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns
+    of these."""
     of_all = _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))
     both = joined([own, of_all])
     rows = len(own["cut"])

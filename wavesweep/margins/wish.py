@@ -20,7 +20,8 @@ CUT = {"cut": (Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut
 
 @lru_cache(maxsize=1024)  # several wishes ask about one design
 def _margins_at(drawing: Drawing, items: tuple, cut: str) -> tuple[list[Margin], int]:
-    """The margins of a loop with these numbers, and why its stability is in doubt, see `margins_of`."""
+    """The margins of a loop with these numbers, and why its stability is in doubt, see
+    `margins_of`."""
     from wavesweep.engine.loop import Loops
     from wavesweep.margins.broken_loops import broken_in
     from wavesweep.margins.lifted_margins import margins_of
@@ -35,7 +36,8 @@ def _gain(found: Margins) -> float:
 
 
 def _measured(value_of: Callable, names: tuple[str, ...], loops: Loops, size: int, cut: str):
-    """A value of the margins of each loop, missing if it is not stable, and whether those of these names are certified."""
+    """A value of the margins of each loop, missing if it is not stable, and whether those of
+    these names are certified."""
     import numpy as np
 
     value = np.full(size, np.nan)

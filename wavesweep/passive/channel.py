@@ -1,4 +1,5 @@
-"""The norm of the wave channel: the energy that filters, samplers and holds can add to the waves that pass them."""
+"""The norm of the wave channel: the energy that filters, samplers and holds can add to the waves
+that pass them."""
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -11,17 +12,17 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in
 from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.norms import TOLERANCE, TickMaps, reached, read, squared_norm
+from wavesweep.engine.norms import NORM_TOLERANCE, TickMaps, reached, read, squared_norm
 from wavesweep.haptics.controller_page import loop_drawing
 
-MOST_ENTRIES = (
-    100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
-)
+# of a channel's matrix: its norm takes a second; it grows with their power of 1.5
+MOST_ENTRIES = 100_000
 
 
 @lru_cache(maxsize=64)
 def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
-    """Paths of the numbers that a channel may read: those of its blocks, of the wires between them, and of when blocks run."""
+    """Paths of the numbers that a channel may read: those of its blocks, of the wires between
+    them, and of when blocks run."""
     outside = {block.name for block in drawing.blocks if block.type in (*WAVE_ENDS, "mass")}
     trees = [drawing.tick_hz]
     for block in drawing.blocks:
@@ -39,10 +40,11 @@ def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
 class WaveChannel:
     """The wave channel between the ends of a wave line.
 
-    whole: its ticks from the waves that ends send to those that reach them, each weighted by the root of its period, in the
-    ticks in which an end runs. outward: those from the ends `wave` to the environments, which are avatars and local models.
-    inward: those back. joined: whether a wave of one side comes back to that side within the channel. frame: its period (s) in
-    the shape of the batch.
+    whole: its ticks from the waves that ends send to those that reach them, each weighted by the
+    root of its period, in the ticks in which an end runs. outward: those from the ends `wave` to
+    the environments, which are avatars and local models. inward: those back. joined: whether a wave
+    of one side comes back to that side within the channel. frame: its period (s) in the shape of
+    the batch.
     """
 
     whole: TickMaps
@@ -78,8 +80,9 @@ class WaveChannel:
 def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     """The channel of a drawing; None for one without waves.
 
-    Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts of a returned wave, such as
-    positions, are outside: they are left at zero. values: numbers of the drawing, or arrays over a batch.
+    Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts
+    of a returned wave, such as positions, are outside: they are left at zero. values: numbers of
+    the drawing, or arrays over a batch.
     """
     if not drawing.has_waves:
         return None
@@ -112,7 +115,8 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
 
 
 def _between(ticks, runs, periods, batch, senders, receivers):
-    """The maps from the waves that some ends send to those that some ends receive, masks `(ends,)`, in units of their power."""
+    """The maps from the waves that some ends send to those that some ends receive, masks
+    `(ends,)`, in units of their power."""
     maps = []
     for block, ends_of_run in zip(ticks.maps, runs, strict=True):
         sent = [end for end in ends_of_run if senders[end]]
@@ -135,7 +139,8 @@ def _between(ticks, runs, periods, batch, senders, receivers):
 
 
 def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
-    """The channel alone: ends only send waves, which are its inputs, and what comes from outside is zero."""
+    """The channel alone: ends only send waves, which are its inputs, and what comes from outside
+    is zero."""
     unit = np.ones((1, 1))
     placed = []
     sums = {}
@@ -168,10 +173,11 @@ def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
 class ChannelNorm:
     """Norms of the channel, arrays over the batch of the values.
 
-    norm: of the whole. omega: frequency at which it is reached, rad/s, in [0, pi/T_s], up to multiples of 2 pi/T_s.
-    outward, inward: norms of the direction to the environments and of the direction back; if no signal joins them within the
-    ports, the norm is the larger one. outward_omega, inward_omega: their frequencies. certified: no frequency
-    exceeds the norm by more than TOLERANCE, relative.
+    norm: of the whole. omega: frequency at which it is reached, rad/s, in [0, pi/T_s], up to
+    multiples of 2 pi/T_s. outward, inward: norms of the direction to the environments and of the
+    direction back; if no signal joins them within the ports, the norm is the larger one.
+    outward_omega, inward_omega: their frequencies. certified: no frequency exceeds the norm by more
+    than TOLERANCE, relative.
     """
 
     norm: np.ndarray
@@ -185,17 +191,18 @@ class ChannelNorm:
     @property
     def passive(self) -> np.ndarray:
         """Whether the channel gives out no more energy than it takes in, to within TOLERANCE."""
-        return self.norm <= 1 + TOLERANCE
+        return self.norm <= 1 + NORM_TOLERANCE
 
 
 def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
-    """H-infinity norm of the lifted wave channel, every wave weighted by the root of its period; None without waves.
+    """H-infinity norm of the lifted wave channel, every wave weighted by the root of its period;
+    None without waves.
 
-    values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position feedback Kp, the wave
-    impedance, the device and both walls are outside, so none of them matters, and neither do delays: they only turn phases. Not
-    a grid: a level just above the value is shown to be met at no frequency (`hinf_norm`).
-    Errors: UsageError for a matrix of more than MOST_ENTRIES. Accuracy: 1e-10 relative; the value is attained at `omega` to
-    rounding.
+    values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position
+    feedback Kp, the wave impedance, the device and both walls are outside, so none of them matters,
+    and neither do delays: they only turn phases. Not a grid: a level just above the value is shown
+    to be met at no frequency (`hinf_norm`). Errors: UsageError for a matrix of more than
+    MOST_ENTRIES. Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
     """
     channel = channel_of(drawing, values)
     return None if channel is None else norm_of(channel)
@@ -240,10 +247,11 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
     """Columns over every order and cutoff (Hz) of LP1, orders slowest.
 
     `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s);
-    `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
-    which is power-complementary; `certified`. The inward direction of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
-    constants, because `v_m = v_1 + v_2` adds two waves, so it is not a column.
-    values: flat keys, of which rates alone are read. orders, cutoffs_hz: those of LP1.
+    `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of
+    the same order and cutoff, which is power-complementary; `certified`. The inward direction of
+    `pmw-lm` has the norm sqrt(2) for every LP2 that passes constants, because `v_m = v_1 + v_2`
+    adds two waves, so it is not a column. values: flat keys, of which rates alone are read. orders,
+    cutoffs_hz: those of LP1.
     """
     cutoffs = np.asarray(cutoffs_hz, float)
     tables = [_of_order(dict(values), order, cutoffs) for order in orders]
@@ -270,10 +278,11 @@ def _of_order(values, order, cutoffs):
 
 
 def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None]:
-    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no order does.
+    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no
+    order does.
 
-    table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes it zero: the stop band is
-    not empty of any Butterworth.
+    table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes
+    it zero: the stop band is not empty of any Butterworth.
     """
     orders = {}
     for cutoff in np.unique(table["lp1_cutoff_hz"]):

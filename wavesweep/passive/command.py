@@ -23,21 +23,24 @@ from wavesweep.program.cli.study_commands import one_spec
 def passivity(spec: str, options: Options, filters: bool, along: str | None) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
-    A passive loop gives out no energy, so it is stable with every passive hand that holds its force over a tick, beside the
-    spec's own operator. SPEC is a TOML file; each axis of its [sweep] table that has values is swept. The channel is passive
-    if its norm is at most 1, the port if its margin is not negative. damping_needed is the further damping of the device with
-    which the port is passive. If the loop has no waves, the norm is missing and channel_passive is 1.
+    A passive loop gives out no energy, so it is stable with every passive hand that holds its force
+    over a tick, beside the spec's own operator. SPEC is a TOML file; each axis of its [sweep] table
+    that has values is swept. The channel is passive if its norm is at most 1, the port if its
+    margin is not negative. damping_needed is the further damping of the device with which the port
+    is passive. If the loop has no waves, the norm is missing and channel_passive is 1.
 
-    At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
-    necessary: see zwidth --for-hands passive.
+    At the port the force of the hand is held over a tick. If the hand may also move within the
+    tick, more damping can be necessary: see zwidth --for-hands passive.
 
-    A drawn loop with a second port, [ports] environment, is absolutely stable if it is stable with every pair of passive
-    terminations that hold their force over a tick: ports_margin is the damping that both ports may lose, and a second table,
-    passivity-ports, has Llewellyn's index over frequency.
+    A drawn loop with a second port, [ports] environment, is absolutely stable if it is stable with
+    every pair of passive terminations that hold their force over a tick: ports_margin is the
+    damping that both ports may lose, and a second table, passivity-ports, has Llewellyn's index
+    over frequency.
 
-    With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port, those that
-    are absolutely stable, and those with a passive channel, one row each. The column hand says which; certified is 1 if every
-    value of the interval is checked to be so, and those just outside are refuted.
+    With --along NAME the table is passivity-along: the stable intervals of that number, those with
+    a passive port, those that are absolutely stable, and those with a passive channel, one row
+    each. The column hand says which; certified is 1 if every value of the interval is checked to be
+    so, and those just outside are refuted.
 
     \b
     Examples:
@@ -51,9 +54,8 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
         (loaded,) = specs
         if along:
             return [tables.passive_along(loaded, along, **work)]
-        choices = (
-            [tables.filter_choices(loaded)] if filters else []
-        )  # first, since a spec may have none
+        # first, since a spec may have none
+        choices = [tables.filter_choices(loaded)] if filters else []
         choices += (
             [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
         )

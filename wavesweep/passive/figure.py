@@ -1,4 +1,5 @@
-"""Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
+"""Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's
+port, and filter orders."""
 
 from collections.abc import Mapping, Sequence
 from textwrap import wrap
@@ -24,10 +25,9 @@ from wavesweep.program.plots.style import (
     wide,
 )
 
-_TOLERANCE = 1e-10  # of the norm: up to this above 1 counts as passive
-_LINEAR = (
-    1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
-)
+_PASSIVE_NORM = 1e-10  # of the norm: up to this above 1 counts as passive
+# of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
+_LINEAR = 1e-4
 _PASSIVE, _COLOUR = (
     {"color": "#CCECE3", "linewidth": 0},
     distinct_colour(0),
@@ -45,9 +45,11 @@ _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way
 
 
 def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
-    """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
+    """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive
+    is shaded.
 
-    If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
+    If an axis has many values, they are lines over it, a family for the next axis; otherwise each
+    combination is a dot.
     """
     columns, roles, left_out = shown_loops(table)
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
@@ -98,7 +100,8 @@ def _draw_lines(
 
 
 def _row_names(columns: Columns, facts: Mapping[str, Any]) -> tuple[str, list[str]]:
-    """What the rows differ by: their names and, if these would leave no room for the panels, one name for all of their axes."""
+    """What the rows differ by: their names and, if these would leave no room for the panels, one
+    name for all of their axes."""
     count = len(columns["channel_norm"])
     swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
     names = [
@@ -158,14 +161,16 @@ def _has_channel(columns: Columns) -> bool:
 
 
 def _panels(canvas: Any, columns: Columns, **shared: bool) -> Sequence[Any]:
-    """The panels of the channel and of the port; without a channel there is one, as nothing could generate energy."""
+    """The panels of the channel and of the port; without a channel there is one, as nothing
+    could generate energy."""
     if not _has_channel(columns):
         return None, canvas.subplots()
     return canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), **shared)
 
 
 def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
-    """Cross out the margins of unstable loops: they are not passive, also if the margin is positive."""
+    """Cross out the margins of unstable loops: they are not passive, also if the margin is
+    positive."""
     crossed = ~stable & np.isfinite(x) & np.isfinite(y)
     if crossed.any():
         port.plot(x[crossed], y[crossed], label="unstable, not passive", **_UNSTABLE)
@@ -173,14 +178,14 @@ def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) 
 
 def _excess(norm: np.ndarray) -> np.ndarray:
     """Norm less 1, or 0 below the tolerance."""
-    return np.maximum(norm - 1, _TOLERANCE)
+    return np.maximum(norm - 1, _PASSIVE_NORM)
 
 
 def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     """Scale, shade and label the axes of values of both panels, in either direction."""
     if channel is not None:
         most = max(3 * _excess(np.nanmax(columns["channel_norm"])), 1e-2)
-        _set(channel, "log", (_TOLERANCE / 10, most), (_TOLERANCE / 10, _TOLERANCE))
+        _set(channel, "log", (_PASSIVE_NORM / 10, most), (_PASSIVE_NORM / 10, _PASSIVE_NORM))
         channel.set_label_text("channel norm - 1")
     margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
     largest = float(np.abs(margin).max(initial=0.0)) or 1.0
@@ -190,7 +195,8 @@ def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) 
         max(float(margin.max(initial=0.0)) * 2, linear),
     )
     _set(port, "symlog", (bottom, top), (0.0, top), linthresh=linear)
-    # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
+    # Decades next to the linear part would stand on the 0. Side by side there is room for every
+    # other one.
     every = -1 if port.axis_name == "y" else -2
     shown = np.floor(np.log10(max(-bottom, top)))
     decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, shown + 1))[::every][::-1]
@@ -227,7 +233,8 @@ def _legend(canvas: Any, panel: Any, shaded: str) -> None:
 
 
 def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `passivity-ports` table: Llewellyn's index at the left, the margin at the right, a curve per combination."""
+    """Draw a `passivity-ports` table: Llewellyn's index at the left, the margin at the right, a
+    curve per combination."""
     axes = [name for name in columns if name not in ("frequency_hz", "llewellyn", "damping_margin")]
     starts = np.flatnonzero(np.diff(columns["frequency_hz"], prepend=np.inf) < 0)
     curves = np.split(np.arange(columns["frequency_hz"].size), starts[1:])
@@ -271,7 +278,8 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
 
 def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `passivity-filters` table: without the local model at the left, with it at the right."""
+    """Draw a `passivity-filters` table: without the local model at the left, with it at the
+    right."""
     del facts
     orders = np.unique(columns["lp1_order"]).tolist()
     with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
@@ -293,8 +301,8 @@ def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 )
             panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
             panel.grid(**GRID)
-            panel.axhspan(_TOLERANCE / 3, _TOLERANCE, **_PASSIVE)
-        panels[0].set_ylim(_TOLERANCE / 3, 1)
+            panel.axhspan(_PASSIVE_NORM / 3, _PASSIVE_NORM, **_PASSIVE)
+        panels[0].set_ylim(_PASSIVE_NORM / 3, 1)
         handles, labels = panels[0].get_legend_handles_labels()
         columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
         canvas.legend(
@@ -306,6 +314,6 @@ def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
         )
         note_below(
             canvas,
-            f"Points on {_TOLERANCE:.0e} are of norms that exceed 1 by no more than that: passive.",
+            f"Points on {_PASSIVE_NORM:.0e} are of norms that exceed 1 by no more than that: passive.",
         )
     return canvas

@@ -1,4 +1,5 @@
-"""The rows of stable intervals with passive hands, a passive port, two of them, or a passive channel."""
+"""The rows of stable intervals with passive hands, a passive port, two of them, or a passive
+channel."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ HANDS = {
 
 
 def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
-    """The guarantee for a word of --for-hands, None for a word of others; see `program.tables.hand_rows`."""
+    """The guarantee for a word of --for-hands, None for a word of others; see
+    `program.tables.hand_rows`."""
     from wavesweep.passive.hands import PassiveGuarantee
 
     if kind not in ROWS or (tolerance is not None and kind != "channel"):
@@ -71,7 +73,8 @@ def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
-    """The guarantees of a run; see `hand_rows.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
+    """The guarantees of a run; see `hand_rows.guarantees_of`. Errors: UsageError for loops that
+    hands cannot hold."""
     from wavesweep.program.tables.hand_rows import refuse_velocity
 
     if any(guarantee.kind == "passive" for guarantee in asked):

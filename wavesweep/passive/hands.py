@@ -1,4 +1,5 @@
-"""Intervals guaranteed for hands: every passive hand, a passive port, or two of them; and those of a passive channel."""
+"""Intervals guaranteed for hands: every passive hand, a passive port, or two of them; and those
+of a passive channel."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -46,7 +47,8 @@ METHODS = {
 
 @dataclass(frozen=True, slots=True)
 class PassiveGuarantee(Guarantee):
-    """What an interval is guaranteed for: "passive" hands, "port", "ports" or "channel"; see `METHODS`.
+    """What an interval is guaranteed for: "passive" hands, "port", "ports" or "channel"; see
+    `METHODS`.
 
     tolerance: J per J sent that the channel may add.
     """
@@ -86,12 +88,14 @@ class PassiveGuarantee(Guarantee):
         return WHAT[self.kind]
 
     def scope(self, spec: Spec) -> Scope:
-        """The spec's own numbers, with every passive hand in place of its operator if the rows are of these."""
+        """The spec's own numbers, with every passive hand in place of its operator if the rows
+        are of these."""
         own = own_scope(spec)
         return replace(own, hands=PASSIVE_HANDS) if self.kind == "passive" else own
 
     def notices(self, job: Job) -> Iterable[str]:
-        """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
+        """Yield the notice that no interval can be guaranteed for every passive hand, if that is
+        known beforehand."""
         spec = job.grid.spec
         if (
             self.kind != "passive"

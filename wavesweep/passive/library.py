@@ -32,10 +32,11 @@ class LoopPassive(api.Loop):
         Returns
         -------
         DataFrame
-            The columns of `wavesweep passivity`: each axis given, channel_norm (passive up to 1), channel_omega (rad/s, of that
-            norm), port_margin (m/N, the smallest eigenvalue of the Hermitian part, force to displacement), port_omega (rad/s),
-            channel_passive, port_passive, stable, damping_needed (N*s/m of further device damping for a passive port),
-            channel_hz, port_hz (Hz).
+            The columns of `wavesweep passivity`: each axis given, channel_norm (passive up to 1),
+            channel_omega (rad/s, of that norm), port_margin (m/N, the smallest eigenvalue of the
+            Hermitian part, force to displacement), port_omega (rad/s), channel_passive,
+            port_passive, stable, damping_needed (N*s/m of further device damping for a passive
+            port), channel_hz, port_hz (Hz).
 
         Notes
         -----
@@ -92,7 +93,8 @@ def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
     Returns
     -------
     DataFrame
-        lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less 1), energy_gain (J per J
-        sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance), channel_hz (Hz).
+        lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less
+        1), energy_gain (J per J sent), bank_norm (with the filter bank), certified,
+        sufficient_order (the least for the tolerance), channel_hz (Hz).
     """
     return framed(table.filter_choices(spec_of(source), tolerance))

@@ -1,4 +1,5 @@
-"""The margin of passivity at the hand's port, and the damping that a device would have to have more for it."""
+"""The margin of passivity at the hand's port, and the damping that a device would have to have
+more for it."""
 
 from dataclasses import dataclass, replace
 
@@ -11,28 +12,36 @@ from wavesweep.engine.poles import count_outside, eigenvalues, is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 
-SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
-TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
-FAINT = 256 * np.finfo(float).eps  # of the mean eigenvalue: smaller margins are 0 up to rounding
-ALIKE = 0.5  # values are alike if each is at least this share of the others
-SURE = 1e-8  # of the margin and of the mean: rounding of the ticks moves a known margin by no more
-SHARE = 1 / 16  # of a coupling at rest: rounding of the ticks moves a known coupling by no more
+MARGIN_SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
+# of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
+ZERO_MARGIN = 1e-9
+# of the mean eigenvalue: smaller margins are 0 up to rounding
+FAINT_MARGIN = 256 * np.finfo(float).eps
+SIMILAR_VALUES = 0.5  # values are alike if each is at least this share of the others
+# of the margin and of the mean: rounding of the ticks moves a known margin by no more
+SURE_MARGIN = 1e-8
+# of a coupling at rest: rounding of the ticks moves a known coupling by no more
+COUPLING_SHARE = 1 / 16
 SHAKES = 4  # other roundings of the ticks that are tried
-SLOW = 5e-3  # distance of an eigenvalue from 1 below which its mode may have a peak next to rest
-HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
-LONGEST = 1000  # ticks; the map of a frame is a matrix of that size
+# distance of an eigenvalue from 1 below which its mode may have a peak next to rest
+PEAK_NEAR_REST = 5e-3
+# an unstable loop that grows by this much in a frame keeps no digit worth reporting
+HUGE_GROWTH = 1e10
+LONGEST_MAP = 1000  # ticks; the map of a frame is a matrix of that size
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PortMargin:
     """The hand's port, arrays over the batch of the loops.
 
-    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to
-    the displacement in the tick, m/N; NaN for a loop so unstable that a frame of it overflows, or nearly, and for one in which
-    rounding leaves no digits of it. omega: its frequency, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies
-    (T^2/2m and a little less), which is the natural scale, m/N. stable: every eigenvalue but drift inside the unit circle.
-    certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean. negative: the margin
-    is below zero, and not for rounding's sake.
+    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from
+    the held force to the displacement in the tick, m/N; NaN for a loop so unstable that a frame of
+    it overflows, or nearly, and for one in which rounding leaves no digits of it. omega: its
+    frequency, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies (T^2/2m and a
+    little less), which is the natural scale, m/N. stable: every eigenvalue but drift inside the
+    unit circle. certified: no frequency has an eigenvalue below the margin by more than
+    MARGIN_SLACK of it and of the mean. negative: the margin is below zero, and not for rounding's
+    sake.
     """
 
     margin: np.ndarray
@@ -46,8 +55,9 @@ class PortMargin:
     def passive(self) -> np.ndarray:
         """Stable, and no eigenvalue below zero.
 
-        The margin is zero, not positive, if a spring holds the scene: a constant force then moves nothing, and at zero
-        frequency the map has a zero row and column. So zero has to pass, and so has rounding about it.
+        The margin is zero, not positive, if a spring holds the scene: a constant force then moves
+        nothing, and at zero frequency the map has a zero row and column. So zero has to pass, and
+        so has rounding about it.
         """
         return self.stable & ~self.negative & ~np.isnan(self.margin)
 
@@ -55,20 +65,21 @@ class PortMargin:
 def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
     """Margin of positive realness at the hand's port for every loop of the batch.
 
-    decide: only whether ports are passive matters, so the search ends where a margin is surely negative.
-    A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is passive exactly when the lifted map between
-    the two is positive real. Not a grid: the level just below the margin is shown to be met at no frequency (`hinf_norm`,
-    on the frame's `Element`, see `hinf`).
-    Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue.
+    decide: only whether ports are passive matters, so the search ends where a margin is surely
+    negative. A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is passive
+    exactly when the lifted map between the two is positive real. Not a grid: the level just below
+    the margin is shown to be met at no frequency (`hinf_norm`, on the frame's `Element`, see
+    `hinf`). Errors: UsageError for a frame of more than LONGEST_MAP ticks. Accuracy: 1e-10 of the
+    margin and of the mean eigenvalue.
     """
     drawn = loop.drawn()
     batch = loop.batch
     port = loop.port(drawn)
     ticks = port.kind.size
-    if ticks * port.axes > LONGEST:
+    if ticks * port.axes > LONGEST_MAP:
         found = f"{ticks}" if port.axes == 1 else f"{ticks} of {port.axes} axes"
         raise UsageError(
-            f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}"
+            f"expected a frame of at most {LONGEST_MAP // port.axes} ticks for passivity, found {found}"
         )
     margins = _margins(port, batch, decide)
     if batch:
@@ -105,7 +116,7 @@ def _margins(port, batch, decide) -> PortMargin:
     stable = finite & is_stable(E)
     # An eigenvalue on the circle but for rounding is a pole of the map.
     _, clear = count_outside(safe)
-    grown = ~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE)
+    grown = ~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE_GROWTH)
     lost = ~finite | ~clear | grown
     margins = PortMargin(
         margin=np.full(lost.size, np.nan),
@@ -125,23 +136,23 @@ def _margins(port, batch, decide) -> PortMargin:
     theta = peak.theta
     # Beside a peak at rest the response is the same but for rounding, and less well known.
     at_rest = few.smallest(np.arange(rows.size), np.zeros(rows.size))
-    theta = np.where(at_rest <= margin + SLACK * (np.abs(margin) + scale), 0.0, theta)
+    theta = np.where(at_rest <= margin + MARGIN_SLACK * (np.abs(margin) + scale), 0.0, theta)
     if port.drifts < port.axes:
         # Something holds the scene, so a constant force, of some direction, moves nothing.
         theta = np.where(margin > 0, 0.0, theta)
         margin = np.minimum(margin, 0.0)
     certain = np.ones(rows.size, bool)
-    below = margin < -TOLERANCE * scale
+    below = margin < -ZERO_MARGIN * scale
     asked = np.flatnonzero(~below) if decide else np.arange(rows.size)
     if asked.size:
         at = rows[asked]
         certain[asked], below[asked] = _beyond_rounding(
             maps.at(at), port, at, peak.theta[asked], margin[asked], scale[asked]
         )
-    told = below | (margin > FAINT * scale)
+    told = below | (margin > FAINT_MARGIN * scale)
     margin = np.where(certain & np.isfinite(margin), np.where(told, margin, 0.0), np.nan)
     free = port.drifts == port.axes and ticks.kind.size > 1
-    not_negative = margin >= -TOLERANCE * scale
+    not_negative = margin >= -ZERO_MARGIN * scale
     at = np.flatnonzero(free & not_negative & (~below | (theta == 0)))
     if at.size:
         rest = _dragged(maps.at(rows[at]), port, rows[at], scale[at])
@@ -159,7 +170,8 @@ def _margins(port, batch, decide) -> PortMargin:
 def _least_eigenvalues(ticks, lifted, scale, decide):
     """The least eigenvalues over all angles of the Hermitian parts, as peaks of their negatives.
 
-    scale: the mean eigenvalue of each loop. decide: whether a search ends below a margin that is surely negative.
+    scale: the mean eigenvalue of each loop. decide: whether a search ends below a margin that is
+    surely negative.
     """
 
     def negative(owner, theta, _level):
@@ -169,43 +181,47 @@ def _least_eigenvalues(ticks, lifted, scale, decide):
         return angles(ticks.pencil(owner, -level))
 
     def slack(owner, level):
-        return SLACK * (np.abs(level) + scale[owner])
+        return MARGIN_SLACK * (np.abs(level) + scale[owner])
 
-    enough = TOLERANCE * scale if decide else np.inf
+    enough = ZERO_MARGIN * scale if decide else np.inf
     return hinf_norm(negative, crossed, scale.size, slack, _slow_angles(lifted.E), enough)
 
 
 def _slow_angles(E):
-    """Angles that are tried first for each loop, `(loops, any)`: those of SOFT if it has a mode that slow."""
+    """Angles that are tried first for each loop, `(loops, any)`: those of SOFT if it has a mode
+    that slow."""
     delta, _ = eigenvalues(E)
-    slow = (np.abs(delta) < SLOW).any(-1)
+    slow = (np.abs(delta) < PEAK_NEAR_REST).any(-1)
     return np.where(slow[:, None], SOFT, np.nan) if slow.any() else ()
 
 
 def _beyond_rounding(ticks, port, loops, theta, margin, mean):
-    """Whether margins are known, and whether they are negative, whatever the rounding of the ticks, `(loops,)` both.
+    """Whether margins are known, and whether they are negative, whatever the rounding of the ticks,
+    `(loops,)` both.
 
-    The ticks are computed again with entries that differ by roundings of their terms. A small margin is negative if it stays
-    so, and alike; up to FAINT of the mean it may be zero.
+    The ticks are computed again with entries that differ by roundings of their terms. A small
+    margin is negative if it stays so, and alike; up to FAINT_MARGIN of the mean it may be zero.
     """
     shaken = _shaken(ticks, port, loops).in_even_units().lifted(measured=False)
     again = shaken.smallest(np.arange(SHAKES * loops.size), np.tile(theta, SHAKES))
     values = np.concatenate([margin, again]).reshape(1 + SHAKES, -1)
     most = values.max(0)
     least = values.min(0)
-    certain = most - least <= SURE * (mean + np.abs(margin))
-    stays_so = (most < -FAINT * mean) & (most <= ALIKE * least)
-    below = (margin < -TOLERANCE * mean) | stays_so
+    certain = most - least <= SURE_MARGIN * (mean + np.abs(margin))
+    stays_so = (most < -FAINT_MARGIN * mean) & (most <= SIMILAR_VALUES * least)
+    below = (margin < -ZERO_MARGIN * mean) | stays_so
     return certain, certain & below
 
 
 def _dragged(ticks, port, loops, mean):
-    """The margin at rest of ports that it shows not to be passive, however little, otherwise 0, `(loops,)`.
+    """The margin at rest of ports that it shows not to be passive, however little, otherwise 0,
+    `(loops,)`.
 
-    A motion at a multiple of the slow rate may drag along what a constant force e, in one of the directions of the axes that do
-    not act on each other at rest, does not move. At rest the Hermitian part S
-    has then a 0 for e, and a coupling p of it to other forces: its least eigenvalue is `-p' (S + e e')^-1 p`, to first order in
-    that, and negative however small p is, where rounding would hide an eigenvalue.
+    A motion at a multiple of the slow rate may drag along what a constant force e, in one of the
+    directions of the axes that do not act on each other at rest, does not move. At rest the
+    Hermitian part S has then a 0 for e, and a coupling p of it to other forces: its least
+    eigenvalue is `-p' (S + e e')^-1 p`, to first order in that, and negative however small p is,
+    where rounding would hide an eigenvalue.
     """
     ticks_of_frame = ticks.kind.size
     constant = np.kron(np.full((ticks_of_frame, 1), ticks_of_frame**-0.5), np.eye(port.axes))
@@ -230,14 +246,15 @@ def _dragged_along(e, ticks, shaken, mean):
     moved = np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
     S = (H + H.mT) / 2 + mean[:, None, None] * e @ e.mT
     rest = -(p.mT @ solve(S, p))[:, 0, 0]
-    moves_nothing = np.abs(still[:, 0, 0]) <= TOLERANCE * mean
-    dragged = moves_nothing & (moved.max(0) <= SHARE * size)
+    moves_nothing = np.abs(still[:, 0, 0]) <= ZERO_MARGIN * mean
+    dragged = moves_nothing & (moved.max(0) <= COUPLING_SHARE * size)
     negative = np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny)
     return np.where(dragged, negative, 0.0)
 
 
 def _at_rest(ticks, e):
-    """The map at rest, what of the Hermitian part constant forces e share, and its coupling of e to other forces."""
+    """The map at rest, what of the Hermitian part constant forces e share, and its coupling of e
+    to other forces."""
     lifted = ticks.in_even_units().lifted(measured=False)
     back = e.mT
     X = solve(-lifted.E, lifted.G)
@@ -249,7 +266,8 @@ def _at_rest(ticks, e):
 
 
 def _shaken(ticks, port, loops):
-    """The ticks of some loops SHAKES times, one after the other, each time with other roundings of their entries."""
+    """The ticks of some loops SHAKES times, one after the other, each time with other roundings
+    of their entries."""
     batch = ticks.loops
     maps = []
     for number, (tick_matrices, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
@@ -271,17 +289,19 @@ def _shaken(ticks, port, loops):
 
 MOST_DAMPING = 1e4  # N*s/m: no device has more
 LEAST_DAMPING = 1e-4  # N*s/m: less makes no difference
-CLOSE = 1e-3  # relative width of the bracket that is left
+BRACKET_WIDTH = 1e-3  # relative width of the bracket that is left
 
 
 def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray:
-    """Additional device damping (N*s/m) with which the hand's port is passive; 0 if it is, NaN if MOST_DAMPING is not enough.
+    """Additional device damping (N*s/m) with which the hand's port is passive; 0 if it is, NaN if
+    MOST_DAMPING is not enough.
 
-    NaN as well if the hand holds no single mass, so that no block is the device. margin: that of the loops, if it is known. The
-    bracket is halved on a logarithmic scale, each time over all frequencies, and its upper end is given: the port is passive
-    with it. That less damping is not enough holds for the lower end, and below it if passivity is not lost again with damping,
-    which no random loop showed. A hand that also moves within the tick needs more: see `over_ranges.reaction_maps`.
-    Accuracy: CLOSE relative, from above.
+    NaN as well if the hand holds no single mass, so that no block is the device. margin: that of
+    the loops, if it is known. The bracket is halved on a logarithmic scale, each time over all
+    frequencies, and its upper end is given: the port is passive with it. That less damping is not
+    enough holds for the lower end, and below it if passivity is not lost again with damping, which
+    no random loop showed. A hand that also moves within the tick needs more: see
+    `over_ranges.reaction_maps`. Accuracy: BRACKET_WIDTH relative, from above.
     """
     margin = port_margin(loop) if margin is None else margin
     needed = np.where(margin.passive, 0.0, np.nan).reshape(-1)
@@ -304,7 +324,7 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
         index = index[passive(index, np.full(index.size, MOST_DAMPING))]
     low = np.full(index.size, LEAST_DAMPING)
     high = np.full(index.size, MOST_DAMPING)
-    while index.size and np.any(high > low * (1 + CLOSE)):
+    while index.size and np.any(high > low * (1 + BRACKET_WIDTH)):
         middle = np.sqrt(low * high)
         enough = passive(index, middle)
         low = np.where(enough, low, middle)

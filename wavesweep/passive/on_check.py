@@ -11,12 +11,14 @@ if TYPE_CHECKING:
     from wavesweep.program.sweep.job import Job
 
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on
-LARGEST = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
+# entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of
+# 1.5
+LARGEST_CHANNEL = 20_000
 
 
 def numbers(spec: Spec) -> dict[str, float | None]:
-    """channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more than LARGEST entries, and
-    of a drawn loop, which has no channel that a spec would name.
+    """channel_norm: of the wave channel, 1 or less if it is passive, missing if its matrix has more
+    than LARGEST_CHANNEL entries, and of a drawn loop, which has no channel that a spec would name.
     """
     return {"channel_norm": None if spec.drawing else _channel_norm(_channel_of(_kept(spec)))}
 
@@ -44,18 +46,19 @@ def _channel_norm(channel):
 
     from wavesweep.passive.channel import norm_of
 
-    norm = float(norm_of(channel).norm) if channel and channel.entries <= LARGEST else None
+    norm = float(norm_of(channel).norm) if channel and channel.entries <= LARGEST_CHANNEL else None
     return norm if norm is not None and isfinite(norm) else None
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | Callable[[], str]]]:  # noqa: ARG001
-    """Yield the norm of the wave channel, if there is one; it is computed once the line is shown."""
+    """Yield the norm of the wave channel, if there is one; it is computed once the line is
+    shown."""
     from wavesweep.passive.channel import MOST_ENTRIES
-    from wavesweep.passive.margin import LONGEST
+    from wavesweep.passive.margin import LONGEST_MAP
 
     if spec.drawing or not (channel := _channel_of(_kept(spec))):
         return
-    if channel.entries <= LARGEST:
+    if channel.entries <= LARGEST_CHANNEL:
 
         def known():
             norm = _channel_norm(channel)
@@ -68,7 +71,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
         yield 5, known
     else:
         does = (
-            f"passivity does it up to {LONGEST} ticks"
+            f"passivity does it up to {LONGEST_MAP} ticks"
             if channel.entries <= MOST_ENTRIES
             else "passivity refuses it too"
         )
@@ -76,7 +79,8 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
 
 
 def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
-    """The lines about `passivity`, and its jobs. Errors: SpecError for a sweep that no command could do."""
+    """The lines about `passivity`, and its jobs. Errors: SpecError for a sweep that no command
+    could do."""
     from wavesweep.engine.errors import SpecError, UsageError
     from wavesweep.passive.port_jobs import jobs_of, not_computed
     from wavesweep.program.sweep.grid import make_grid

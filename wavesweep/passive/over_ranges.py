@@ -1,12 +1,15 @@
-"""Passivity for all values of a number in an interval: the Hermitian part of a frame's map as a function of number and angle.
+"""Passivity for all values of a number in an interval: the Hermitian part of a frame's map as a
+function of number and angle.
 
-On the circle the determinant of the Hermitian part of `T + O (w - E)^-1 G`, times `|det(w - E)|^2`, is
+On the circle the determinant of the Hermitian part of `T + O (w - E)^-1 G`, times `|det(w - E)|^2`,
+is
 
     det(S) det(diag(w - E, w' - E') + [G; O'] S^-1 [O, G']),   S = T + T',   w = z - 1,   w' = 1/z - 1,
 
-up to a factor (the determinant lemma). This is a polynomial in z and 1/z and analytic in the number. If it is positive on a
-connected set of numbers and on the whole circle, then no eigenvalue of the Hermitian part changes its sign there and no pole
-reaches the circle: so all loops are passive if one of them is.
+up to a factor (the determinant lemma). This is a polynomial in z and 1/z and analytic in the
+number. If it is positive on a connected set of numbers and on the whole circle, then no eigenvalue
+of the Hermitian part changes its sign there and no pole reaches the circle: so all loops are
+passive if one of them is.
 """
 
 from collections.abc import Callable
@@ -26,25 +29,30 @@ from wavesweep.passive.channel import channel_of
 
 SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
-SLACK = 1e-11  # of the mean eigenvalue: accuracy of the smallest one
-SURE = 1e-9  # of the mean eigenvalue: what is surely not rounding
-NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
+EIGENVALUE_SLACK = 1e-11  # of the mean eigenvalue: accuracy of the smallest one
+SURE_EIGENVALUE = 1e-9  # of the mean eigenvalue: what is surely not rounding
+# of the largest eigenvalue, in which the smallest one may drown if a mode is slow
+EIGENVALUE_NOISE = 2e-12
 SKEW = 1e-9  # relative, of a compliance that counts as symmetric
 DRIFT = 1e-14  # of the largest entry of a frame: an eigenvalue that is a drift
 REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's
-TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
+# errors of the entries of a map of a frame, in roundings of the sizes of their terms
+ENTRY_ROUNDINGS = 16.0
 
 ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
 
 Covering = Callable[[object, list, int], Any]
-"""From functions, a box of numbers and a count of points to its `Cover` (see `engine.intervals`), None without a solution."""
+"""From functions, a box of numbers and a count of points to its `Cover` (see
+`engine.intervals`), None without a solution."""
 
 Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
-"""From values of a number `(n,)`, real or complex, to the maps of a frame, and their pivots `(n, k)` (see `Frames`)."""
+"""From values of a number `(n,)`, real or complex, to the maps of a frame, and their pivots `(n,
+k)` (see `Frames`)."""
 
 
 def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
-    """The maps from the held force to the displacement at the hand along a number, apart at rest where a spring holds it."""
+    """The maps from the held force to the displacement at the hand along a number, apart at rest
+    where a spring holds it."""
     hand = axes_of(loop.drawing)
     drift = loop.changed({path: inner_numbers(span)}).drift(watched=hand.signals)
 
@@ -68,22 +76,27 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 
 
 def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
-    """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of at least this damping.
+    """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of
+    at least this damping.
 
-    In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
-    take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
-    `d/T + C` is positive real, d (N*s/m) that of device and hand, C the lifted map from the frame's displacements to its
-    forces. A dead time divides each tick in two parts, with a force f_i and a displacement dx_i in each; the damper takes at
-    least `d dx_i^2/(l_i T)` in a part of l_i ticks, so C is the map from all `dx_i/sqrt(l_i)` to all `sqrt(l_i) f_i`. At one
-    rate without one this is `b > K T/2 + |B|` (J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems:
-    application to haptic interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held
-    forces (`port_maps`) is weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
-    If the hand holds no single mass, or something reads the velocity of that mass, nothing bounds it: a point sample of the
-    velocity can be anything at no cost in energy, so no damping bounds the work of its feedback.
+    In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and
+    masses and springs take nothing in the end. The held force takes `f_m dx`. So all of it is
+    passive for a continuous hand exactly when `d/T + C` is positive real, d (N*s/m) that of device
+    and hand, C the lifted map from the frame's displacements to its forces. A dead time divides
+    each tick in two parts, with a force f_i and a displacement dx_i in each; the damper takes at
+    least `d dx_i^2/(l_i T)` in a part of l_i ticks, so C is the map from all `dx_i/sqrt(l_i)` to
+    all `sqrt(l_i) f_i`. At one rate without one this is `b > K T/2 + |B|` (J. E. Colgate, G. G.
+    Schenkel, Passivity of a class of sampled-data systems: application to haptic interfaces,
+    Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held forces
+    (`port_maps`) is weaker: it asks nothing of hands whose force moves within the tick, and lets
+    the device's mass help. If the hand holds no single mass, or something reads the velocity of
+    that mass, nothing bounds it: a point sample of the velocity can be anything at no cost in
+    energy, so no damping bounds the work of its feedback.
 
-    Of a controller with a drift at z = 1, the position prescribed, as waves without position feedback have one, the pole there
-    is not set apart: no value is passive. A motion at a multiple of the slow rate aliases to a wave that moves the avatar, and
-    the force that this builds up stays. At one rate there are no such motions.
+    Of a controller with a drift at z = 1, the position prescribed, as waves without position
+    feedback have one, the pole there is not set apart: no value is passive. A motion at a multiple
+    of the slow rate aliases to a wave that moves the avatar, and the force that this builds up
+    stays. At one rate there are no such motions.
     """
 
     def reactions(p):
@@ -114,11 +127,13 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 
 
 def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, list[int]]:
-    """The ticks from the displacement of the device (m) to the force against it (N), and its position among the states.
+    """The ticks from the displacement of the device (m) to the force against it (N), and its
+    position among the states.
 
-    The device is a ruler: the hand's input is the displacement in the tick. Both have an entry for each part of the tick, a
-    displacement over and a force times the root of its share; see `reaction_maps`. drawn: the blocks of the loops. States that
-    the force does not depend on are left out.
+    The device is a ruler: the hand's input is the displacement in the tick. Both have an entry for
+    each part of the tick, a displacement over and a force times the root of its share; see
+    `reaction_maps`. drawn: the blocks of the loops. States that the force does not depend on are
+    left out.
     """
     device = loop.device
     force, *_ = loop.drawing.hand
@@ -167,10 +182,11 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
 def settled(lifted: LiftedMap, x) -> LiftedMap:
     """The map from displacements to forces of loops that settle, with its pole at z = 1 set apart.
 
-    Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
-    the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
-    the same in every part of a tick, so that x adds `k/w g^T g`, whose Hermitian part is `-k/2 g^T g` at every frequency, g
-    being its row of G, the roots of the shares of these parts.
+    Nothing moves the position x but the displacements, and every other state of a responsive loop
+    settles at R times x, so the states less R x follow `w s = E s + (G - R G_x) u`, without x. The
+    force for a constant position is the stiffness k, the same in every part of a tick, so that x
+    adds `k/w g^T g`, whose Hermitian part is `-k/2 g^T g` at every frequency, g being its row of G,
+    the roots of the shares of these parts.
     """
     if not x:
         return lifted
@@ -202,7 +218,8 @@ def _exact(A, b):
 
 
 def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
-    """Maps whose Hermitian parts are positive where a direction of the wave channel has a norm below the root of `square`."""
+    """Maps whose Hermitian parts are positive where a direction of the wave channel has a norm
+    below the root of `square`."""
 
     def maps(p):
         at = loop.changed({path: p})
@@ -227,7 +244,8 @@ def away_from_0(p, span):
 
 
 def remembered(maps: Maps) -> Maps:
-    """The same maps, which keep the last results: a proof asks for the same numbers at several angles."""
+    """The same maps, which keep the last results: a proof asks for the same numbers at several
+    angles."""
     cached = lru_cache(maxsize=64)(lambda numbers, kind: maps(np.frombuffer(numbers, kind)))
     return lambda p: cached(p.tobytes(), p.dtype.str)
 
@@ -241,18 +259,21 @@ def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndar
 
 
 def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> LiftedMap:
-    """The map of a port whose position returns, without the zero that its Hermitian part has at rest.
+    """The map of a port whose position returns, without the zero that its Hermitian part has at
+    rest.
 
-    position: `(loops, axes, n)`, the rows of the position among the states; held: `(axes, directions)`, those in which it
-    returns. Constant forces e, a column for each direction, move nothing in the end, and the displacements of a frame add up to
-    the movement of the position, so e is in the null space of the Hermitian part at w = 0.
-    In the directions of e the forces are multiplied by `1/(1/z - 1)` and the displacements by `1/(z - 1)`, which leaves the
-    signs of the Hermitian part at all other angles. With the rest states r under e, and P the projection that takes e away,
+    position: `(loops, axes, n)`, the rows of the position among the states; held: `(axes,
+    directions)`, those in which it returns. Constant forces e, a column for each direction, move
+    nothing in the end, and the displacements of a frame add up to the movement of the position, so
+    e is in the null space of the Hermitian part at w = 0. In the directions of e the forces are
+    multiplied by `1/(1/z - 1)` and the displacements by `1/(z - 1)`, which leaves the signs of the
+    Hermitian part at all other angles. With the rest states r under e, and P the projection that
+    takes e away,
 
         V = P T P + P O r e' + e c r e'/2 + (P O + e c) (w - E)^-1 (G P + (I + E) r e'),   c = held' position/sqrt(M).
 
-    The compliance c r has to be symmetric, as that of springs and walls is; the map is NaN where it is not, since a port that a
-    slow motion in circles takes energy from is not passive.
+    The compliance c r has to be symmetric, as that of springs and walls is; the map is NaN where it
+    is not, since a port that a slow motion in circles takes energy from is not passive.
     """
     M = lifted.T.shape[-1] // len(held)
     e = np.kron(np.full((M, 1), M**-0.5), held)
@@ -270,7 +291,8 @@ def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> 
 
 
 def bounded_by(lifted: LiftedMap, square: float) -> LiftedMap:
-    """A map whose Hermitian part is positive where the square of the norm of another one is below a value.
+    """A map whose Hermitian part is positive where the square of the norm of another one is below a
+    value.
 
     The Hermitian part is half of `[[1, H], [H*, square]]`.
     """
@@ -286,7 +308,8 @@ def bounded_by(lifted: LiftedMap, square: float) -> LiftedMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Determinant:
-    """The determinant above, as a function of the number and the angle (rad per frame): see `positive.Functions`."""
+    """The determinant above, as a function of the number and the angle (rad per frame): see
+    `positive.Functions`."""
 
     maps: Maps
 
@@ -309,10 +332,10 @@ class Determinant:
         half = solve(S, np.concatenate([O, G.mT], axis=-1))
         # [G; O'] S^-1 [O, G'] - diag(E, E'), and the sizes of the terms of its entries
         inner = rows @ half
-        size = TERMS * np.abs(rows) @ np.abs(half)
+        size = ENTRY_ROUNDINGS * np.abs(rows) @ np.abs(half)
         for block, matrices in ((slice(n), E), (slice(n, None), E.mT)):
             inner[:, block, block] -= matrices
-            size[:, block, block] += TERMS * np.abs(matrices)
+            size[:, block, block] += ENTRY_ROUNDINGS * np.abs(matrices)
         # diag(w, w') is added at each angle
         at = inner[place].astype(complex)
         w = on_circle(np.stack([x[:, 1], -x[:, 1]]))
@@ -332,7 +355,8 @@ class Determinant:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Witness:
-    """What takes energy at one angle, as a function of the number: `-v* He v` for the worst direction v at `number`."""
+    """What takes energy at one angle, as a function of the number: `-v* He v` for the worst
+    direction v at `number`."""
 
     maps: Maps
     number: float
@@ -349,11 +373,12 @@ class Witness:
         hermitian, size, pivots = self.hermitian(x[:, 0])
         value = -units.conj() @ hermitian @ units
         modulus = np.abs(value)
-        error = TERMS * np.abs(units) @ size @ np.abs(units) / modulus
+        error = ENTRY_ROUNDINGS * np.abs(units) @ size @ np.abs(units) / modulus
         return FunctionValues((value / modulus)[None], np.log(modulus)[None], error[None], pivots)
 
     def hermitian(self, numbers):
-        """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""
+        """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms,
+        and the pivots."""
         lifted, pivots = self.maps(numbers)
         ahead, size_ahead = with_sizes(lifted, np.array([self.theta]))
         back, size_back = with_sizes(lifted, np.array([-self.theta]))
@@ -363,7 +388,8 @@ class Witness:
 
 
 def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
-    """The maps at angles, real or complex, `(loops, p, m)`, and the sizes of the terms of their entries."""
+    """The maps at angles, real or complex, `(loops, p, m)`, and the sizes of the terms of their
+    entries."""
     A = on_circle(theta)[:, None, None] * np.eye(lifted.E.shape[-1]) - lifted.E
     back = inverse(A)
     moved = back @ lifted.G
@@ -372,15 +398,16 @@ def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
 
 
 def least(lifted: LiftedMap) -> Peak:
-    """The smallest eigenvalue of the Hermitian part over all angles, with its sign changed, for each of some loops.
+    """The smallest eigenvalue of the Hermitian part over all angles, with its sign changed, for
+    each of some loops.
 
-    Once it is surely negative, a smaller one is not looked for. Accuracy: NOISE of the largest eigenvalue at the same angle, by
-    which it may be too large.
+    Once it is surely negative, a smaller one is not looked for. Accuracy: EIGENVALUE_NOISE of the
+    largest eigenvalue at the same angle, by which it may be too large.
     """
     size = np.abs(np.diagonal(lifted.T, axis1=-2, axis2=-1)).mean(-1)
 
     def negative(owner, theta, _level):
-        return np.nan_to_num(-lifted.smallest(owner, theta, NOISE), nan=-np.inf)
+        return np.nan_to_num(-lifted.smallest(owner, theta, EIGENVALUE_NOISE), nan=-np.inf)
 
     def crossed(owner, level):
         T = lifted.T[owner]
@@ -390,6 +417,6 @@ def least(lifted: LiftedMap) -> Peak:
         return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, back, direct))
 
     def slack(owner, _level):
-        return SLACK * size[owner]
+        return EIGENVALUE_SLACK * size[owner]
 
-    return hinf_norm(negative, crossed, len(size), slack, SOFT, SURE * size)
+    return hinf_norm(negative, crossed, len(size), slack, SOFT, SURE_EIGENVALUE * size)

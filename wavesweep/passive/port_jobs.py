@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.held_loop import device_of, held_loop
 from wavesweep.passive.channel import channel_norm, channel_of, numbers_of_channel
-from wavesweep.passive.margin import LONGEST, more_damping, port_margin
+from wavesweep.passive.margin import LONGEST_MAP, more_damping, port_margin
 from wavesweep.passive.port_rows import curve, pair_margin
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.spec import Spec
@@ -25,10 +25,11 @@ from wavesweep.program.sweep.grid import (
 from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import Run, gather, stretches
 
-CHUNK = 32  # loops in a chunk: up to a second or two
+LOOPS_OF_CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
-MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
-LONG = 100  # ticks of a frame, from which on a channel may be too large
+# combinations of the values that decide how a loop is built, whose frames are seen before the work
+MOST_TRIED = 200
+LONG_FRAME = 100  # ticks of a frame, from which on a channel may be too large
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = (
     "rates.",
@@ -48,7 +49,8 @@ CHANNEL = np.dtype([
 
 
 def jobs_of(spec: Spec, axes) -> dict[str, Job]:
-    """The jobs of the port and, if the loop has a wave channel, of the channel. Raises UsageError if they cannot be done.
+    """The jobs of the port and, if the loop has a wave channel, of the channel. Raises UsageError
+    if they cannot be done.
 
     The different channels of the grid have no rows of their own.
     """
@@ -59,7 +61,7 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     port = Job(
         PORTS,
         grid,
-        Chunks(grid.loops, 1, CHUNK, 1),
+        Chunks(grid.loops, 1, LOOPS_OF_CHUNK, 1),
         resolved,
         PAIR if pair else PORT,
         {"records": "ports"},
@@ -70,13 +72,13 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     for key, values in islice(resolved.items(), MOST_TRIED):
         loops = loops_of(spec, values)
         ticks = loops.drawn().ticks
-        if ticks > LONGEST:
+        if ticks > LONGEST_MAP:
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
             raise UsageError(
-                f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}"
+                f"expected a frame of at most {LONGEST_MAP} ticks for passivity, found {ticks}{at}"
             )
-        if ticks > LONG and (channel := channel_of(*loops)):
+        if ticks > LONG_FRAME and (channel := channel_of(*loops)):
             channel.refuse_large()
     if not sends_waves(spec):
         return {"port": port}
@@ -97,7 +99,8 @@ def _task(of_loops, job, chunk):
 
 
 def _records(of_loops, parts, dtype):
-    """A record per loop; parts: (members, loops), see `drawn_groups`, whose members number all loops from 0."""
+    """A record per loop; parts: (members, loops), see `drawn_groups`, whose members number all
+    loops from 0."""
     records = np.empty(sum(members.size for members, _ in parts), dtype)
     records["slice"] = np.arange(records.size)
     for members, loops in parts:
@@ -149,7 +152,8 @@ def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarr
 
 
 def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the columns of the response of each combination with two ports over frequency; see `port_rows.curve`."""
+    """Yield the columns of the response of each combination with two ports over frequency; see
+    `port_rows.curve`."""
     grid = make_grid(spec, axes)
     of_loop = {}
     for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):

@@ -1,8 +1,10 @@
-"""Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then checked.
+"""Intervals of a number with a passive port, with every passive hand, or with a passive channel:
+searched, then checked.
 
-A finder looks at values of the number. An interval that it finds is checked by the sign of a determinant over the number and
-the angle, interpolated with bounds that are sampled (see `engine._stability.positive`). What lies outside is refuted by angles
-at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
+A finder looks at values of the number. An interval that it finds is checked by the sign of a
+determinant over the number and the angle, interpolated with bounds that are sampled (see
+`engine._stability.positive`). What lies outside is refuted by angles at which energy is taken out
+(see `passive.over_ranges`), or because the loop is unstable.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -38,22 +40,23 @@ TRIED = np.concatenate(
 TRIED_FIRST = 33  # values of the number
 CUTS = 15  # points of one round of refinement
 FINEST = 1e-10  # of the range, to which an end is refined
-POINTS = 20_000  # of number and angle that the proof of a panel may take
-FEW = 300  # values of the number that the proof of a piece of a gap may take
+PANEL_POINTS = 20_000  # of number and angle that the proof of a panel may take
+VALUES_OF_PIECE = 300  # values of the number that the proof of a piece of a gap may take
 PIECES = 100  # of a gap
-ROUNDS = 6  # of a search that proofs contradict
-NEAR = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
-CLOSE = (
-    1e-4  # of an end, or of an interval, that may lie between what is proved and what is refuted
-)
+CONTRADICTED_ROUNDS = 6  # of a search that proofs contradict
+STOP_BEFORE_END = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
+# of an end, or of an interval, that may lie between what is proved and what is refuted
+GAP_OF_END = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PassiveRanges:
-    """Checked intervals of a number, `(intervals,)` each, and whether both of their ends are known to CLOSE.
+    """Checked intervals of a number, `(intervals,)` each, and whether both of their ends are known
+    to GAP_OF_END.
 
-    complete: whether it is checked that there are no others, but for CLOSE about each end. worst: gives the angular frequency
-    (rad/s) at which energy is taken out at a value of the number.
+    complete: whether it is checked that there are no others, but for GAP_OF_END about each end.
+    worst: gives the angular frequency (rad/s) at which energy is taken out at a value of the
+    number.
     """
 
     low: np.ndarray
@@ -64,17 +67,20 @@ class PassiveRanges:
 
 
 def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
-    """Where the hand's port is passive for forces that are held over a tick; see `port_margin`. loop: a single one."""
+    """Where the hand's port is passive for forces that are held over a tick; see `port_margin`.
+    loop: a single one."""
     return _where_stable(loop, path, span, _OneMap(port_maps(loop, path, span)))
 
 
 def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
-    """Where a loop with two ports is absolutely stable; see `passive.two_ports`. loop: a single one."""
+    """Where a loop with two ports is absolutely stable; see `passive.two_ports`. loop: a single
+    one."""
     return _where_stable(loop, path, span, Pair(pairs_of(loop, path, span)))
 
 
 def _where_stable(loop, path, span, way):
-    """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
+    """The intervals in which a way is passive, within those of stability by itself, of states
+    that no port sees too."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
     records = Search(path, span, groups, lines=False, checked=True).records()
     stable = [
@@ -86,8 +92,9 @@ def _where_stable(loop, path, span, way):
 def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
     """Where the loop is stable with every passive hand; see `reaction_maps`.
 
-    loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
-    any mass and stiffness, including nonlinear and time-varying ones, and for none: the device by itself is stable.
+    loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee
+    is for continuous hands of any mass and stiffness, including nonlinear and time-varying ones,
+    and for none: the device by itself is stable.
     """
     free = loop.changed(dict.fromkeys(HAND, 0.0))
     return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span)))
@@ -96,7 +103,8 @@ def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 def channel_ranges(
     loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float
 ) -> PassiveRanges:
-    """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
+    """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see
+    `channel_norm`. loop: a single one."""
     at_end = loop.changed({path: span[1]})
     joined = channel_of(loop.drawing, at_end.values).joined
     directions = ("whole",) if joined else ("outward", "inward")
@@ -106,12 +114,14 @@ def channel_ranges(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _OneMap:
-    """Loops are passive along a number where they are stable and the Hermitian part of one map is positive at all angles."""
+    """Loops are passive along a number where they are stable and the Hermitian part of one map
+    is positive at all angles."""
 
     maps: Maps
 
     def passive(self, p: np.ndarray) -> np.ndarray:
-        """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
+        """Whether loops at values of the number are stable and no eigenvalue is negative,
+        `(n,)`."""
         lifted, _ = self.maps(p)
         finite = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
         finite[finite] = is_stable(lifted.E[finite])
@@ -119,7 +129,8 @@ class _OneMap:
         return finite
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
-        """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
+        """The parts of an interval that are not proved, a value at which the opposite is so, or
+        None without a proof."""
         # One of the loops is passive: it is stable, and its Hermitian part positive at one angle.
         middle = np.array([(low + high) / 2])
         lifted, _ = self.maps(middle)
@@ -132,7 +143,7 @@ class _OneMap:
         # No eigenvalue changes its sign: the determinant is not 0 on the panels of all angles.
         open_ = []
         for first, last in pairwise(ANGLES):
-            covered = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
+            covered = cover(Determinant(self.maps), [[low, first], [high, last]], PANEL_POINTS)
             if covered is None:
                 return None
             if len(covered.unstable):
@@ -141,7 +152,8 @@ class _OneMap:
         return open_
 
     def witness(self, low: float, high: float) -> Witness:
-        """What takes energy in the middle of two values, at the angle where it is farthest from rounding."""
+        """What takes energy in the middle of two values, at the angle where it is farthest from
+        rounding."""
         p = (low + high) / 2
         lifted, _ = self.maps(np.array([p]))
         same = np.zeros(TRIED.size, int)  # the loop at p, at each of the angles
@@ -193,10 +205,11 @@ class _Ranges:
     def _searched(self, known: bool):
         """The ends of the intervals, their proofs, and what is refuted between them.
 
-        Values at which a proof finds the opposite of what it is to prove are looked at as well, and the search begins again.
+        Values at which a proof finds the opposite of what it is to prove are looked at as well, and
+        the search begins again.
         """
         searched: list[float] = []
-        for _ in range(ROUNDS):
+        for _ in range(CONTRADICTED_ROUNDS):
             lows, highs = runs_of(self._passive, self.span, searched)
             ends = list(zip(lows.tolist(), highs.tolist(), strict=True))
             proofs = [self._proved(*pair) for pair in ends]
@@ -224,17 +237,18 @@ class _Ranges:
         if end in self.span:
             return end
         wide = self.span[1] - self.span[0]
-        return end + sign * NEAR * max(abs(end), CLOSE * wide)
+        return end + sign * STOP_BEFORE_END * max(abs(end), GAP_OF_END * wide)
 
     def _close(self, part, ends) -> bool:
         wide = ends[1] - ends[0]
         return all(
-            abs(proved_end - end) <= CLOSE * max(abs(end), wide)
+            abs(proved_end - end) <= GAP_OF_END * max(abs(end), wide)
             for proved_end, end in zip(part, ends, strict=True)
         )
 
     def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
-        """What is proved between two ends, None without; and a value at which it is not so, if the proof found one."""
+        """What is proved between two ends, None without; and a value at which it is not so, if
+        the proof found one."""
         low = self._away(low, 1)
         high = self._away(high, -1)
         if not (low < high and any(a <= low and high <= b for a, b in self.stable)):
@@ -248,7 +262,8 @@ class _Ranges:
         return largest_free(low, high, open_), None
 
     def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
-        """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
+        """Whether nothing between two ends of intervals is passive; and a value that is, if one
+        is found."""
         low = self._away(low, 1)
         high = self._away(high, -1)
         queue = []
@@ -256,7 +271,7 @@ class _Ranges:
             if max(low, a) < min(high, b):
                 queue.append((max(low, a), min(high, b)))
         ends = {end for pair in queue for end in pair}
-        least_wide = CLOSE / 2 * (self.span[1] - self.span[0])
+        least_wide = GAP_OF_END / 2 * (self.span[1] - self.span[0])
         for _ in range(PIECES):
             if not queue:
                 return True, None
@@ -266,7 +281,7 @@ class _Ranges:
                 return False, p
             if any(self._takes(way, a, b) for way in self.ways):
                 continue
-            narrow = min(least_wide, CLOSE * max(abs(a), abs(b)))
+            narrow = min(least_wide, GAP_OF_END * max(abs(a), abs(b)))
             if b - a > narrow:
                 queue += [(a, p), (p, b)]
             elif all(
@@ -276,8 +291,11 @@ class _Ranges:
         return False, None
 
     def _takes(self, way, low: float, high: float) -> bool:
-        """Whether all values of a piece are proved not to be passive, by what takes energy there."""
-        covered = cover_of(self.loop, self.path)(way.witness(low, high), [[low], [high]], FEW)
+        """Whether all values of a piece are proved not to be passive, by what takes energy
+        there."""
+        covered = cover_of(self.loop, self.path)(
+            way.witness(low, high), [[low], [high]], VALUES_OF_PIECE
+        )
         return covered is not None and not len(covered.open)
 
     def _frequency(self, p: float) -> float:
@@ -287,7 +305,8 @@ class _Ranges:
 
 
 def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high ends of runs of values that pass, refined all together by multisection. A 0 is looked at by itself.
+    """Low and high ends of runs of values that pass, refined all together by multisection. A 0 is
+    looked at by itself.
 
     more: values that are tried first, in addition to TRIED_FIRST of them.
     """
@@ -324,7 +343,8 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cover_of(loop: HeldLoop, path: str) -> Covering:
-    """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no solution has no cover."""
+    """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no
+    solution has no cover."""
 
     def cover(functions, box, most):
         first, last = box

@@ -1,4 +1,5 @@
-"""Two ports of loops without further ranges: checked margins, Llewellyn's index, and terminations that destabilise."""
+"""Two ports of loops without further ranges: checked margins, Llewellyn's index, and
+terminations that destabilise."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,11 +13,11 @@ from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 
-CLOSE = 1e-2  # of a margin: what may lie between what is checked and what is refuted
+GAP_OF_MARGIN = 1e-2  # of a margin: what may lie between what is checked and what is refuted
 ENVIRONMENT = tuple(
     f"environment.{path.partition('.')[2]}" for path in HAND
 )  # the numbers of what is at the second port
-TINY = 1e-100  # of an eigenvalue, in place of 0
+ZERO_EIGENVALUE = 1e-100  # of an eigenvalue, in place of 0
 ALONE = (0.0, 0.0)  # the range of a number that does not vary
 LIMITS = np.array(
     [(-4.0, -1.0) * 2, (2.0, 6.0) * 2]
@@ -34,9 +35,10 @@ CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 class PairMargin(NamedTuple):
     """Two ports of a loop, as the columns of its row.
 
-    damping: N*s/m that both ports may lose, NaN of an unstable loop; if negative, the loop is stable with all terminations that
-    have so much each. omega: the frequency that decides, rad/s. stable: with every pair of passive terminations. certified:
-    that is checked or refuted for all frequencies, and the damping checked but for CLOSE. counterexample: terminations, in
+    damping: N*s/m that both ports may lose, NaN of an unstable loop; if negative, the loop is
+    stable with all terminations that have so much each. omega: the frequency that decides, rad/s.
+    stable: with every pair of passive terminations. certified: that is checked or refuted for all
+    frequencies, and the damping checked but for GAP_OF_MARGIN. counterexample: terminations, in
     words.
     """
 
@@ -56,7 +58,7 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
     if shunt == -np.inf:
         return PairMargin(np.nan, np.nan)
     damping = float(shunt) * period
-    less = pairs_of(loop, "", ALONE, damping - CLOSE * abs(damping))
+    less = pairs_of(loop, "", ALONE, damping - GAP_OF_MARGIN * abs(damping))
     certified, words = Pair(less).open_in(0.0, 0.0, cover) == [], ""
     if damping < 0:
         sign, _, error, _ = Pair(pairs).witness(0.0, 0.0).values(np.zeros((1, 1)), None)
@@ -67,10 +69,12 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
 
 
 def curve(loop: HeldLoop) -> dict[str, np.ndarray]:
-    """Frequencies (Hz), Llewellyn's index and the damping that can be taken away at both ports (N*s/m) there, of one loop.
+    """Frequencies (Hz), Llewellyn's index and the damping that can be taken away at both ports
+    (N*s/m) there, of one loop.
 
-    The index is the factor by which the product of the transmissions between the ports, as impedances, may be larger:
-    `2 Re z11 Re z22 / (|z12 z21| + Re z12 z21)` with one tick in a frame.
+    The index is the factor by which the product of the transmissions between the ports, as
+    impedances, may be larger: `2 Re z11 Re z22 / (|z12 z21| + Re z12 z21)` with one tick in a
+    frame.
     """
     drawn = loop.drawn()
     period = float(np.ravel(drawn.period)[0])
@@ -82,7 +86,8 @@ def curve(loop: HeldLoop) -> dict[str, np.ndarray]:
 
 
 def index(Z: np.ndarray) -> np.ndarray:
-    """The index above, from 0.001 to 1000, of impedances between components `(points, 2 M, 2 M)`."""
+    """The index above, from 0.001 to 1000, of impedances between components `(points, 2 M, 2
+    M)`."""
     across = np.add.outer(range(Z.shape[-1]), range(Z.shape[-1])) % 2 == 1
     logarithm, step = np.zeros(len(Z)), 3.0  # decimal logarithms
     for _ in range(HALVINGS):
@@ -92,7 +97,8 @@ def index(Z: np.ndarray) -> np.ndarray:
 
 
 def counterexample(loop: HeldLoop) -> str:
-    """A mass and a spring for each port with which the loop is unstable, by its own poles; empty if the search finds none.
+    """A mass and a spring for each port with which the loop is unstable, by its own poles; empty if
+    the search finds none.
 
     The search breeds those with the least damped pole. It needs ports at masses.
     """
@@ -111,7 +117,7 @@ def counterexample(loop: HeldLoop) -> str:
         numbers = dict(zip((*HAND, *ENVIRONMENT), (m, 0.0, k, n, 0.0, s), strict=True))
         loops = Loops(drawing, {**loop.values, **numbers})
         z = 1 + eigenvalues(loops.frames(loops.drift()))[0]
-        poles = np.log(np.where(np.abs(z) > TINY, z, TINY))
+        poles = np.log(np.where(np.abs(z) > ZERO_EIGENVALUE, z, ZERO_EIGENVALUE))
         return (-poles.real / np.abs(poles)).min(-1)
 
     for _ in range(GENERATIONS):

@@ -1,4 +1,5 @@
-"""Passivity of the wave channel and of the hand's port over a sweep, and of filters: `passivity`, `passivity-filters`."""
+"""Passivity of the wave channel and of the hand's port over a sweep, and of filters:
+`passivity`, `passivity-filters`."""
 
 from __future__ import annotations
 
@@ -25,9 +26,8 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.running import Run, WorkOptions
 
-TOLERANCE = (
-    1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
-)
+# J per J sent that aliasing may add for the channel to pass for passive in a verdict
+ALIASING_ALLOWED = 1e-3
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
@@ -35,13 +35,15 @@ METHODS = {
 }
 
 
-def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]) -> Table:
+def passivity(
+    spec: Spec, tolerance: float = ALIASING_ALLOWED, **work: Unpack[WorkOptions]
+) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
-    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
-    margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
-    summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
-    of `run`.
+    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on
+    filters and rates, the margin on the keys that the controller reads. tolerance: J per J sent
+    that aliasing may add, for the verdicts of the summary. work: jobs, backend, scheduler,
+    progress, checkpoint and force, see `Work`. Raises UsageError, and the errors of `run`.
     """
     from wavesweep.passive.port_jobs import certified_slices, jobs_of, not_computed
     from wavesweep.program.sweep.running import Work, run
@@ -76,11 +78,13 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[WorkOptio
 
 
 def passive_along(
-    spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]
+    spec: Spec, along: str, tolerance: float = ALIASING_ALLOWED, **work: Unpack[WorkOptions]
 ) -> Table:
-    """The intervals of a number with a passive port, and with a passive wave channel if there is one, beside the stable ones.
+    """The intervals of a number with a passive port, and with a passive wave channel if there is
+    one, beside the stable ones.
 
-    along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
+    along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance,
+    work: as for `passivity`.
     """
     from wavesweep.passive.port_jobs import sends_waves
     from wavesweep.program.tables.hand_rows import hands_of
@@ -98,7 +102,8 @@ def passive_along(
 
 
 def over_frequency(spec: Spec) -> Table:
-    """Llewellyn's index and the damping that both ports could do without, over frequency, for every combination of the axes."""
+    """Llewellyn's index and the damping that both ports could do without, over frequency, for
+    every combination of the axes."""
     from wavesweep.passive.port_jobs import curves
 
     started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
@@ -166,11 +171,12 @@ def _refuse_tolerance(tolerance):
         )
 
 
-def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
-    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
+def filter_choices(spec: Spec, tolerance: float = ALIASING_ALLOWED) -> Table:
+    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's
+    slow rate.
 
-    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
-    that aliasing may add for an order to be enough.
+    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow
+    rate. tolerance: J per J sent that aliasing may add for an order to be enough.
     """
     from wavesweep.passive.channel import CUTOFFS_HZ, filter_table, sufficient_order
 
@@ -209,7 +215,8 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
 
 
 class PassivityTally:
-    """Counts the passive rows, and keeps the ranges of norm, margin and further damping; facts: those of the run."""
+    """Counts the passive rows, and keeps the ranges of norm, margin and further damping; facts:
+    those of the run."""
 
     def __init__(self, facts: Mapping[str, Any]) -> None:
         self._tolerance, self._slices = facts["tolerance"], facts["slices"]

@@ -1,16 +1,21 @@
-"""Absolute stability of loops with two ports: stable with every pair of passive terminations, one at each port.
+"""Absolute stability of loops with two ports: stable with every pair of passive terminations, one
+at each port.
 
-H is the lifted map from the forces f at both ports, held over each tick of a frame, to the displacements y in the ticks. At an
-angle of the frame each port has one component for each of its M ticks, at the frequencies that alias to the same: the basis F.
-A linear termination that does not change in time acts on each component alone, by a number with a positive real part. So the
-loop is absolutely stable if it is stable and at each angle there are positive weights R, one per component, with
+H is the lifted map from the forces f at both ports, held over each tick of a frame, to the
+displacements y in the ticks. At an angle of the frame each port has one component for each of its M
+ticks, at the frequencies that alias to the same: the basis F. A linear termination that does not
+change in time acts on each component alone, by a number with a positive real part. So the loop is
+absolutely stable if it is stable and at each angle there are positive weights R, one per component,
+with
 
     He(R Z R^-1) > 0,   Z = (F* H F)^-1.
 
-Conversely, if some displacements have a negative power in all components, passive terminations destabilise the loop; these are
-found at the best weights. If a frame has one tick, this is Llewellyn's criterion, `2 Re z11 Re z22 > |z12 z21| + Re(z12 z21)`.
-Source: F. B. Llewellyn, Some fundamental properties of transmission systems, Proc. IRE 40(3), 271-283, 1952; with scattering
-matrices and structured singular values J. E. Colgate, IEEE Transactions on Robotics and Automation 9(4), 365-374, 1993.
+Conversely, if some displacements have a negative power in all components, passive terminations
+destabilise the loop; these are found at the best weights. If a frame has one tick, this is
+Llewellyn's criterion, `2 Re z11 Re z22 > |z12 z21| + Re(z12 z21)`. Source: F. B. Llewellyn, Some
+fundamental properties of transmission systems, Proc. IRE 40(3), 271-283, 1952; with scattering
+matrices and structured singular values J. E. Colgate, IEEE Transactions on Robotics and Automation
+9(4), 365-374, 1993.
 """
 
 from collections.abc import Callable
@@ -31,7 +36,7 @@ from wavesweep.engine.response import port_of
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.over_ranges import (
     ANGLES,
-    TERMS,
+    ENTRY_ROUNDINGS,
     Covering,
     away_from_0,
     inner_numbers,
@@ -41,24 +46,25 @@ from wavesweep.passive.over_ranges import (
 )
 
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
-LONGEST = 100  # ticks of a frame
+LONGEST_TWO_PORT_FRAME = 100  # ticks of a frame
 STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
-TINY = 1e-300
+IN_PLACE_OF_ZERO = 1e-300
 NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
 TRIED = np.concatenate(
     [np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)]
 )  # rad per frame
 ZOOMS, POINTS = 7, 9  # to a worst angle between those
 BOXES, MOST = 1000, 400  # of a proof, and values of the number and the angle in each
-FINEST = 4e-5  # of an interval: narrower parts that are not proved stay open
+NARROWEST_PORT_PART = 4e-5  # of an interval: narrower parts that are not proved stay open
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairMap:
     """Loops with two ports over a frame.
 
-    h: what constant forces do at rest, the displacements or, if these are 0, the positions, `(loops, 2, 2)`. zeros: how many
-    pairs of forces move nothing at rest. There He(R H R^-1) has so many double zeros if the weights have the `ratio`.
+    h: what constant forces do at rest, the displacements or, if these are 0, the positions,
+    `(loops, 2, 2)`. zeros: how many pairs of forces move nothing at rest. There He(R H R^-1) has so
+    many double zeros if the weights have the `ratio`.
     """
 
     lifted: LiftedMap
@@ -68,7 +74,8 @@ class PairMap:
 
     @property
     def still(self) -> np.ndarray:
-        """The forces that move nothing at rest, orthonormal and constant over a frame, `(loops, 2 M, zeros)`."""
+        """The forces that move nothing at rest, orthonormal and constant over a frame, `(loops,
+        2 M, zeros)`."""
         M, turned = (
             self.lifted.T.shape[-1] // 2,
             np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None],
@@ -81,7 +88,8 @@ class PairMap:
         return np.tile(pair[:, :, : self.zeros], (1, M, 1)) * M**-0.5
 
     def apart(self) -> LiftedMap:
-        """The map from forces that are multiplied by `1/(1/z - 1)` in the direction of those that move nothing at rest."""
+        """The map from forces that are multiplied by `1/(1/z - 1)` in the direction of those
+        that move nothing at rest."""
         (E, T, O, G), e = ((lifted := self.lifted).E, lifted.T, lifted.O, lifted.G), self.still
         across, r = e.mT, -solve(E, G @ e)
         P = np.eye(T.shape[-1]) - e @ across
@@ -98,13 +106,14 @@ Pairs = Callable[[np.ndarray], PairMap]
 
 
 def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: float = 0.0) -> Pairs:
-    """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping y/T` in place of f."""
+    """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping
+    y/T` in place of f."""
     drift = loop.changed({path: inner_numbers(span)}).drift(watched=(POSITION, OTHER))
     ports = Ports(loop.drawing.hand[0], POSITION, others=((loop.drawing.environment[0], OTHER),))
 
-    if (ticks := loop.drawn().ticks) > LONGEST:
+    if (ticks := loop.drawn().ticks) > LONGEST_TWO_PORT_FRAME:
         raise UsageError(
-            f"expected a frame of at most {LONGEST} ticks for two ports, found {ticks}"
+            f"expected a frame of at most {LONGEST_TWO_PORT_FRAME} ticks for two ports, found {ticks}"
         )
 
     def maps(p):
@@ -131,7 +140,8 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
 
 
 def basis(theta: np.ndarray, M: int, sign: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """F at `sign` times the angles, real or complex, and its inverse, `(points, 2 M, 2 M)` both; the conjugate for -1."""
+    """F at `sign` times the angles, real or complex, and its inverse, `(points, 2 M, 2 M)` both;
+    the conjugate for -1."""
     F = np.kron(np.exp(sign * 2j * np.pi / M * np.outer(range(M), range(M))) / M**0.5, np.eye(2))
     turn = np.exp(sign * 1j / M * theta[:, None] * np.arange(M)).repeat(2, axis=1)
     return turn[:, :, None] * F, F.conj().T / turn[:, None, :]
@@ -140,7 +150,8 @@ def basis(theta: np.ndarray, M: int, sign: int = 1) -> tuple[np.ndarray, np.ndar
 def components_with_sizes(
     lifted: LiftedMap, theta: np.ndarray, sign: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`F^-1 H F` at `sign` times the angles, see `basis`, and the sizes of the terms of its entries."""
+    """`F^-1 H F` at `sign` times the angles, see `basis`, and the sizes of the terms of its
+    entries."""
     H, size = with_sizes(lifted, sign * theta)
     M = H.shape[-1] // 2
     F, back = basis(theta, M, sign)
@@ -152,8 +163,9 @@ def components_with_sizes(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorstWeights:
-    """At some points: the damping (N per m in a tick) that can be taken away at both ports, `(points,)`, the logarithms of the
-    weights with which it can, and the components of displacements that bear no more, `(points, 2 M)` both."""
+    """At some points: the damping (N per m in a tick) that can be taken away at both ports,
+    `(points,)`, the logarithms of the weights with which it can, and the components of
+    displacements that bear no more, `(points, 2 M)` both."""
 
     shunt: np.ndarray
     log_w: np.ndarray
@@ -163,12 +175,13 @@ class WorstWeights:
 def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
     """The least eigenvalues of `He(R Z R^-1)` at the best weights, or given ones.
 
-    Weights that balance the rows and columns of Z are the best ones if the ports act on each other in one way only, as those of
-    single rates and of links do, and good ones otherwise (E. E. Osborne, Journal of the ACM 7(4), 338-345, 1960).
+    Weights that balance the rows and columns of Z are the best ones if the ports act on each other
+    in one way only, as those of single rates and of links do, and good ones otherwise (E. E.
+    Osborne, Journal of the ACM 7(4), 338-345, 1960).
     """
     if log_w is None:
         log_w, sizes = np.zeros(Z.shape[:2]), np.abs(Z) ** 2
-        sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = TINY
+        sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = IN_PLACE_OF_ZERO
         for _ in range(STEPS):
             square = np.exp(2 * log_w)
             step = (
@@ -186,7 +199,8 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
 
 
 def least_shunt(pairs: Pairs, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least shunt over all angles (N per m in a tick), -inf of unstable loops, and its angle (rad per frame)."""
+    """The least shunt over all angles (N per m in a tick), -inf of unstable loops, and its angle
+    (rad per frame)."""
     lifted = pairs(p).lifted
     shunts, theta = np.full((2, len(p)), -np.inf)
     stable = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
@@ -219,7 +233,8 @@ def impedances(lifted: LiftedMap, owner: np.ndarray, theta: np.ndarray) -> np.nd
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Loops with two ports along a number, of which absolute stability is asked; see `passive_ranges` for what asks."""
+    """Loops with two ports along a number, of which absolute stability is asked; see
+    `passive_ranges` for what asks."""
 
     pairs: Pairs
 
@@ -233,7 +248,8 @@ class Pair:
         return 0.0 if theta == NEAR_REST else float(theta)
 
     def witness(self, low: float, high: float) -> "PairWitness":
-        """What takes energy in all components between two values, about as the worst forces do at these and in the middle."""
+        """What takes energy in all components between two values, about as the worst forces do
+        at these and in the middle."""
         p = np.array([low, (low + high) / 2, high])
         lifted, theta = (
             (at := self.pairs(p)).lifted,
@@ -255,7 +271,8 @@ class Pair:
         return PairWitness(self.pairs, np.array([theta]), p, slopes)
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
-        """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof.
+        """The parts of an interval that are not proved, a value at which the opposite is so, or
+        None without a proof.
 
         The interval times the circle is divided into boxes, each with its own weights.
         """
@@ -273,7 +290,7 @@ class Pair:
             if shunts.min() > 0 and functions.positive(p, theta) and functions.covered(box, cover):
                 continue
             drops = shunts[1, 1] - shunts[[0, 2], 1].min(), shunts[1, 1] - shunts[1, [0, 2]].min()
-            if drops[0] > drops[1] and last - first > FINEST * (high - low):
+            if drops[0] > drops[1] and last - first > NARROWEST_PORT_PART * (high - low):
                 queue += [(first, p, below, above), (p, last, below, above)]
             elif drops[0] <= drops[1] and above - below > NEAR_REST:
                 queue += [(first, last, below, theta), (first, last, theta, above)]
@@ -282,7 +299,8 @@ class Pair:
         return None
 
     def _weighted(self, box):
-        """The shunts that the weights of a box allow at nine points of it, and its function; None where no weights do."""
+        """The shunts that the weights of a box allow at nine points of it, and its function;
+        None where no weights do."""
         p, theta = np.linspace(*box[:2], 3), np.maximum(np.linspace(*box[2:], 3), NEAR_REST)
         at, rest = self.pairs(p), box[2] == 0
         Z = impedances(at.lifted, np.repeat(np.arange(3), 3), np.tile(theta, 3))
@@ -295,7 +313,8 @@ class Pair:
 
 
 def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-    """Logarithms of weights for each of some loops, `(loops, 2 M)`; those of the components at rest have the ratio if known."""
+    """Logarithms of weights for each of some loops, `(loops, 2 M)`; those of the components at
+    rest have the ratio if known."""
     broadcast = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(
         np.result_type(ratio, float)
     )
@@ -307,7 +326,8 @@ def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
 class HermitianPart(NamedTuple):
     """The Hermitian part at points and the sizes of its terms.
 
-    lifted: the maps at the points. loops: those of different numbers; place: the index of each point in them.
+    lifted: the maps at the points. loops: those of different numbers; place: the index of each
+    point in them.
     """
 
     matrix: np.ndarray
@@ -319,7 +339,8 @@ class HermitianPart(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairDeterminant:
-    """`det He(R H R^-1) |det(w - E)|^2` over number and angle, for the same weights; see `Functions` in `robust.boxes`.
+    """`det He(R H R^-1) |det(w - E)|^2` over number and angle, for the same weights; see
+    `Functions` in `robust.boxes`.
 
     rest: the weights have the ratio at rest, and the zeros there are divided out.
     """
@@ -341,9 +362,11 @@ class PairDeterminant:
             *((A, np.abs(A)) for A in steps[..., None, None] * np.eye(E.shape[-1]) - E),
         ]
         determinants = [np.linalg.slogdet(matrix) for matrix, _ in matrices]
-        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
+        # to first order, the relative change of a determinant is the trace of the inverse times the
+        # change of the matrix
         error = sum(
-            TERMS * (np.abs(inverse(matrix).mT) * terms).sum((-1, -2)) for matrix, terms in matrices
+            ENTRY_ROUNDINGS * (np.abs(inverse(matrix).mT) * terms).sum((-1, -2))
+            for matrix, terms in matrices
         )
         zeros = (steps[0] * steps[1]) ** (self.rest * part.loops.zeros)
         phase = np.prod([sign for sign, _ in determinants], axis=0) * np.abs(zeros) / zeros
@@ -381,10 +404,12 @@ class PairDeterminant:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairWitness:
-    """What takes energy in all components at one angle, as functions of the number: `-Re f* y` of each, for forces f.
+    """What takes energy in all components at one angle, as functions of the number: `-Re f* y` of
+    each, for forces f.
 
-    theta: `(1,)`. span: low, middle and high. force: `(3, 2 M)`, coefficients of the powers of `2 (p - middle)/(high - low)` in
-    the forces of `PairMap.apart`: next to rest all others drown in rounding.
+    theta: `(1,)`. span: low, middle and high. force: `(3, 2 M)`, coefficients of the powers of `2
+    (p - middle)/(high - low)` in the forces of `PairMap.apart`: next to rest all others drown in
+    rounding.
     """
 
     pairs: Pairs
@@ -414,5 +439,5 @@ class PairWitness:
             )
         (f, y, size, rough), (g, v, *_) = components
         value = -(g * y + f * v)[..., 0].T / 2
-        error = TERMS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)
+        error = ENTRY_ROUNDINGS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)
         return FunctionValues(value / np.abs(value), np.log(np.abs(value)), error, at.pivots)

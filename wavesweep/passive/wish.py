@@ -1,8 +1,10 @@
-"""What may be wished for of a design: the norm of the wave channel, and the passivity margin at the hand's port."""
+"""What may be wished for of a design: the norm of the wave channel, and the passivity margin at
+the hand's port."""
 
 
 def channel(loops, size: int) -> tuple:
-    """The norm of the wave channel of each loop, 0 without waves, and whether it is certified, `(size,)` both."""
+    """The norm of the wave channel of each loop, 0 without waves, and whether it is certified,
+    `(size,)` both."""
     import numpy as np
 
     from wavesweep.haptics.controller_page import loop_drawing
@@ -13,7 +15,8 @@ def channel(loops, size: int) -> tuple:
 
 
 def port(loops, size: int) -> tuple:
-    """The passivity margin at the hand's port of each loop (m/N), missing if it is unstable, and whether it is certified.
+    """The passivity margin at the hand's port of each loop (m/N), missing if it is unstable, and
+    whether it is certified.
 
     The map of an unstable loop may have a positive real part on the whole circle.
     """

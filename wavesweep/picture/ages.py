@@ -1,17 +1,19 @@
-"""How old the numbers of a loop are: the newest measurement in each of them, and the numbers that forces on plants are made of.
+"""How old the numbers of a loop are: the newest measurement in each of them, and the numbers that
+forces on plants are made of.
 
-A measurement is what a block reads of a plant. A number is what a block gives in one of its runs, and holds until the next one.
-A force is made of many numbers. Each reaches it by its quickest way, and is as old as the newest measurement in it: a filter
-remembers older ones too, but lets the newest one through. With the ticks t_j in which a block runs, and the lag, the number of
-runs after which an input is first felt in an output (0 with a direct term D, otherwise the least n for which C A^(n-1) B is not
-zero),
+A measurement is what a block reads of a plant. A number is what a block gives in one of its runs,
+and holds until the next one. A force is made of many numbers. Each reaches it by its quickest way,
+and is as old as the newest measurement in it: a filter remembers older ones too, but lets the
+newest one through. With the ticks t_j in which a block runs, and the lag, the number of runs after
+which an input is first felt in an output (0 with a direct term D, otherwise the least n for which C
+A^(n-1) B is not zero),
 
     age of the output in run j    = min over inputs of  t_j - t_(j-lag) + age of the input at t_(j-lag)
     age of the output at a tick t = t - t_j + age in run j,    j the last run up to t
 
-in ticks. Ages repeat after a frame, in which all blocks are in step again, and those of the quickest ways are the least ones that
-meet these equations. With the runs of one block in place of measurements, the same equations say which of its numbers a force
-is made of.
+in ticks. Ages repeat after a frame, in which all blocks are in step again, and those of the
+quickest ways are the least ones that meet these equations. With the runs of one block in place of
+measurements, the same equations say which of its numbers a force is made of.
 """
 
 from collections.abc import Iterator, Mapping
@@ -28,9 +30,10 @@ from wavesweep.engine.loop import Loops
 class Carrier:
     """The output of a block that holds numbers, or what a plant reads of plants itself.
 
-    block: its name. every: ticks from one run to the next, on average. runs: the ticks of the frame in which it runs. reads:
-    the signals that it is made of, and after how many runs. late, lost: the most ticks by which a message comes late, and the
-    most in a row that never come. dead: ticks of a dead time; None without.
+    block: its name. every: ticks from one run to the next, on average. runs: the ticks of the frame
+    in which it runs. reads: the signals that it is made of, and after how many runs. late, lost:
+    the most ticks by which a message comes late, and the most in a row that never come. dead: ticks
+    of a dead time; None without.
     """
 
     block: str
@@ -44,7 +47,8 @@ class Carrier:
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """A number: the measurement that it is made of, the run in which it is computed, and from when to when it is in a force.
+    """A number: the measurement that it is made of, the run in which it is computed, and from when
+    to when it is in a force.
 
     All are in ticks, and none is rounded: a dead time ends between two.
     """
@@ -72,8 +76,9 @@ class Life:
 class DataFlow:
     """What is read by whom, and when.
 
-    ticks: of the frame. tick_s: period (s) of a tick. carriers: by their signals. plants: signals that are outputs of plants.
-    forces: the signals that act on each input port of a plant, but for those that act continuously.
+    ticks: of the frame. tick_s: period (s) of a tick. carriers: by their signals. plants: signals
+    that are outputs of plants. forces: the signals that act on each input port of a plant, but for
+    those that act continuously.
     """
 
     ticks: int
@@ -91,7 +96,8 @@ class DataFlow:
     ) -> "DataFlow":
         """Return the flow of a loop, compiled with its numbers.
 
-        values: flat numbers. late, lost: whether messages come as late as they may, and as many of them are lost in a row.
+        values: flat numbers. late, lost: whether messages come as late as they may, and as many of
+        them are lost in a row.
         """
         loops = Loops(drawing, values).read
         compiled = loops.drawn()
@@ -170,7 +176,8 @@ def _lags(block: Block, at: int) -> dict[int, int]:
 
 
 def _messages(block: DrawnBlock, numbers: Mapping[str, object]) -> tuple[int, int]:
-    """The most ticks by which a message of a block comes late, and the most messages in a row whose place an older one takes."""
+    """The most ticks by which a message of a block comes late, and the most messages in a row
+    whose place an older one takes."""
     keys = dict(block.keys)
     if block.type != "channel":
         return 0, 0
@@ -181,8 +188,9 @@ def _messages(block: DrawnBlock, numbers: Mapping[str, object]) -> tuple[int, in
 class Ages:
     """The ages of measurements and of the numbers of every carrier, in every signal.
 
-    held: of each signal the ages in every tick of the frame, `(ticks, 1 + carriers)`, infinite for what is not in it; the
-    first column is of measurements. computed: of each carrier the ages in its runs, `(runs, 1 + carriers)`.
+    held: of each signal the ages in every tick of the frame, `(ticks, 1 + carriers)`, infinite for
+    what is not in it; the first column is of measurements. computed: of each carrier the ages in
+    its runs, `(runs, 1 + carriers)`.
     """
 
     def __init__(self, flow: DataFlow):
@@ -229,7 +237,8 @@ class Ages:
         return since[:, None] + ages[last % runs.size]
 
     def lives(self, name: str, port: str) -> list[Life]:
-        """The numbers of a carrier that a force is made of in one frame, as they follow each other; none if it is not."""
+        """The numbers of a carrier that a force is made of in one frame, as they follow each
+        other; none if it is not."""
         ticks = self.flow.ticks
         starts = []
         newest = []
@@ -266,11 +275,13 @@ class Ages:
         return lives
 
     def _senses(self, carrier: Carrier) -> bool:
-        """Whether a dead time reads plants, so that what acts on a plant is read, and held over a tick."""
+        """Whether a dead time reads plants, so that what acts on a plant is read, and held over
+        a tick."""
         return any(signal in self.flow.plants for signal, _ in carrier.reads)
 
     def _arriving(self, carrier: Carrier, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """When what a dead time was given in each tick arrives at a plant, and the ages of a carrier's numbers in it."""
+        """When what a dead time was given in each tick arrives at a plant, and the ages of a
+        carrier's numbers in it."""
         age = np.full(self.flow.ticks, np.inf)
         for signal, _ in carrier.reads:
             if signal in self.held:

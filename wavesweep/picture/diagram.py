@@ -1,4 +1,5 @@
-"""The picture of a loop: its blocks with type, rate and phase, sums, ports, and wires with their gains; colours are rates."""
+"""The picture of a loop: its blocks with type, rate and phase, sums, ports, and wires with their
+gains; colours are rates."""
 
 from functools import lru_cache
 from typing import Any
@@ -11,12 +12,12 @@ from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.style import distinct_look, family_looks, figure, paler
 from wavesweep.program.spec import Spec
 
-WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
-NARROWEST = 4.5
-MARGIN = 0.12
+WIDEST_PICTURE = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
+NARROWEST_PICTURE = 4.5
+PICTURE_MARGIN = 0.12
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
 PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
-LONGEST = 34  # characters of a gain
+LONGEST_GAIN = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
 BETWEEN = "continuous: acts between ticks too, as physics does"
@@ -42,7 +43,8 @@ def diagram(spec: Spec) -> Any:
 def wiring(loop: Wiring, title: str) -> Any:
     """Draw the wiring of a loop under a title; gives a matplotlib `Figure`.
 
-    Columns go from the hand's force to the right; if they are too many for one row, the next row goes on below.
+    Columns go from the hand's force to the right; if they are too many for one row, the next row
+    goes on below.
     """
     boxes, routes = placed(loop)
     rates = sorted({part.every for part in loop.parts} - {0})
@@ -57,15 +59,23 @@ def wiring(loop: Wiring, title: str) -> Any:
     note = BETWEEN if _acts_continuously(loop) else ""
     head = 0.24 + 0.2 * (len(legend) + bool(note))
     width = (
-        max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST)
-        + 2 * MARGIN
+        max(
+            routes.width,
+            _width(title, TITLE) + PICTURE_MARGIN,
+            _width(note, SMALL) + PICTURE_MARGIN,
+            NARROWEST_PICTURE,
+        )
+        + 2 * PICTURE_MARGIN
     )
-    height = routes.height + head + 2 * MARGIN
+    height = routes.height + head + 2 * PICTURE_MARGIN
     with figure(width, height) as canvas:
         canvas.set_layout_engine("none")
         axes = canvas.add_axes((0, 0, 1, 1))
         axes.set_axis_off()
-        axes.set(xlim=(-MARGIN, width - MARGIN), ylim=(height - MARGIN - head, -MARGIN - head))
+        axes.set(
+            xlim=(-PICTURE_MARGIN, width - PICTURE_MARGIN),
+            ylim=(height - PICTURE_MARGIN - head, -PICTURE_MARGIN - head),
+        )
         axes.text(0, 0.02 - head, title, fontsize=TITLE, va="center")
         for n, (every, text) in enumerate(legend.items()):
             y = 0.26 + 0.2 * n - head
@@ -112,7 +122,7 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
             f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}"
         )
     boxes = [_box(box) for box in loop.parts]
-    return boxes, lay_out(boxes, WIDEST - 2 * MARGIN)
+    return boxes, lay_out(boxes, WIDEST_PICTURE - 2 * PICTURE_MARGIN)
 
 
 def _when(every, phase=0):
@@ -168,12 +178,13 @@ def _names_width(ports):
 
 
 def _gain(terms: Terms, gain: str) -> str:
-    """A gain as it stands at a wire: a sign alone for one, and nothing at a wire that is not summed."""
+    """A gain as it stands at a wire: a sign alone for one, and nothing at a wire that is not
+    summed."""
     if gain == "1":
         return "" if len(terms) == 1 else "+"
     if gain == "-1":
         return "\N{MINUS SIGN}"
-    text = gain if len(gain) <= LONGEST else f"{gain[: LONGEST - 1]}…"
+    text = gain if len(gain) <= LONGEST_GAIN else f"{gain[: LONGEST_GAIN - 1]}…"
     return text.replace("**", "^").replace("*", "·").replace("-", "\N{MINUS SIGN}")
 
 
@@ -205,7 +216,8 @@ def _rectangle(x, y, width, height, colour, shade=0.18, radius=0.04):
 
 
 def _draw(axes, part, box, routes, number, wires, colour):
-    """Draw a part at its place, with the ends of its wires. wires: colour of each signal. colour: of the part."""
+    """Draw a part at its place, with the ends of its wires. wires: colour of each signal.
+    colour: of the part."""
     x, y = routes.places[number]
     sums = _sum_width(part)
     left = x + sums

@@ -1,9 +1,10 @@
-"""A layered layout of boxes and the wires between them: columns from the inputs on, in as many bands of columns as fit.
+"""A layered layout of boxes and the wires between them: columns from the inputs on, in as many
+bands of columns as fit.
 
-Wires that close a loop are set aside, and each box is one column behind the last box that it reads (K. Sugiyama, S. Tagawa,
-M. Toda, IEEE Trans. SMC 11, 1981). A wire to the next column has a track between the two. Any other goes down to a lane below
-its band, along it, and to a track in front of the box that reads it; bands are joined at the left of all boxes. So no wire
-passes through a box.
+Wires that close a loop are set aside, and each box is one column behind the last box that it reads
+(K. Sugiyama, S. Tagawa, M. Toda, IEEE Trans. SMC 11, 1981). A wire to the next column has a track
+between the two. Any other goes down to a lane below its band, along it, and to a track in front of
+the box that reads it; bands are joined at the left of all boxes. So no wire passes through a box.
 """
 
 from collections import defaultdict
@@ -14,18 +15,19 @@ from itertools import pairwise
 
 import numpy as np
 
-SWEEPS = 9  # odd, so that the last one goes to the right
+LAYOUT_SWEEPS = 9  # odd, so that the last one goes to the right
 ROW = 0.19  # inch, of a row of ports
 TRACK = 0.1  # inch, between two tracks or lanes
 SPACE = 0.1  # inch, at both sides of the tracks between two columns
-APART = 0.04  # inch, at which two lines can be told apart
+LINES_APART = 0.04  # inch, at which two lines can be told apart
 
 Line = tuple[str, float, float, float, float]  # net, and x and y of both ends (inch); y goes down
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Something that is drawn in a column: its width (inch), its height (rows), and the rows and nets of its ports.
+    """Something that is drawn in a column: its width (inch), its height (rows), and the rows and
+    nets of its ports.
 
     inputs: row, net and width (inch) of the label of the wire.
     """
@@ -38,7 +40,8 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Routes:
-    """Places in inches: left edge and top of each box; the lines of all nets; the end of each wire; size of the whole."""
+    """Places in inches: left edge and top of each box; the lines of all nets; the end of each
+    wire; size of the whole."""
 
     places: Mapping[int, tuple[float, float]]
     lines: Sequence[Line]
@@ -49,7 +52,8 @@ class Routes:
 
 @dataclass(slots=True)
 class _Track:
-    """A net between two columns: the (box, row) that it comes from at the left and goes to at the right; whether to a lane."""
+    """A net between two columns: the (box, row) that it comes from at the left and goes to at
+    the right; whether to a lane."""
 
     net: str
     left: list[tuple[int, int]]
@@ -59,7 +63,8 @@ class _Track:
 
 
 def lay_out(boxes: Sequence[Box], width: float, beside: float = 0.0) -> Routes:
-    """The places and routes of a picture of about that width (inch) at most; beside: what of it wires between bands take."""
+    """The places and routes of a picture of about that width (inch) at most; beside: what of it
+    wires between bands take."""
     bands = _bands(boxes, width - beside)
     top: dict[int, float] = {}
     tracks = []
@@ -123,7 +128,8 @@ def _columns(boxes):
 
 
 def _forward(readers, order):
-    """The pairs of a box and a reader of it that close no loop, by depth-first search; order: in which boxes are begun with."""
+    """The pairs of a box and a reader of it that close no loop, by depth-first search; order: in
+    which boxes are begun with."""
     forward = []
     unseen, being_visited, done = range(3)
     state = [unseen] * len(readers)
@@ -144,7 +150,8 @@ def _forward(readers, order):
 
 
 def _layers(boxes):
-    """The column of each box: one behind the last box that it reads; what reads nothing stands before its first reader."""
+    """The column of each box: one behind the last box that it reads; what reads nothing stands
+    before its first reader."""
     maker = {}
     for i, box in enumerate(boxes):
         for _, net in box.outputs:
@@ -167,16 +174,17 @@ def _layers(boxes):
 
 
 def _rows(boxes, columns):
-    """The row at which each box begins; the columns are put in order, so that wires to the next one are straight and few cross.
+    """The row at which each box begins; the columns are put in order, so that wires to the next one
+    are straight and few cross.
 
-    In turns to the right and to the left each column follows the last one: a box wants the median of the rows at which one of
-    its wires is straight, and boxes that would overlap share a mean.
+    In turns to the right and to the left each column follows the last one: a box wants the median
+    of the rows at which one of its wires is straight, and boxes that would overlap share a mean.
     """
     top = {}
     for column in columns:
         top |= dict(zip(column, _stacked(boxes, column).tolist(), strict=True))
     wires = [_wires_between(boxes, left, right) for left, right in pairwise(columns)]
-    for turn in range(SWEEPS):
+    for turn in range(LAYOUT_SWEEPS):
         rightward = turn % 2 == 0
         steps = range(len(wires)) if rightward else reversed(range(len(wires)))
         for step in steps:
@@ -207,7 +215,8 @@ def _stacked(boxes, column):
 
 
 def _straighten(boxes, column, wires, top, rightward):
-    """Put a column in order, and its rows in `top`, so that wires from its left, or else to its right, are nearly straight."""
+    """Put a column in order, and its rows in `top`, so that wires from its left, or else to its
+    right, are nearly straight."""
     from scipy.optimize import isotonic_regression
 
     wanted = {}
@@ -256,9 +265,11 @@ def _rows_at_right(track, top):
 
 
 def _in_order(tracks, top):
-    """The tracks from the left on, such that no two wires lie on one line; None if there is no such order.
+    """The tracks from the left on, such that no two wires lie on one line; None if there is no such
+    order.
 
-    Wires that come from the left turn first, of those that go down the lowest, of those that go up the highest.
+    Wires that come from the left turn first, of those that go down the lowest, of those that go up
+    the highest.
     """
 
     def turn(track):
@@ -344,7 +355,7 @@ def _routes(boxes, bands, top, tracks):
     for net, levels in joints.items():
         lines.append((net, lane_places[net], min(levels), lane_places[net], max(levels)))
     lines = [line for line in lines if line[1:3] != line[3:]]
-    return Routes(places, lines, ends, width + 2 * APART, y)
+    return Routes(places, lines, ends, width + 2 * LINES_APART, y)
 
 
 def _places_of_joints(tracks):
@@ -358,7 +369,8 @@ def _places_of_joints(tracks):
 
 
 def _packed(spans: Mapping[str, Iterable[float]]) -> dict[str, int]:
-    """A lane for each net, such that nets in one lane do not meet; short ones are near the boxes."""
+    """A lane for each net, such that nets in one lane do not meet; short ones are near the
+    boxes."""
     occupied = defaultdict(list)
     lanes = {}
     for net in sorted(spans, key=lambda net: max(spans[net]) - min(spans[net])):

@@ -1,8 +1,10 @@
-"""When a loop samples and computes, and when its results are in place: a lane for each rate, in the frames that may occur.
+"""When a loop samples and computes, and when its results are in place: a lane for each rate, in the
+frames that may occur.
 
-What is shown of a rate is the oldest of the numbers whose way from the measurement to a force goes through a block of this rate
-and through none that is slower. Where frames, delays and messages vary, the shortest and the longest of them are shown:
-no order of them makes a number older than the longest frames one after the other, each with the latest message.
+What is shown of a rate is the oldest of the numbers whose way from the measurement to a force goes
+through a block of this rate and through none that is slower. Where frames, delays and messages
+vary, the shortest and the longest of them are shown: no order of them makes a number older than the
+longest frames one after the other, each with the latest message.
 """
 
 from collections.abc import Iterable, Sequence
@@ -14,7 +16,8 @@ from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.ages import Ages, DataFlow, Life
 from wavesweep.program.spec import Spec
 
-MOST = 20_000_000  # ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
+# ages of all numbers in all signals, in all ticks of a frame; more would take some 0.2 GB
+MOST = 20_000_000
 SHORTEST = "shortest frames", "longest frames"
 IN_TIME = "all results in time", "results late or lost"
 FRESHEST = "freshest number", "oldest number"
@@ -32,9 +35,10 @@ ALIKE = 0.05  # relative difference of two ages, below which one of the frames s
 class Lane:
     """What passes blocks of one rate.
 
-    every: ticks from one run to the next, on average. signal, block: the oldest number that passes them, and the block that gives
-    it. port: of the plant that it acts on. lives: its numbers in one frame of the loop, as they follow each other; none if none
-    acts on a plant. runs: the ticks of that frame in which they run.
+    every: ticks from one run to the next, on average. signal, block: the oldest number that passes
+    them, and the block that gives it. port: of the plant that it acts on. lives: its numbers in one
+    frame of the loop, as they follow each other; none if none acts on a plant. runs: the ticks of
+    that frame in which they run.
     """
 
     every: float
@@ -54,10 +58,11 @@ class Lane:
 class Moments:
     """The lanes of a loop, the fastest one first, in one kind of its frames.
 
-    which: of the frames, in words; empty if there are no others. ticks: of the frame after which all blocks are in step again.
-    tick_s: period (s) of a tick. loses: whether results may be lost at random, so that nothing bounds their age. main: the lane
-    with the oldest number, and shown: that number, or the freshest one of this lane; None if none acts on a plant. lost: how
-    many ticks longer it stays since those after it are lost.
+    which: of the frames, in words; empty if there are no others. ticks: of the frame after which
+    all blocks are in step again. tick_s: period (s) of a tick. loses: whether results may be lost
+    at random, so that nothing bounds their age. main: the lane with the oldest number, and shown:
+    that number, or the freshest one of this lane; None if none acts on a plant. lost: how many
+    ticks longer it stays since those after it are lost.
     """
 
     which: str
@@ -82,7 +87,8 @@ class Moments:
 
 @lru_cache(maxsize=8)  # lines, facts and the picture are of one spec
 def moments(spec: Spec) -> tuple[Moments, ...]:
-    """The frames of a spec: that with the oldest number last, and before it that with the freshest one if the two differ."""
+    """The frames of a spec: that with the oldest number last, and before it that with the
+    freshest one if the two differ."""
     low = {axis.path: min(axis.values or (axis.start, axis.stop)) for axis in spec.changing}
     high = {axis.path: max(axis.values or (axis.start, axis.stop)) for axis in spec.changing}
     sends = spec.drawing is not None and bool(spec.drawing.channels)
@@ -108,7 +114,8 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
 def _in_frames(spec: Spec, late: bool = False, lost: int = 0) -> Moments:
     """The frames of a spec's own numbers with their oldest number.
 
-    late: whether messages come as late as they may. lost: slow results of a controller in a row that never come.
+    late: whether messages come as late as they may. lost: slow results of a controller in a row
+    that never come.
     """
     drawing = spec.drawing or loop_drawing(spec.values)
     flow = DataFlow.of(drawing, spec.values, late)
@@ -174,7 +181,8 @@ def _lanes(flow: DataFlow) -> tuple[Lane, ...]:
 
 
 def _rank(lane: Lane, every: float) -> tuple[float, bool, float]:
-    """By the oldest number; of those of one age, by whether it is of a block of the lane, and how soon it was computed.
+    """By the oldest number; of those of one age, by whether it is of a block of the lane, and how
+    soon it was computed.
 
     every: ticks from one run of its block to the next.
     """
@@ -201,7 +209,8 @@ def title_of(frames: Moments) -> str:
 
 
 def in_words(frames: Sequence[Moments], force: str = "") -> str:
-    """The age of the oldest number that acts on a plant, and when it is in place; empty if none acts on one.
+    """The age of the oldest number that acts on a plant, and when it is in place; empty if none
+    acts on one.
 
     force: what it is called, by default the port of the plant.
     """

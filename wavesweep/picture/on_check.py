@@ -12,8 +12,9 @@ RANK = 1.4  # among the lines that are always shown
 def facts(
     spec: Spec, _own: Mapping[str, Any], _report: Callable[[int, int], None] | None
 ) -> dict[str, Any]:
-    """age: of the oldest number, None if no number acts on a plant: its age (s) when the next one takes its place, its block,
-    the port that it acts on, after how long (s) it is in place, and the same of the freshest one, see `moments`.
+    """age: of the oldest number, None if no number acts on a plant: its age (s) when the next one
+    takes its place, its block, the port that it acts on, after how long (s) it is in place, and the
+    same of the freshest one, see `moments`.
     """
     frames = moments(spec)
     found = _facts_of(frames[-1])

@@ -1,4 +1,5 @@
-"""The picture of time: when each rate samples and computes, when its results are in place, and how old a force's numbers are."""
+"""The picture of time: when each rate samples and computes, when its results are in place, and
+how old a force's numbers are."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,11 +23,12 @@ from wavesweep.program.plots.style import (
 )
 from wavesweep.program.spec import Spec
 
-# Inches of height: of a lane, of the plot of ages, of the texts of a panel, and of those of the figure.
+# Inches of height: of a lane, of the plot of ages, of the texts of a panel, and of those of the
+# figure.
 LANE, AGE, HEAD, ENDS = 0.44, 0.8, 0.55, 0.25
 COMPUTED, HELD = (0.08, 0.48), (0.52, 0.92)  # the bars of a number, from the top of its lane
 ALONE = (0.3, 0.7)  # that of one that is in place at once
-SLIVER = 0.015  # share of the width of a panel, below which a bar is a stroke
+SLIVER_OF_WIDTH = 0.015  # share of the width of a panel, below which a bar is a stroke
 MOST_STROKES = 120
 MOST_LANES = 6
 BESIDE = 0.04  # share of the time shown that is drawn before and after it
@@ -36,11 +38,10 @@ OTHERS, PALE = (
     0.12,
 )  # share of a lane's colour in bars beside the number shown, and while numbers are computed
 APART = 0.14  # share of the width of a panel, at least, between two numbers below it
-INSIDE = 0.85  # share of the width of a figure that its panels have, about
+SHARE_OF_WIDTH = 0.85  # share of the width of a figure that its panels have, about
 DARK = 1.5  # sum of red, green and blue, below which a ground is dark
-MOST_DISTINCT = (
-    5  # rates with colours that are told apart by their hue, as in the picture of the loop
-)
+# rates with colours that are told apart by their hue, as in the picture of the loop
+MOST_DISTINCT = 5
 
 
 def has_moments(spec: Spec) -> bool:
@@ -88,13 +89,15 @@ def timing(spec: Spec) -> Any:
 
 
 def _span(frames: Moments) -> float:
-    """The time (ms) that is shown of frames: the life of a number or, without one, a frame of the loop."""
+    """The time (ms) that is shown of frames: the life of a number or, without one, a frame of
+    the loop."""
     return frames.tick_ms * (frames.ticks if frames.age is None else frames.age)
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """What is drawn of one kind of frames. lanes: those shown, with their colours. width: the time that panels show (ms)."""
+    """What is drawn of one kind of frames. lanes: those shown, with their colours. width: the
+    time that panels show (ms)."""
 
     moments: Moments
     lanes: tuple[tuple[Lane, Any], ...]
@@ -130,7 +133,8 @@ class Panel:
         return (tick - shown.measured if shown else tick) * self.moments.tick_ms
 
     def lives(self, lane: Lane) -> Iterator[tuple[Life, bool]]:
-        """Yield the numbers of a lane in the time shown, and whether each is lost; the number shown is held over these."""
+        """Yield the numbers of a lane in the time shown, and whether each is lost; the number
+        shown is held over these."""
         frames = self.moments
         begin, end = self.ticks
         for life in lane.lives:
@@ -156,7 +160,7 @@ def _draw_lanes(axes: Any, panel: Panel) -> None:
         if at:
             axes.axhline(at, color="0.8", linewidth=0.5, zorder=0)
         held = min((life.end - life.start for life in lane.lives), default=0.0)
-        if held * panel.moments.tick_ms < SLIVER * panel.width:
+        if held * panel.moments.tick_ms < SLIVER_OF_WIDTH * panel.width:
             _draw_strokes(axes, panel, lane, at, colour)
         else:
             _draw_bars(axes, panel, lane, at, colour)
@@ -192,9 +196,10 @@ def _bar(start: float, stop: float, top: float, bottom: float, colour: Any, **mo
 
 
 def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> None:
-    """Draw the numbers of a lane: from the measurement until they are in place, and while they are held."""
+    """Draw the numbers of a lane: from the measurement until they are in place, and while they
+    are held."""
     edges = panel.edges
-    inches = INSIDE * wide(TWO_COLUMNS) / (edges[1] - edges[0])  # of a ms
+    inches = SHARE_OF_WIDTH * wide(TWO_COLUMNS) / (edges[1] - edges[0])  # of a ms
     shown = panel.moments.shown if lane is panel.moments.main else None
     waits = any(life.start > life.measured for life in lane.lives)
     for life, lost in panel.lives(lane):
@@ -259,7 +264,8 @@ def _write(
     inches: float,
     colour: str | None,
 ) -> None:
-    """Write the longest text that fits into a bar, if any does. inches: of a ms. colour: by default that of all texts."""
+    """Write the longest text that fits into a bar, if any does. inches: of a ms. colour: by
+    default that of all texts."""
     from matplotlib import rcParams
 
     plain = rcParams["text.color"]
@@ -280,7 +286,8 @@ def _write(
 
 
 def blended(axes: Any, colour: Any, share: float) -> tuple[float, ...]:
-    """The colour that shows if this share of it covers the ground of a plot, or more of it if that is dark."""
+    """The colour that shows if this share of it covers the ground of a plot, or more of it if
+    that is dark."""
     from matplotlib.colors import to_rgb
 
     ground = to_rgb(axes.get_facecolor())
@@ -291,7 +298,8 @@ def blended(axes: Any, colour: Any, share: float) -> tuple[float, ...]:
 
 
 def _draw_ages(axes: Any, panel: Panel, most: float) -> None:
-    """Draw the age of the numbers of each lane that act, up to `most` ms: it rises until the next one takes their place."""
+    """Draw the age of the numbers of each lane that act, up to `most` ms: it rises until the
+    next one takes their place."""
     frames = panel.moments
     for lane, colour in panel.lanes:
         lives = sorted(
@@ -318,7 +326,8 @@ def _draw_ages(axes: Any, panel: Panel, most: float) -> None:
 
 
 def _mark(lanes: Any, below: Any, panel: Panel) -> None:
-    """Mark when the number shown is measured, in place and replaced, with lines and with the numbers below the panel."""
+    """Mark when the number shown is measured, in place and replaced, with lines and with the
+    numbers below the panel."""
     shown = panel.moments.shown
     times = [0.0, panel.at(shown.start), _span(panel.moments)]
     for axes in (lanes, below):

@@ -1,4 +1,5 @@
-"""The wiring of a loop for a picture: its blocks and ports, and the gains of the wires between them, as texts."""
+"""The wiring of a loop for a picture: its blocks and ports, and the gains of the wires between
+them, as texts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +8,8 @@ from math import lcm
 from wavesweep.engine.drawing import Drawing, scalars
 from wavesweep.engine.expressions import ONE, evaluate, text_of
 
-# Begin the gains of terms of a plant that read plants: of one that is held, and of one that acts continuously.
+# Begin the gains of terms of a plant that read plants: of one that is held, and of one that acts
+# continuously.
 HELD, CONTINUOUS = "held ", "continuous "
 Terms = tuple[tuple[str, str], ...]
 """Signals and their gains as texts; a gain of one is "1"."""
@@ -17,9 +19,10 @@ Terms = tuple[tuple[str, str], ...]
 class WiringPart:
     """A block or a port of the loop.
 
-    kind: "block" or "port". type: of a block, in words. inputs: name of each port and its terms. outputs: name of each port
-    that something reads, and its signal. It runs at the ticks `phase`, `phase + every`, and so on, on average if it has several
-    phases; `every` is 0 for ports. plant: whether it is continuous.
+    kind: "block" or "port". type: of a block, in words. inputs: name of each port and its terms.
+    outputs: name of each port that something reads, and its signal. It runs at the ticks `phase`,
+    `phase + every`, and so on, on average if it has several phases; `every` is 0 for ports. plant:
+    whether it is continuous.
     """
 
     name: str
@@ -42,7 +45,8 @@ class Wiring:
 
 
 def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
-    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers."""
+    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers.
+    values: flat numbers."""
     numbers = scalars(values)
     wires = _wires(drawing)
     force = ""
@@ -96,8 +100,8 @@ def _sink(name, terms) -> WiringPart:
 def _wires(drawing: Drawing) -> dict[str, tuple[tuple[str, str], ...]]:
     """What each port of a block reads: signals and gains.
 
-    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant, and
-    those of what acts continuously with CONTINUOUS, if they are not 1.
+    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD,
+    though it reads a plant, and those of what acts continuously with CONTINUOUS, if they are not 1.
     """
     plants = {block.name for block in drawing.blocks if block.plant}
     members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
@@ -126,7 +130,8 @@ def _texts(terms) -> Terms:
 
 
 def _shown(gain):
-    """A gain without the factor -1 that a sign before a parenthesis leaves, and with the last names of a spec's keys."""
+    """A gain without the factor -1 that a sign before a parenthesis leaves, and with the last
+    names of a spec's keys."""
     if gain[0] == "name":
         return (gain[0], gain[1].rpartition(".")[2], gain[2])
     if gain[0] == "*" and any(

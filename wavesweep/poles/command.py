@@ -19,12 +19,14 @@ from wavesweep.program.cli.study_commands import one_spec
 def poles(spec: str, options: Options, over: str) -> None:
     """List the modes of a loop with frequency, damping and states, and draw their root locus over a number.
 
-    SPEC is a TOML file. The poles are the eigenvalues of its own loop from one frame to the next, with all its rates; a row
-    each, the slowest first. What drifts is left out. Since a frame shows only an image of what is faster, each mode is followed
-    through the ticks of its frame: shown_hz is the line that a spectrum shows.
+    SPEC is a TOML file. The poles are the eigenvalues of its own loop from one frame to the next,
+    with all its rates; a row each, the slowest first. What drifts is left out. Since a frame shows
+    only an image of what is faster, each mode is followed through the ticks of its frame: shown_hz
+    is the line that a spectrum shows.
 
-    With --over there are rows for 300 values of a number, and the figure is the root locus in the plane of z, with the unit
-    circle, lines of equal damping ratio, and the ends of the stable intervals, which are certified or marked.
+    With --over there are rows for 300 values of a number, and the figure is the root locus in the
+    plane of z, with the unit circle, lines of equal damping ratio, and the ends of the stable
+    intervals, which are certified or marked.
 
     \b
     Examples:

@@ -1,4 +1,5 @@
-"""The figure of poles in the plane of the frame: the modes of a loop by name, or their root locus over a number."""
+"""The figure of poles in the plane of the frame: the modes of a loop by name, or their root
+locus over a number."""
 
 from collections.abc import Mapping
 from textwrap import fill
@@ -22,23 +23,24 @@ from wavesweep.program.plots.style import (
 )
 
 REACH = 1.5  # what is farther from 0 is not shown
-ROOM = 1.05  # about the unit circle, which is shown whole
-STEP = 0.2  # between neighbouring values of the number, up to which a line joins two poles
+ROOM_OF_CIRCLE = 1.05  # about the unit circle, which is shown whole
+JOINED_STEP = 0.2  # between neighbouring values of the number, up to which a line joins two poles
 NAMED = 6  # modes with a mark of their own
 RATIOS = (0.1, 0.3, 0.5, 0.7)  # of damping, each with a line
 LETTERS, BESIDE = 19.0, 0.6  # of a legend in an inch, and inches for its marks
 _MARKS = "osD^v<>"
-_TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
+_CIRCLE = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
 
 def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `poles` table: the unit circle, lines of equal damping ratio from frame to frame, and the poles."""
+    """Draw a `poles` table: the unit circle, lines of equal damping ratio from frame to frame,
+    and the poles."""
     name = facts["over"]
     z = columns["z_re"] + 1j * columns["z_im"]
     entries = len(facts["ends"]) if name else NAMED
     with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN + 0.17 * (1 + entries)) as canvas:
         axes = canvas.subplots()
-        axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8)
+        axes.plot(_CIRCLE.real, _CIRCLE.imag, color="0.6", linewidth=0.8)
         for ratio in RATIOS:
             rate = 1j - ratio / np.sqrt(1 - ratio**2)
             spiral = np.exp(np.linspace(0, np.pi, 181) * rate)
@@ -48,9 +50,9 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _root_locus(canvas, axes, columns, facts, z)
         else:
             _named(canvas, axes, columns, z)
-        shown = np.concatenate([z[np.abs(z) <= REACH], _TURN])
-        axes.set_xlim(ROOM * shown.real.min(), ROOM * shown.real.max())
-        axes.set_ylim(ROOM * shown.imag.min(), ROOM * shown.imag.max())
+        shown = np.concatenate([z[np.abs(z) <= REACH], _CIRCLE])
+        axes.set_xlim(ROOM_OF_CIRCLE * shown.real.min(), ROOM_OF_CIRCLE * shown.real.max())
+        axes.set_ylim(ROOM_OF_CIRCLE * shown.imag.min(), ROOM_OF_CIRCLE * shown.imag.max())
         axes.set_aspect("equal")
         axes.set(xlabel="real part of z", ylabel="imaginary part of z")
         axes.grid(**GRID)
@@ -73,7 +75,8 @@ def _draw_legend(canvas: Any, axes: Any, **options: Any) -> None:
 
 
 def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
-    """The poles of a loop, the slowest modes with a mark and their frequency, damping and states."""
+    """The poles of a loop, the slowest modes with a mark and their frequency, damping and
+    states."""
     axes.plot(z.real, z.imag, "x", color="0.3", markersize=4, zorder=2, label="poles")
     lasting = [mode for mode in modes(columns) if mode["radius"] > GONE]
     for n, mode in enumerate(lasting[:NAMED]):
@@ -99,7 +102,8 @@ def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
 def _root_locus(
     canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, Any], z: np.ndarray
 ) -> None:
-    """The poles over the values of a number, which colours have, and the ends of the stable intervals between them."""
+    """The poles over the values of a number, which colours have, and the ends of the stable
+    intervals between them."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
 
@@ -140,7 +144,8 @@ def _root_locus(
 
 
 def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """The steps of the poles from each value of the number to the next, each to the one that follows it, and the values."""
+    """The steps of the poles from each value of the number to the next, each to the one that
+    follows it, and the values."""
     from scipy.optimize import linear_sum_assignment
 
     values = np.unique(numbers)
@@ -150,7 +155,7 @@ def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.nda
     for value, before, after in zip(values, poles, poles[1:], strict=False):
         far = np.abs(before[:, None] - after[None])
         for a, b in zip(*linear_sum_assignment(far), strict=True):
-            if far[a, b] < STEP:
+            if far[a, b] < JOINED_STEP:
                 step = np.array([before[a], after[b]])
                 steps.append(np.column_stack([step.real, step.imag]))
                 colours.append(value)

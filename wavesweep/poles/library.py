@@ -29,14 +29,17 @@ class LoopPoles(api.Loop):
         Returns
         -------
         DataFrame
-            A row per pole, the slowest first, with the columns of `wavesweep poles`, among them `z_re` and `z_im` per frame and
-            their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period of the frame; `frequency_hz` (Hz),
-            `damping_ratio` and `time_constant_s` (s) of s; `states`, the states that take part most, by participation factors;
-            `shown_hz` (Hz), the line that a spectrum shows, since a frame has only an image of a frequency above half its rate.
+            A row per pole, the slowest first, with the columns of `wavesweep poles`, among them
+            `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s =
+            log(z)/T`, T the period of the frame; `frequency_hz` (Hz), `damping_ratio` and
+            `time_constant_s` (s) of s; `states`, the states that take part most, by participation
+            factors; `shown_hz` (Hz), the line that a spectrum shows, since a frame has only an
+            image of a frequency above half its rate.
 
         Notes
         -----
-        Accuracy: that of eigenvalues in double precision; `doubt` says where rounding hides whether a pole is stable.
+        Accuracy: that of eigenvalues in double precision; `doubt` says where rounding hides whether
+        a pole is stable.
         """
         return framed(table.poles(self.spec))
 
@@ -50,8 +53,9 @@ class LoopPoles(api.Loop):
         number : str
             Named as an axis, see `Loop`.
         values : array of shape (n,), optional
-            By default 300 over the span that the spec's [sweep] has for it. Ends, which are certified or marked as not
-            certified, are those between the least and the largest value; a number that decides how the loop is built has none.
+            By default 300 over the span that the spec's [sweep] has for it. Ends, which are
+            certified or marked as not certified, are those between the least and the largest value;
+            a number that decides how the loop is built has none.
         ax : Axes, optional
             As for `plot_zwidth`.
 

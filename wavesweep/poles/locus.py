@@ -1,4 +1,5 @@
-"""What `check --root-locus` asks of this capability: the values of a root locus over a number, and its figure."""
+"""What `check --root-locus` asks of this capability: the values of a root locus over a number,
+and its figure."""
 
 from typing import Any
 

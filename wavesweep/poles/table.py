@@ -23,7 +23,7 @@ from wavesweep.program.tables.kind import (
 from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default
-MOST = 8  # modes that the summary names
+MOST_MODES_NAMED = 8  # modes that the summary names
 METHOD = (
     "eigenvalues of the frame in double precision, and whether rounding can move one across the circle by the smallest "
     "singular value there; the line of a mode by following it through the ticks of a frame; ends as stable intervals have them"
@@ -36,7 +36,8 @@ End = tuple[float, list[float], list[float], float, bool]
 def poles(spec: Spec, number: str = "") -> Table:
     """The poles of the spec's own loop, or those over the range of a number.
 
-    Errors: UsageError for a name that is not that of a number, SpecError for a range that the spec does not take.
+    Errors: UsageError for a name that is not that of a number, SpecError for a range that the spec
+    does not take.
     """
     from wavesweep.program.spec.loading import naming
 
@@ -83,8 +84,9 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
 
 
 def axis_over(spec: Spec, name: str) -> Axis:
-    """The values of a root locus: over the range of a number in [sweep], from the least to the largest of a list, or in which
-    `check` looks. A number that decides how the loop is built has the values of its list alone. Errors: UsageError."""
+    """The values of a root locus: over the range of a number in [sweep], from the least to the
+    largest of a list, or in which `check` looks. A number that decides how the loop is built has
+    the values of its list alone. Errors: UsageError."""
     from wavesweep.program.analyses.asked import axes_asked, key_named
     from wavesweep.program.analyses.own_design import searched
 
@@ -109,8 +111,9 @@ def axis_over(spec: Spec, name: str) -> Axis:
 
 
 def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
-    """Ends of stable intervals between the least and the largest value of an axis: the value, real and imaginary parts of the
-    poles there that are on the unit circle, the strongest line of their oscillation (Hz), and whether the end is certified.
+    """Ends of stable intervals between the least and the largest value of an axis: the value, real
+    and imaginary parts of the poles there that are on the unit circle, the strongest line of their
+    oscillation (Hz), and whether the end is certified.
 
     None of a number that decides how the loop is built, or without a range.
     """
@@ -205,10 +208,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
             yield f"  a stable interval ends at {place}{doubt}", bool(doubt)
     else:
         yield f"{count(found['poles'], 'pole')} {per}", False
-        for mode in found["modes"][:MOST]:
+        for mode in found["modes"][:MOST_MODES_NAMED]:
             yield f"  {in_words(mode)}", not mode["stable"]
-        if len(found["modes"]) > MOST:
-            faster = count(len(found["modes"]) - MOST, "faster mode")
+        if len(found["modes"]) > MOST_MODES_NAMED:
+            faster = count(len(found["modes"]) - MOST_MODES_NAMED, "faster mode")
             yield f"  and {faster}, which the table has", False
     doubts = dict(found["doubts"])
     if overflows := doubts.pop("overflow", 0):

@@ -89,11 +89,12 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
 class Loop:
     """A compiled loop.
 
-    The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
-    symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
-    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
-    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the spec. If only the
-    wall (K_VE, B_VE) changes, nothing is compiled again. Capabilities have more methods, see `wavesweep.capabilities`.
+    The methods take `axes` by name, each a number or a list, and compute the product of the lists.
+    An axis is named by its symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a
+    mapping: `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop
+    these are also the keys of blocks that are written as a number, `"block.arm.mass"`. If a call
+    does not name an axis, its value is that of the spec. If only the wall (K_VE, B_VE) changes,
+    nothing is compiled again. Capabilities have more methods, see `wavesweep.capabilities`.
     """
 
     spec: Spec
@@ -185,22 +186,24 @@ class Loop:
         along : str, optional
             Name of the axis; by default K_VE or, of a drawn loop, the spec's own.
         span : tuple of float, optional
-            (low, high) in the unit of the axis; by default (0, 20000) along K_VE, and the spec's own along an axis of its
-            [sweep] if the loop is drawn.
+            (low, high) in the unit of the axis; by default (0, 20000) along K_VE, and the spec's
+            own along an axis of its [sweep] if the loop is drawn.
         require : dict, optional
-            Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}` (per T_s, or tick of a drawn
-            loop), `{"settling": 0.1}` (s, to 2 %), `{"damping_ratio": 0.3}`. By default stability alone.
+            Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}` (per
+            T_s, or tick of a drawn loop), `{"settling": 0.1}` (s, to 2 %), `{"damping_ratio":
+            0.3}`. By default stability alone.
         **axes : float or array of shape (n,)
             The other axes, see `Loop`.
 
         Returns
         -------
         DataFrame
-            A row per interval, with the columns of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high
-            (in the unit of the axis), low_omega, high_omega (rad/s), certified, residual (relative), doubt, felt_low, felt_high
-            (N/m), low_hz, high_hz (Hz), open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all]
-            the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are of
-            its own numbers, and say so in `.attrs["guarantee"]`.
+            A row per interval, with the columns of `wavesweep zwidth`: each axis given, along,
+            intervals, interval, low, high (in the unit of the axis), low_omega, high_omega (rad/s),
+            certified, residual (relative), doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz),
+            open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all] the
+            rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of
+            other methods are of its own numbers, and say so in `.attrs["guarantee"]`.
 
         Raises
         ------
@@ -211,7 +214,8 @@ class Loop:
 
         Notes
         -----
-        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see docs/accuracy.md.
+        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see
+        docs/accuracy.md.
 
         Examples
         --------
@@ -241,13 +245,15 @@ class Loop:
         Returns
         -------
         ndarray
-            One dimension per axis that is a list, in the order given. If the radius is below 1, the loop is stable. It is
-            infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+            One dimension per axis that is a list, in the order given. If the radius is below 1, the
+            loop is stable. It is infinite after overflow, and NaN if rounding could move it by a
+            thousandth of itself or of 1.
 
         Notes
         -----
-        A frame ends when all rates are in step again: T_s, or 50 ms for 60 Hz under 1 kHz. It is T_s also of `dc`, in which
-        nothing runs at the slow rate. What is required of modes is per T_s, or per tick of a drawn loop: see `stable_intervals`.
+        A frame ends when all rates are in step again: T_s, or 50 ms for 60 Hz under 1 kHz. It is
+        T_s also of `dc`, in which nothing runs at the slow rate. What is required of modes is per
+        T_s, or per tick of a drawn loop: see `stable_intervals`.
         """
         from wavesweep.program.analyses.spec_loops import radius_over
 
@@ -273,21 +279,25 @@ class Loop:
         Parameters
         ----------
         frequency_hz : float or array of shape (n,), optional
-            In Hz, from 0 (the static limit) up to the fast Nyquist frequency; by default those of the spec's [bode] table.
+            In Hz, from 0 (the static limit) up to the fast Nyquist frequency; by default those of
+            the spec's [bode] table.
         from_, to : str, optional
-            An input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In place
-            of an output any signal of the loop, "block.port", does. If both are None, it is the response that the spec's [bode]
-            asks for: of a loop without a hand those between all of them.
+            An input and an output of a drawn loop, between which the response is wanted; all of
+            those if one is None. In place of an output any signal of the loop, "block.port", does.
+            If both are None, it is the response that the spec's [bode] asks for: of a loop without
+            a hand those between all of them.
         **axes : float or array of shape (n,)
             See `Loop`.
 
         Returns
         -------
         DataFrame
-            A row per frequency, with the columns of `wavesweep bode`: controller, frequency_hz (Hz), omega_Ts (rad per sample
-            of the slow rate), admittance_re, admittance_im, admittance_abs (m/N), admittance_deg (deg), impedance_re,
-            impedance_im, impedance_abs (N/m), impedance_deg (deg), worst_gain (m/N), stable, admittance_error, impedance_error,
-            worst_gain_error (relative), doubt. Between inputs and outputs it has those of the table bode-ports.
+            A row per frequency, with the columns of `wavesweep bode`: controller, frequency_hz
+            (Hz), omega_Ts (rad per sample of the slow rate), admittance_re, admittance_im,
+            admittance_abs (m/N), admittance_deg (deg), impedance_re, impedance_im, impedance_abs
+            (N/m), impedance_deg (deg), worst_gain (m/N), stable, admittance_error, impedance_error,
+            worst_gain_error (relative), doubt. Between inputs and outputs it has those of the table
+            bode-ports.
 
         Raises
         ------
@@ -337,9 +347,11 @@ class Loop:
         Parameters
         ----------
         along, span, **axes
-            As for `stable_intervals`. Intervals between the values given are computed for the figure.
+            As for `stable_intervals`. Intervals between the values given are computed for the
+            figure.
         ax : Axes, optional
-            Axes of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
+            Axes of a figure with a constrained layout, in whose place it is drawn; so for all
+            figures of a loop.
 
         Returns
         -------
@@ -396,10 +408,11 @@ class Loop:
         Parameters
         ----------
         output : {"position", "displacement", "outputs"}, optional
-            "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
-            changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
-            outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
-            "outputs" of a loop without a hand.
+            "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out;
+            "displacement" (m): the changes of the position in each tick; "outputs": the inputs of
+            [ports] in, each held over the whole frame, and the outputs of [ports] as the first tick
+            of the frame shows them, when its blocks have run. By default "position", or "outputs"
+            of a loop without a hand.
 
         Returns
         -------
@@ -415,11 +428,12 @@ class Loop:
 
         Notes
         -----
-        A step response of "outputs" is that of the loop at the frame's starts; for other ticks, and inputs that change within a
-        frame, see `simulate` and `response`.
+        A step response of "outputs" is that of the loop at the frame's starts; for other ticks, and
+        inputs that change within a frame, see `simulate` and `response`.
 
-        Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
-        Displacements do not show the drift, and the system from forces to them has no such pole; outputs that show it do.
+        Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no
+        sign of instability. Displacements do not show the drift, and the system from forces to them
+        has no such pole; outputs that show it do.
         """
         import control
 
@@ -535,16 +549,18 @@ def zwidth(
     along : str or None, default "K_VE"
         The axis of the intervals; None for the spec's own.
     for_hands : str or iterable of str, optional
-        A word or several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5" (kg, N*s/m; stiffness
-        in N/m), "port", see `wavesweep zwidth --help`.
+        A word or several, whose intervals are added: "passive", "box",
+        "box:mass=0.1..0.4,damping=2..5" (kg, N*s/m; stiffness in N/m), "port", see `wavesweep
+        zwidth --help`.
     **work
         How the run is done, see Other Parameters.
 
     Returns
     -------
     DataFrame
-        The axes of [sweep] and the columns of `Loop.stable_intervals`; with `for_hands` also those of guarantees for hands. Its
-        `.attrs` has the `units` of the columns, the `facts` of the run, and the `summary`.
+        The axes of [sweep] and the columns of `Loop.stable_intervals`; with `for_hands` also those
+        of guarantees for hands. Its `.attrs` has the `units` of the columns, the `facts` of the
+        run, and the `summary`.
 
     Other Parameters
     ----------------
@@ -555,9 +571,11 @@ def zwidth(
     scheduler : str, optional
         Address of a dask scheduler.
     progress : callable, optional
-        Is called with the number of slices done, of all slices, and of certified ones, None if no slice can be.
+        Is called with the number of slices done, of all slices, and of certified ones, None if no
+        slice can be.
     checkpoint : str or Path, optional
-        File for finished chunks, from which a run of the same spec goes on; by default they stay in memory.
+        File for finished chunks, from which a run of the same spec goes on; by default they stay in
+        memory.
     force : bool, default False
         Begin anew, whatever the checkpoint holds.
     part : str, optional
@@ -612,16 +630,16 @@ def bode(*sources: Source, **work: Unpack[WorkOptions]) -> DataFrame:
     Parameters
     ----------
     *sources : Spec, str, Path or dict
-        Specs, their paths, or their nested tables; of several that are called alike, the second and further ones have a number
-        in the column `spec`.
+        Specs, their paths, or their nested tables; of several that are called alike, the second and
+        further ones have a number in the column `spec`.
     **work
         As for `zwidth`.
 
     Returns
     -------
     DataFrame
-        The axes of [bode], the column `spec` and those of `Loop.response`; of drawn loops that ask for them the responses
-        between inputs and outputs, with the columns of the table bode-ports.
+        The axes of [bode], the column `spec` and those of `Loop.response`; of drawn loops that ask
+        for them the responses between inputs and outputs, with the columns of the table bode-ports.
     """
     return framed(responses.responses(_numbered([spec_of(source) for source in sources]), **work))
 

@@ -30,13 +30,15 @@ def random_part() -> str:
 
 
 def read_file(path: Path) -> bytes:
-    """The content of a regular file. Raises OSError, also if the path is a link, a folder or a device."""
+    """The content of a regular file. Raises OSError, also if the path is a link, a folder or a
+    device."""
     with open_file(path, OPEN) as file:
         return file.read()
 
 
 def open_file(path: Path, how: int = READ) -> BinaryIO:
-    """Open a regular file for reading; a link to one is followed. Raises OSError, at once also for a pipe or a device."""
+    """Open a regular file for reading; a link to one is followed. Raises OSError, at once also
+    for a pipe or a device."""
     descriptor = os.open(path, how)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -50,7 +52,8 @@ def write_file(path: Path, *pieces: bytes) -> None:
 
 
 def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
-    """Write files in a folder beside each, and rename them once all are written, so that each is there whole or not at all.
+    """Write files in a folder beside each, and rename them once all are written, so that each is
+    there whole or not at all.
 
     Raises OSError with the path of the file that could not be written.
     """
@@ -77,9 +80,11 @@ def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
 
 @contextmanager
 def scratch(parent: Path) -> Iterator[Path]:
-    """A new folder in `parent` for files that are not complete yet; what runs that were killed have left of such is removed.
+    """A new folder in `parent` for files that are not complete yet; what runs that were killed have
+    left of such is removed.
 
-    The folder is locked while it is used, and the lock ends with the process. Without locks, leftovers stay.
+    The folder is locked while it is used, and the lock ends with the process. Without locks,
+    leftovers stay.
     """
     from shutil import rmtree
 
@@ -113,7 +118,8 @@ def scratch(parent: Path) -> Iterator[Path]:
 
 
 def _held(folder: Path, wait: bool) -> int:
-    """Lock a folder and return what is closed to release it. Raises OSError if that cannot be, or not now and wait is false."""
+    """Lock a folder and return what is closed to release it. Raises OSError if that cannot be,
+    or not now and wait is false."""
     try:
         import fcntl
     except ImportError as error:  # Windows
@@ -128,7 +134,8 @@ def _held(folder: Path, wait: bool) -> int:
 
 
 def put(new: Path, place: Path) -> None:
-    """Rename a file to its place; if a file with equal bytes is there, that one stays, with its time."""
+    """Rename a file to its place; if a file with equal bytes is there, that one stays, with its
+    time."""
     if place.is_file() and not place.is_symlink() and filecmp.cmp(new, place, shallow=False):
         new.unlink()
     else:
@@ -161,7 +168,8 @@ def remove_empty(folders: Sequence[Path]) -> None:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder for files; if they cannot be written, it is removed again as far as it is empty and was made here."""
+    """Make a folder for files; if they cannot be written, it is removed again as far as it is
+    empty and was made here."""
     made = make_folders(folder)
     try:
         yield
@@ -171,7 +179,8 @@ def made_folder(folder: Path) -> Iterator[None]:
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk; nothing is done if the file system does not offer it.
+    """Wait until a file, or the names in a folder, are on the disk; nothing is done if the file
+    system does not offer it.
 
     The folder of results may be a link, which is followed.
     """

@@ -9,7 +9,8 @@ from wavesweep.engine.errors import UsageError
 
 
 def bundled(folder: str) -> Path:
-    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if it does not exist."""
+    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if it does not
+    exist."""
     package = Path(__file__).resolve().parents[1]
     places = [root / folder for root in (package / "_bundled", package.parent)]
     for place in places:
@@ -21,7 +22,8 @@ def bundled(folder: str) -> Path:
 
 
 def program(folder: str) -> ModuleType:
-    """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own name."""
+    """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own
+    name."""
     place = bundled(folder)
     if str(place.parent) not in sys.path:
         sys.path.insert(0, str(place.parent))

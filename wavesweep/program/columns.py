@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
-RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
+# unit of a value without one in a column of units, where a bare 1 would be read as a number
+RATIO = "ratio"
 
-FELT_ALIKE = (
-    1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
-)
+# relative difference of stiffnesses felt, below which none of them is the larger one
+FELT_ALIKE = 1e-9
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
-# With one of these doubts part of a range may be neither known to be stable nor known to be unstable.
+# With one of these doubts part of a range may be neither known to be stable nor known to be
+# unstable.
 INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
 
 Columns = Mapping[str, "np.ndarray"]  # of a table, by their names
@@ -29,8 +30,9 @@ def _names_in_tables() -> frozenset[str]:
         return frozenset(row["name"] for row in csv.DictReader(file))
 
 
-# Names of columns of tables, which a number must not have, since it may be an axis. Those of the table of passivity
-# stand here: what a spec may say does not depend on the capabilities that are there.
+# Names of columns of tables, which a number must not have, since it may be an axis. Those of the
+# table of passivity stand here: what a spec may say does not depend on the capabilities that are
+# there.
 TAKEN = _names_in_tables() | {
     "absolutely_stable",
     "channel_hz",
@@ -50,7 +52,8 @@ TAKEN = _names_in_tables() | {
     "ports_omega",
 }
 FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
-# Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
+# Names of columns of a simulation; an input, output or named signal with one of these has another
+# column, see `run_column`.
 RUN_COLUMNS = frozenset(
     (
         *(
@@ -75,12 +78,14 @@ RUN_COLUMNS = frozenset(
 
 
 def run_column(table: str, name: str) -> str:
-    """The column of a simulation that shows an input, output or signal; table: inputs, outputs or signals."""
+    """The column of a simulation that shows an input, output or signal; table: inputs, outputs
+    or signals."""
     return f"{table}.{name}" if name in RUN_COLUMNS else name
 
 
 def complex_columns(name: str, values) -> dict[str, np.ndarray]:
-    """Return the columns `name_re`, `name_im`, `name_abs` (in the unit of the values) and `name_deg` of complex numbers.
+    """Return the columns `name_re`, `name_im`, `name_abs` (in the unit of the values) and
+    `name_deg` of complex numbers.
 
     A number that is not known, or beyond double precision, is NaN in all four.
     """
@@ -116,12 +121,14 @@ def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
 
 
 def whose_column(columns: Columns) -> str:
-    """Return the column that says for whom, or of which spec, a row of intervals is, if the table has one."""
+    """Return the column that says for whom, or of which spec, a row of intervals is, if the
+    table has one."""
     return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
 
 
 def columns_of_ends(records: np.ndarray, *, set_by: bool) -> Columns:
-    """The omegas of records of intervals as columns and, if `set_by`, what sets each end: a mode, or a gain."""
+    """The omegas of records of intervals as columns and, if `set_by`, what sets each end: a
+    mode, or a gain."""
     import numpy as np
 
     ends = ("low", "high")
@@ -134,7 +141,8 @@ def columns_of_ends(records: np.ndarray, *, set_by: bool) -> Columns:
 
 
 def open_places(columns: Mapping[str, np.ndarray], row: int) -> dict[str, float] | None:
-    """The open places of a row: how many, where the first begins, where the last ends; None without."""
+    """The open places of a row: how many, where the first begins, where the last ends; None
+    without."""
     if not columns["open_places"][row]:
         return None
     ends = {

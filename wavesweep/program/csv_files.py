@@ -19,7 +19,7 @@ from wavesweep.program.reading.reading import read_bytes
 
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
-SHOWN = 60  # letters of a file that a message repeats
+LETTERS_SHOWN = 60  # letters of a file that a message repeats
 MOST_ABOVE = 200  # lines above a header: what a program writes of itself
 ROWS_BELOW = 10  # rows of numbers by which a header is known
 LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell the row
@@ -29,7 +29,8 @@ MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 
 @dataclass(frozen=True, eq=False)
 class Csv:
-    """A CSV file: the names in its header, the text below it with commas, its SHA-256, and the lines above the header."""
+    """A CSV file: the names in its header, the text below it with commas, its SHA-256, and the
+    lines above the header."""
 
     path: str | Path
     names: list[str]
@@ -40,7 +41,7 @@ class Csv:
     @property
     def listed(self) -> str:
         """The names in the header, for a message."""
-        return ", ".join(filter(None, self.names))[:SHOWN] or "nothing"
+        return ", ".join(filter(None, self.names))[:LETTERS_SHOWN] or "nothing"
 
     def line(self, row: int) -> int:
         """The line of the file that has a row of numbers, counted from 0."""
@@ -50,7 +51,8 @@ class Csv:
     def numbers(self, columns: Sequence[str], least: int = 1) -> np.ndarray:
         """The finite numbers of some columns, `(rows, columns)`; other columns may hold texts.
 
-        Errors: UsageError that names the line and the column, or if there are fewer rows than `least`.
+        Errors: UsageError that names the line and the column, or if there are fewer rows than
+        `least`.
         """
         places = [self._place(name) for name in columns]
         rows = np.empty((0, len(places)))
@@ -94,16 +96,16 @@ class Csv:
         for number, row in enumerate(_rows(self.path, self.body.split("\n")), start=self.above + 2):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
-                return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
+                return f"{line}: expected points in numbers, found {','.join(row)[:LETTERS_SHOWN]}; are these decimal commas?"
             if row and len(row) != width:
                 return f"{line}: expected {width} values as in the header, found {len(row)}"
             for name in columns if row else ():
                 cell = row[self.names.index(name)].strip()
                 try:
                     if not np.isfinite(float(cell)):
-                        return f"{line}: {name}: expected a finite number, found {cell[:SHOWN]}"
+                        return f"{line}: {name}: expected a finite number, found {cell[:LETTERS_SHOWN]}"
                 except ValueError:
-                    return f"{line}: {name}: expected a number, found {cell[:SHOWN] or 'nothing'}"
+                    return f"{line}: {name}: expected a number, found {cell[:LETTERS_SHOWN] or 'nothing'}"
         return ""
 
 
@@ -124,10 +126,12 @@ _NONE = "expected rows of numbers below the header"
 
 
 def read_csv(path: str | Path, most: int) -> Csv:
-    """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or JSON.
+    """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or
+    JSON.
 
-    The header is the first line whose next ten lines are rows of numbers, with other columns or without; what is above it is
-    left out. Between semicolons and tabs a number may have a decimal comma.
+    The header is the first line whose next ten lines are rows of numbers, with other columns or
+    without; what is above it is left out. Between semicolons and tabs a number may have a decimal
+    comma.
 
     Errors: UsageError that names the file.
     """
@@ -154,13 +158,14 @@ def read_csv(path: str | Path, most: int) -> Csv:
     names = [name.strip() for name in next(_rows(path, [header]), [])]
     if names and all(_is_number(name) for name in names):
         raise UsageError(
-            f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:SHOWN]}"
+            f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"
         )
     return Csv(path, names, _with_commas(body, mark), sha256, above)
 
 
 def _header(text: str) -> tuple[int, str]:
-    """The number of lines above the header, and the mark between columns; the first line with text if none is a header."""
+    """The number of lines above the header, and the mark between columns; the first line with
+    text if none is a header."""
     lines = text.split("\n", MOST_ABOVE + ROWS_BELOW)
     for above, line in enumerate(lines[:MOST_ABOVE]):
         if not line.strip():
@@ -221,7 +226,8 @@ def _with_commas(text: str, mark: str) -> str:
 
 
 def _of_json(path: str | Path, text: str, sha256: str) -> Csv:
-    """The columns of a JSON file: the first lists of numbers with names, or the first list of objects with numbers.
+    """The columns of a JSON file: the first lists of numbers with names, or the first list of
+    objects with numbers.
 
     Errors: UsageError for another file, and for one with several of them, as of several runs.
     """
@@ -239,7 +245,8 @@ def _of_json(path: str | Path, text: str, sha256: str) -> Csv:
 
 
 def _tables(tree: Any) -> Iterator[dict[str, list[float]]]:
-    """Yield the columns of each part of a tree that has some: those of the length that most of its lists have."""
+    """Yield the columns of each part of a tree that has some: those of the length that most of
+    its lists have."""
     if isinstance(tree, list):
         if len(tree) > 1 and all(isinstance(each, dict) for each in tree):
             names = [name for name in tree[0] if all(_is_plain(each.get(name)) for each in tree)]
@@ -293,7 +300,8 @@ def pairs(given: Iterable[str], option: str) -> dict[str, str]:
 
 
 def factors(given: Mapping[str, str]) -> dict[str, float]:
-    """The values of an option --scale as factors. Errors: UsageError for one that is no number, infinite, 0, or beyond sizes of numbers."""
+    """The values of an option --scale as factors. Errors: UsageError for one that is no number,
+    infinite, 0, or beyond sizes of numbers."""
     found = {}
     for name, text in given.items():
         try:

@@ -60,13 +60,15 @@ class DrawnLoop:
         position : str
             A plant's position (m).
         reaction : str, optional
-            The signal of the force against the hand (N), if any; without it the impedance is force over position.
+            The signal of the force against the hand (N), if any; without it the impedance is force
+            over position.
 
         Returns
         -------
         DataFrame
-            A row per frequency: frequency_hz (Hz), the complex admittance (m/N) and impedance (N/m), NaN if not known, and
-            bounds on their relative errors, admittance_error and impedance_error.
+            A row per frequency: frequency_hz (Hz), the complex admittance (m/N) and impedance
+            (N/m), NaN if not known, and bounds on their relative errors, admittance_error and
+            impedance_error.
 
         Raises
         ------

@@ -1,4 +1,5 @@
-"""Platform differences and their fallbacks; what the last digits of results depend on: threads of libraries, and versions."""
+"""Platform differences and their fallbacks; what the last digits of results depend on: threads
+of libraries, and versions."""
 
 import os
 import signal
@@ -31,7 +32,8 @@ def memory() -> float:
 
 
 def memory_limit() -> float:
-    """Bytes of address space that this process may take; infinite without a limit, or where there are none."""
+    """Bytes of address space that this process may take; infinite without a limit, or where
+    there are none."""
     try:
         import resource
     except ImportError:  # Windows
@@ -40,16 +42,17 @@ def memory_limit() -> float:
     return float("inf") if limit == resource.RLIM_INFINITY else limit
 
 
-KEPT = 2**27  # bytes that the allocator keeps
+BYTES_KEPT = 2**27  # bytes that the allocator keeps
 FROM_HEAP = 2**25  # bytes up to which an array comes from there, the most that glibc allows
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # of malloc.h
 
 
 def keep_memory() -> None:
-    """Let glibc's allocator keep freed memory for the matrices of the next step; other allocators are left as they are.
+    """Let glibc's allocator keep freed memory for the matrices of the next step; other allocators
+    are left as they are.
 
-    Otherwise it gives that memory back to the system, which clears it before it is used again: a fifth of the time of a sweep.
-    It is for processes that are of this program alone.
+    Otherwise it gives that memory back to the system, which clears it before it is used again: a
+    fifth of the time of a sweep. It is for processes that are of this program alone.
     """
     with suppress(
         ImportError, AttributeError, OSError, TypeError
@@ -58,7 +61,7 @@ def keep_memory() -> None:
 
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
-        mallopt(M_TRIM_THRESHOLD, KEPT)
+        mallopt(M_TRIM_THRESHOLD, BYTES_KEPT)
 
 
 def why_no_processes() -> str:
@@ -78,7 +81,8 @@ MASKS = hasattr(
 
 
 def block(numbers: Iterable[int] = ()) -> set[int]:
-    """Block these signals in this thread and in processes that it starts; return those that were blocked before."""
+    """Block these signals in this thread and in processes that it starts; return those that were
+    blocked before."""
     return signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
 
 
@@ -106,7 +110,8 @@ def versions() -> dict[str, str]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Compute with one thread of numerical libraries that are loaded: for small matrices several take many times as long."""
+    """Compute with one thread of numerical libraries that are loaded: for small matrices several
+    take many times as long."""
     if os.environ.get(ONE_THREAD[0]) == "1":  # set before they were loaded
         yield
         return

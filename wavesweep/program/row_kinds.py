@@ -1,6 +1,8 @@
-"""Kinds of rows of a table of stable intervals, the words in its columns `hand` and `guarantee`, and how each is shown.
+"""Kinds of rows of a table of stable intervals, the words in its columns `hand` and `guarantee`,
+and how each is shown.
 
-Those of single loops stand here; a capability offers more in the mapping `ROWS` of its module `guarantee`.
+Those of single loops stand here; a capability offers more in the mapping `ROWS` of its module
+`guarantee`.
 """
 
 from __future__ import annotations
@@ -20,13 +22,14 @@ if TYPE_CHECKING:
 class RowKind:
     """Words and look of the rows of one kind.
 
-    meaning: of its word in the column, `hand` or `guarantee`. title: of their line in a summary. legend, colour, line: in a
-    figure; line: place in `style.LINES`. good: adjective of their intervals. nowhere: the sentence without any. largest: title
-    of the largest value in a figure. proved: whether they are what is proved, with columns of what refutes more. searched:
-    whether some are not proved, and no counterexample is found. checked: whether the bounds that they rest on are sampled, so
-    that they are neither certified nor proved. of_operator: whether they are of the spec's own loop, which its
-    operator holds. unsettled: the warning about rows of which some are not settled, with {rows} and the {words} of their kinds;
-    settled: the line if all are.
+    meaning: of its word in the column, `hand` or `guarantee`. title: of their line in a summary.
+    legend, colour, line: in a figure; line: place in `style.LINES`. good: adjective of their
+    intervals. nowhere: the sentence without any. largest: title of the largest value in a figure.
+    proved: whether they are what is proved, with columns of what refutes more. searched: whether
+    some are not proved, and no counterexample is found. checked: whether the bounds that they rest
+    on are sampled, so that they are neither certified nor proved. of_operator: whether they are of
+    the spec's own loop, which its operator holds. unsettled: the warning about rows of which some
+    are not settled, with {rows} and the {words} of their kinds; settled: the line if all are.
     """
 
     meaning: str = ""
@@ -67,8 +70,8 @@ class RowKind:
     def as_drawn(self, rows: Columns) -> Columns:
         """The rows as a figure takes them.
 
-        What is searched for is as good as certified where it is settled. What is proved for all has an end wherever a
-        counterexample or nothing is known beyond it.
+        What is searched for is as good as certified where it is settled. What is proved for all has
+        an end wherever a counterexample or nothing is known beyond it.
         """
         import numpy as np
 
@@ -97,13 +100,15 @@ COMPUTED: Mapping[str, RowKind] = {
 
 @cache
 def row_kinds() -> Mapping[str, RowKind]:
-    """All kinds by their words, from the one that promises least to the one that promises most; "" of a table without words."""
+    """All kinds by their words, from the one that promises least to the one that promises most;
+    "" of a table without words."""
     offered = {word: kind for module in modules("guarantee") for word, kind in module.ROWS.items()}
     return {"": RowKind(), **COMPUTED, **offered}
 
 
 def row_kind(word: str) -> RowKind:
-    """The kind of rows with a word; a plain one if the capability that makes them is not installed."""
+    """The kind of rows with a word; a plain one if the capability that makes them is not
+    installed."""
     return row_kinds().get(word) or RowKind("", word, f"{word} (drawn plainly)", "#777777")
 
 
@@ -117,5 +122,6 @@ def words_of(column: str) -> dict[str, str]:
 
 
 def hands_offered() -> dict[str, str]:
-    """The words of --for-hands that the installed capabilities read, and what is guaranteed with each."""
+    """The words of --for-hands that the installed capabilities read, and what is guaranteed with
+    each."""
     return {word: text for module in modules("guarantee") for word, text in module.HANDS.items()}

@@ -1,8 +1,9 @@
-"""What several capabilities offer to the program and to each other: a type for each of these modules.
+"""What several capabilities offer to the program and to each other: a type for each of these
+modules.
 
-What one capability alone offers is asked for by `capabilities.offered`, and needs none. A capability that names a module in its
-`offers` has every name of the module's type. Of a type that is `AsYouLike` it has those that it has something to say to, and no
-other public name but constants.
+What one capability alone offers is asked for by `capabilities.offered`, and needs none. A
+capability that names a module in its `offers` has every name of the module's type. Of a type that
+is `AsYouLike` it has those that it has something to say to, and no other public name but constants.
 """
 
 from __future__ import annotations
@@ -44,13 +45,15 @@ class GuaranteeModule(Protocol):
     """The words of --for-hands that it reads, and what is guaranteed with each."""
 
     def of_word(self, kind: str, more: str | None) -> Guarantee | None:
-        """The guarantee for a word of --for-hands, None for a word of others; more: what stands behind its colon.
+        """The guarantee for a word of --for-hands, None for a word of others; more: what stands
+        behind its colon.
 
         Errors: ValueError for what does not fit.
         """
 
     def of_run(self, own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
-        """The guarantees of a run of a spec's own job, from those asked for and those that come before.
+        """The guarantees of a run of a spec's own job, from those asked for and those that come
+        before.
 
         Errors: UsageError for one that cannot be had.
         """
@@ -65,7 +68,8 @@ class OnCheckModule(AsYouLike, Protocol):
     def facts(
         self, spec: Spec, own: Facts, report: Callable[[int, int], None] | None
     ) -> dict[str, Any]:
-        """Facts of a verdict; own: the numbers of the design. claims: among them, those that answer what the spec asks."""
+        """Facts of a verdict; own: the numbers of the design. claims: among them, those that
+        answer what the spec asks."""
 
     def lines(self, spec: Spec, found: Facts) -> Iterator[Ranked]:
         """The lines of a verdict."""

@@ -28,17 +28,18 @@ if TYPE_CHECKING:
 def bench(quick: bool, options: Options) -> None:
     """Measure run time against error, for this tool and for other methods.
 
-    Takes no SPEC, and about eight minutes. Errors are relative to references of 50 digits. All run times use one thread,
-    and the two methods of each ratio run alternately: with loops known from a call before, and as a first call. One table
-    and one figure are written to results/bench, or to --out: critical stiffness and responses, the cost of compiling, of
-    slices, of workers and of starting, a profile, and hard cases in which digits are lost.
+    Takes no SPEC, and about eight minutes. Errors are relative to references of 50 digits. All run
+    times use one thread, and the two methods of each ratio run alternately: with loops known from a
+    call before, and as a first call. One table and one figure are written to results/bench, or to
+    --out: critical stiffness and responses, the cost of compiling, of slices, of workers and of
+    starting, a profile, and hard cases in which digits are lost.
     """
     _refuse(
         options,
         "not possible here; the problems of the benchmark are fixed, so that runs can be compared",
     )
-    # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
-    # starts inherit it.
+    # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above;
+    # processes that the benchmark starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep.program.bundled import program
     from wavesweep.program.plots import drawn
@@ -63,10 +64,11 @@ def bench(quick: bool, options: Options) -> None:
 def paper(options: Options) -> None:
     """Reproduce the paper's figures and test its statements.
 
-    Takes no SPEC: the paper's specs are part of the program. The results go to results/paper, or to --out: a table and a
-    figure for each of Figures 2, 4, 5, 6, 7 and 8; the table open-choices, with the values that the paper leaves open; the
-    table passive-bank, with filter banks whose returned waves pass a passive map; and the table statements, with a verdict
-    and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
+    Takes no SPEC: the paper's specs are part of the program. The results go to results/paper, or to
+    --out: a table and a figure for each of Figures 2, 4, 5, 6, 7 and 8; the table open-choices,
+    with the values that the paper leaves open; the table passive-bank, with filter banks whose
+    returned waves pass a passive map; and the table statements, with a verdict and its numbers for
+    each statement. The last three are also written as Markdown. With --out - the statements go to
     stdout.
     """
     from wavesweep.program.bundled import program

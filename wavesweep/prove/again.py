@@ -1,4 +1,5 @@
-"""Certified slices of a table proved again on demand, in ball arithmetic, whatever certified them."""
+"""Certified slices of a table proved again on demand, in ball arithmetic, whatever certified
+them."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -13,20 +14,20 @@ from wavesweep.program.tables.kind import ProvedAgain
 if TYPE_CHECKING:
     from wavesweep.engine.intervals import Search
 
-OPERATIONS = 1e8  # of ball arithmetic for a slice, at most: up to some twenty seconds
-CLOSE = 1e-9  # relative difference that two proofs of an end may have
-LEAST = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
-NEAR = 1e-6  # of an end, the distance to both sides in which it is proved alone
+OPERATIONS_OF_SLICE = 1e8  # of ball arithmetic for a slice, at most: up to some twenty seconds
+SAME_END = 1e-9  # relative difference that two proofs of an end may have
+AS_ZERO = 1e-5  # share of the range: ends that are nearer to 0 are compared as if they were there
+PROVED_ALONE = 1e-6  # of an end, the distance to both sides in which it is proved alone
 Claim = tuple[float, float, float, float]  # an interval: low, high, low_omega, high_omega
 
 
 def prove_again(
-    search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS
+    search: "Search", claims: Sequence[Claim], operations: float = OPERATIONS_OF_SLICE
 ) -> ProvedAgain:
     """Prove the intervals of a certified slice again in ball arithmetic, whatever certified them.
 
-    search: of this slice alone. claims: its intervals in order. operations: at most, for the whole range, and as many again for
-    its ends.
+    search: of this slice alone. claims: its intervals in order. operations: at most, for the whole
+    range, and as many again for its ends.
     """
     from wavesweep.prove.columns import prove_column
 
@@ -42,7 +43,7 @@ def prove_again(
         return ProvedAgain(
             "refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}"
         )
-    least = LEAST * (span[1] - span[0])
+    least = AS_ZERO * (span[1] - span[0])
     try:
         drift = loop.changed({search.along: np.array(span)}).drift()
     except IllPosedLoopError:
@@ -75,20 +76,22 @@ def prove_again(
 
 
 def _pieces(claims, span, least):
-    """Short parts of the range: about each end of an interval and of the range, and in the middle between two of them."""
+    """Short parts of the range: about each end of an interval and of the range, and in the
+    middle between two of them."""
     ends = sorted({*span, *(end for claim in claims for end in claim[:2])})
     middles = [(a + b) / 2 for a, b in pairwise(ends)]
     places = sorted([*ends, *middles])
     pieces = []
     for place in places:
         apart = min(abs(another - place) for another in places if another != place) / 2
-        radius = min(NEAR * max(abs(place), least), apart)
+        radius = min(PROVED_ALONE * max(abs(place), least), apart)
         pieces.append((max(place - radius, span[0]), min(place + radius, span[1])))
     return pieces
 
 
 def _clipped(claims, part) -> Iterator[Claim]:
-    """Yield the parts of the intervals within a part of the range; no mode oscillates where they are cut off."""
+    """Yield the parts of the intervals within a part of the range; no mode oscillates where they
+    are cut off."""
     for low, high, low_omega, high_omega in claims:
         if low < part[1] and high > part[0]:
             omegas = low_omega if low >= part[0] else nan, high_omega if high <= part[1] else nan
@@ -96,14 +99,15 @@ def _clipped(claims, part) -> Iterator[Claim]:
 
 
 def _first_difference(claims, proved, part, least):
-    """The first difference of intervals that a row claims from those that are proved, in words; empty if there is none."""
+    """The first difference of intervals that a row claims from those that are proved, in words;
+    empty if there is none."""
     if len(claims) != len(proved):
         return (
             f"{len(proved)} stable intervals and not {len(claims)} from {part[0]!r} to {part[1]!r}"
         )
     for claim, row in zip(claims, proved, strict=True):
         for name, a, b in zip(("low", "high"), claim, row, strict=False):
-            if abs(a - b) > CLOSE * max(abs(a), abs(b), least):
+            if abs(a - b) > SAME_END * max(abs(a), abs(b), least):
                 return f"{name} is {b!r} and not {a!r}"
         for name, a, b in zip(("low_omega", "high_omega"), claim[2:], row[2:], strict=True):
             if (isnan(a), a > 0) != (isnan(b), b > 0):

@@ -1,7 +1,8 @@
 """The blocks that a spec can draw, in ball arithmetic: `x+ = A x + B u`, `y = C x + D u`.
 
-What they do is written in `_loops.definitions`; here it is put in z and not in delta form, and plants are exact over a tick. An
-entry is 0 exactly if it is 0 for every number in the balls of its keys.
+What they do is written in `_loops.definitions`; here it is put in z and not in delta form, and
+plants are exact over a tick. An entry is 0 exactly if it is 0 for every number in the balls of its
+keys.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ class BallMatrices(NamedTuple):
 
 
 def matrices(kind: str, T: Any, keys: dict[str, Any]) -> BallMatrices:
-    """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the numbers among its keys."""
+    """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the
+    numbers among its keys."""
     if kind == "butterworth":
         return _butterworth(keys["order"], keys["cutoff_hz"], keys["pass"] != "low", T)  # noqa: S105 - the side that passes
     if kind in ("mass", "inertia", "mass_matrix", "spring", "ss", "tf"):
@@ -38,7 +40,8 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> BallMatrices:
 
 
 def continuous(kind: str, keys: dict[str, Any]) -> BallMatrices:
-    """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of a run."""
+    """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of
+    a run."""
     return BallMatrices(*definition(kind, keys)[1:])
 
 
@@ -60,7 +63,8 @@ def held(A, B, T):
 
 
 def _butterworth(order, cutoff_hz, high, T):
-    """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear transform."""
+    """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear
+    transform."""
     series = BallMatrices([], [], [[]], [[1]])
     w, far = (type(T).pi() * cutoff_hz * T).tan() if order else T, -1 if high else 1
     for k in range(order // 2):

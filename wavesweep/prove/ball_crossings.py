@@ -1,8 +1,9 @@
 """The values of a number at which a polynomial has a root on the unit circle, enclosed with proof.
 
-Times a power of z, the polynomial is `U(x) + i sin(theta) V(x)` on the circle, x = cos(theta), or with half angles if its
-degree is odd. Its roots there are the common roots of U and V in x and the number, and those at z = 1 and z = -1. Boxes of both
-are cut until the signs of Bernstein coefficients exclude them, or the linear parts of U and V leave next to nothing of them.
+Times a power of z, the polynomial is `U(x) + i sin(theta) V(x)` on the circle, x = cos(theta), or
+with half angles if its degree is odd. Its roots there are the common roots of U and V in x and the
+number, and those at z = 1 and z = -1. Boxes of both are cut until the signs of Bernstein
+coefficients exclude them, or the linear parts of U and V leave next to nothing of them.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from flint import arb, arb_mat, arb_poly, ctx
 from wavesweep.prove.ball_polynomials import Budget, FamilyPart, bernstein, chebyshev
 from wavesweep.prove.ticks import UndecidedError
 
-NARROW = 0.45  # share of the bits: a box this narrow encloses a crossing well enough
+NARROW_BOX = 0.45  # share of the bits: a box this narrow encloses a crossing well enough
 SHRUNK = 0.7  # of its size, below which a box is contracted again before it is cut
-DEEPEST = 6  # cuts of a box for each bit
+CUTS_A_BIT = 6  # cuts of a box for each bit
 MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
 POLISHED = 3  # times that an enclosure is contracted further
 ALL, FIRST_HALF, SECOND_HALF = (
@@ -32,19 +33,22 @@ ALL, FIRST_HALF, SECOND_HALF = (
 
 
 class CrowdedError(UndecidedError):
-    """More boxes are left than crossings are to be expected, as for an eigenvalue that is always on the circle."""
+    """More boxes are left than crossings are to be expected, as for an eigenvalue that is always
+    on the circle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """A value of the number, as a ball, at which a root may be on the circle, and its angle there."""
+    """A value of the number, as a ball, at which a root may be on the circle, and its angle
+    there."""
 
     value: arb
     theta: arb
 
 
 def crossings(part: FamilyPart, budget: Budget) -> Iterator[Crossing]:
-    """Yield enclosures of all values in a part at which a root is on the circle. Errors: UndecidedError."""
+    """Yield enclosures of all values in a part at which a root is on the circle. Errors:
+    UndecidedError."""
     width = part.high - part.low
     for table in part.polynomials:
         if not all(entry.is_finite() for entry in table.entries()):
@@ -67,9 +71,11 @@ def crossings(part: FamilyPart, budget: Budget) -> Iterator[Crossing]:
 
 
 def is_unstable(part: FamilyPart) -> bool:
-    """Whether some root is outside the circle for every value in a part, since a coefficient is too large.
+    """Whether some root is outside the circle for every value in a part, since a coefficient is too
+    large.
 
-    Coefficients of a frame that grows by many powers of ten say so long before the small roots are known.
+    Coefficients of a frame that grows by many powers of ten say so long before the small roots are
+    known.
     """
     for table in part.polynomials:
         *lower, leading = table.tolist()
@@ -86,7 +92,8 @@ def is_unstable(part: FamilyPart) -> bool:
 
 
 def count_outside(p: list[arb]) -> int:
-    """The number of roots of a polynomial outside the unit circle (I. Schur; A. Cohn 1922). Errors: UndecidedError.
+    """The number of roots of a polynomial outside the unit circle (I. Schur; A. Cohn 1922). Errors:
+    UndecidedError.
 
     p: coefficients of ascending powers.
     """
@@ -112,7 +119,8 @@ def count_outside(p: list[arb]) -> int:
 
 @lru_cache(maxsize=64)
 def _on_circle(n, bits):
-    """The matrices from the coefficients of a polynomial to the Bernstein coefficients of U and V on (-1, 1)."""
+    """The matrices from the coefficients of a polynomial to the Bernstein coefficients of U and
+    V on (-1, 1)."""
     del bits
     half, odd = divmod(n, 2)
     if odd:  # cosines and sines of (k + 1/2) theta, over those of theta/2
@@ -129,15 +137,17 @@ def _on_circle(n, bits):
 
 
 def _boxes(U, V, budget):
-    """The boxes ((x from, x to), (number from, to)), in shares of the ranges, that may have a common root.
+    """The boxes ((x from, x to), (number from, to)), in shares of the ranges, that may have a
+    common root.
 
-    U, V: Bernstein coefficients, the columns those of the number. A single row stands for functions of the number alone.
+    U, V: Bernstein coefficients, the columns those of the number. A single row stands for functions
+    of the number alone.
     """
     if all(
         c.contains(0) for c in (*U.entries(), *V.entries())
     ):  # an eigenvalue that is always on the circle
         raise UndecidedError
-    narrow = arb(2) ** (-int(NARROW * ctx.prec))
+    narrow = arb(2) ** (-int(NARROW_BOX * ctx.prec))
     count = 0
     open_ = [_Box(U, V, (arb(0), arb(1)), (arb(0), arb(1)), 0)]
     while open_:
@@ -162,7 +172,7 @@ def _boxes(U, V, budget):
             open_ += [box.cut([ALL, FIRST_HALF]), box.cut([ALL, SECOND_HALF])]
         else:
             open_ += [box.cut([FIRST_HALF, ALL]), box.cut([SECOND_HALF, ALL])]
-        if box.depth > DEEPEST * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
+        if box.depth > CUTS_A_BIT * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
             raise CrowdedError
 
 
@@ -209,10 +219,11 @@ def _have_one_sign(entries):
 
 
 def _contracted(U, V):
-    """The ranges of both variables, in shares of those of the box, that hold every common root; None if there is none.
+    """The ranges of both variables, in shares of those of the box, that hold every common root;
+    None if there is none.
 
-    With the inverse of their mean slopes, U and V become nearly the variables themselves. A root is then at their mean value
-    less a remainder, whose range the Bernstein coefficients bound.
+    With the inverse of their mean slopes, U and V become nearly the variables themselves. A root is
+    then at their mean value less a remainder, whose range the Bernstein coefficients bound.
     """
     n = U.nrows() - 1
     m = U.ncols() - 1

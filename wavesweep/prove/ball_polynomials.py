@@ -1,9 +1,11 @@
-"""The characteristic polynomials of a drawn loop as polynomials in one of its numbers too, with proved errors.
+"""The characteristic polynomials of a drawn loop as polynomials in one of its numbers too, with
+proved errors.
 
-The frame falls apart into components that do not feed back to each other, each with a polynomial of its own. Multiplied by the
-determinants of the algebraic loops, their coefficients are polynomials in a number that only gains read; then some values of
-it give them exactly. Otherwise they are interpolated on parts of the range, and the error follows from a bound on an ellipse
-around the part (L. N. Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
+The frame falls apart into components that do not feed back to each other, each with a polynomial of
+its own. Multiplied by the determinants of the algebraic loops, their coefficients are polynomials
+in a number that only gains read; then some values of it give them exactly. Otherwise they are
+interpolated on parts of the range, and the error follows from a bound on an ellipse around the part
+(L. N. Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
 """
 
 from __future__ import annotations
@@ -24,9 +26,10 @@ from wavesweep.prove.ticks import BallLoop, UndecidedError, reads
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
 MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
-NODES = 30  # operations that the nodes of an interpolant take, for each pair
+OPERATIONS_OF_NODES = 30  # operations that the nodes of an interpolant take, for each pair
 MOST_PARTS = 400  # of the range
-KEPT = 0.6  # share of the bits that are kept: a term that is smaller counts as part of the error
+# share of the bits that are kept: a term that is smaller counts as part of the error
+BITS_KEPT = 0.6
 STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
 
 
@@ -34,8 +37,8 @@ STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
 class FamilyPart:
     """A part of the range, from its low to its high end, with a polynomial per component.
 
-    Row j of a matrix has the Bernstein coefficients of that of z^j on the part. A polynomial of degree 0 stands for the
-    determinants of the algebraic loops: where it is 0 there is no loop.
+    Row j of a matrix has the Bernstein coefficients of that of z^j on the part. A polynomial of
+    degree 0 stands for the determinants of the algebraic loops: where it is 0 there is no loop.
     """
 
     low: arb
@@ -67,11 +70,13 @@ class BallFamily:
 
     @property
     def exact(self) -> bool:
-        """Whether the coefficients are polynomials in the number of a degree that is known and small."""
+        """Whether the coefficients are polynomials in the number of a degree that is known and
+        small."""
         return self.degree <= MOST_DEGREES
 
     def at(self, number: Any, *, times: bool = False) -> list[list[Any]]:
-        """The coefficients of each component's polynomial at a value; times: multiplied by the determinants of the loops."""
+        """The coefficients of each component's polynomial at a value; times: multiplied by the
+        determinants of the loops."""
         self.budget.use(self.loop.ticks.bit_length() * self.size**3 + 500 * self.size)
         frame, pivot = self.loop.frame(number)
         matrix = type(frame)
@@ -88,7 +93,8 @@ class BallFamily:
         return polynomials
 
     def find_ones(self) -> int:
-        """Count the eigenvalues that are 1 for every value of the number, by digits that vanish at two precisions."""
+        """Count the eigenvalues that are 1 for every value of the number, by digits that vanish
+        at two precisions."""
         low, high = map(arb, self.span)
         bits = ctx.prec
         counts = []
@@ -126,7 +132,8 @@ class BallFamily:
             yield FamilyPart(low, high, tuple(self._interpolated(low, high, errors)))
 
     def _errors(self, low, high):
-        """Bounds on errors of each component's coefficients, and the nodes; None if the part is too long for few of them."""
+        """Bounds on errors of each component's coefficients, and the nodes; None if the part is
+        too long for few of them."""
         middle = (low + high) / 2
         half = (high - low) / 2
         across = half * (ELLIPSE + arb(1) / ELLIPSE) / 2  # semi-axes of the ellipse
@@ -144,10 +151,9 @@ class BallFamily:
             if not ratio < arb(2) ** (ctx.prec // 2):
                 return None
             most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
-        nodes = ceil((most + ctx.prec * KEPT) / log2(ELLIPSE)) + 3
-        share = (
-            arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
-        )  # theorem 8.2: 4 M rho^-n/(rho - 1)
+        nodes = ceil((most + ctx.prec * BITS_KEPT) / log2(ELLIPSE)) + 3
+        # theorem 8.2: 4 M rho^-n/(rho - 1)
+        share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
         errors = []
         for bound in bounds:
             errors.append(([abs(c).upper() * share for c in bound], nodes))
@@ -156,7 +162,7 @@ class BallFamily:
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
         self.budget.use(
-            NODES * nodes**2 + nodes**3 / 4
+            OPERATIONS_OF_NODES * nodes**2 + nodes**3 / 4
         )  # the second for `_to_bernstein`, kept or not
         points, weights = _nodes(nodes, ctx.prec)
         values = [
@@ -172,7 +178,8 @@ class BallFamily:
 
 
 class Budget:
-    """A number of operations that may still be used, which does not depend on the speed of the machine."""
+    """A number of operations that may still be used, which does not depend on the speed of the
+    machine."""
 
     def __init__(self, left: float) -> None:
         self.left = left
@@ -185,7 +192,8 @@ class Budget:
 
 
 def _degree(loop: BallLoop) -> float:
-    """A bound on the degree in the number of the frame's polynomial times the determinants; infinite if it is not one.
+    """A bound on the degree in the number of the frame's polynomial times the determinants;
+    infinite if it is not one.
 
     Each equation of a tick, of a port, an output or a state, adds the degree of its factors.
     """
@@ -221,7 +229,8 @@ def _degree_of_block(block, number, largest) -> float:
 
 
 def _branches(tree: Tree, number: str) -> bool:
-    """Whether a tree that reads a number has a power with another than a whole exponent, which is not analytic everywhere."""
+    """Whether a tree that reads a number has a power with another than a whole exponent, which
+    is not analytic everywhere."""
     if (
         tree[0] == "**"
         and reads(tree, number)
@@ -249,7 +258,8 @@ def _without_ones(p, times):
 
 
 def _without_ones_rows(rows, times):
-    """Rows of coefficients of a polynomial divided by (z - 1)^times; the remainder is known to be 0."""
+    """Rows of coefficients of a polynomial divided by (z - 1)^times; the remainder is known to
+    be 0."""
     for _ in range(times):
         lowest, *higher = rows
         carried = [arb(0)] * len(lowest)
@@ -265,9 +275,10 @@ def _without_ones_rows(rows, times):
 
 
 def _trimmed(rows, errors):
-    """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest are taken for errors."""
+    """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest
+    are taken for errors."""
     largest = max(abs(c).mid() for row in rows for c in row)
-    least = arb(2) ** (-ctx.prec * KEPT) * largest
+    least = arb(2) ** (-ctx.prec * BITS_KEPT) * largest
     kept_count = 1
     for row in rows:
         for i, c in enumerate(row):
@@ -282,7 +293,8 @@ def _trimmed(rows, errors):
 
 @lru_cache(maxsize=64)
 def _nodes(count, bits):
-    """Chebyshev points on (-1, 1), and the matrix from values at them to Chebyshev coefficients; bits: the precision."""
+    """Chebyshev points on (-1, 1), and the matrix from values at them to Chebyshev coefficients;
+    bits: the precision."""
     del bits
     angles = [arb.pi() * (2 * i + 1) / (2 * count) for i in range(count)]
     points = [angle.cos() for angle in angles]
@@ -295,13 +307,15 @@ def _nodes(count, bits):
 
 @lru_cache(maxsize=256)
 def _to_bernstein(count, bits):
-    """The matrix from Chebyshev coefficients on (-1, 1) to as many Bernstein coefficients; bits: the precision."""
+    """The matrix from Chebyshev coefficients on (-1, 1) to as many Bernstein coefficients; bits:
+    the precision."""
     del bits
     return bernstein(chebyshev(count, 1), count - 1)
 
 
 def chebyshev(count: int, slope: int, constant: int = 0) -> list[list[int]]:
-    """Coefficients in t of polynomials p_k(2t - 1): p_0 = 1, p_1 = slope x + constant, p_k = 2x p_(k-1) - p_(k-2)."""
+    """Coefficients in t of polynomials p_k(2t - 1): p_0 = 1, p_1 = slope x + constant, p_k = 2x
+    p_(k-1) - p_(k-2)."""
     basis = [[1], [constant - slope, 2 * slope]]
     while len(basis) < count:
         last, before_last = basis[-1], basis[-2]
@@ -315,7 +329,8 @@ def chebyshev(count: int, slope: int, constant: int = 0) -> list[list[int]]:
 
 
 def bernstein(polynomials: list[list[int]], n: int) -> arb_mat:
-    """Bernstein coefficients of degree n on (0, 1), a row for each polynomial, from its coefficients in t."""
+    """Bernstein coefficients of degree n on (0, 1), a row for each polynomial, from its
+    coefficients in t."""
     bits = ctx.prec
     ctx.prec = bits + 6 * n  # integers up to 6^n cancel
     try:

@@ -1,4 +1,5 @@
-"""Columns of stable intervals proved in ball arithmetic: a loop along one of its numbers, with as many bits as it takes."""
+"""Columns of stable intervals proved in ball arithmetic: a loop along one of its numbers, with
+as many bits as it takes."""
 
 from __future__ import annotations
 
@@ -22,18 +23,20 @@ from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
-HOPELESS = (
-    3  # precisions at which crossings are crowded, after which more bits do not tell them apart
-)
-OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
-DIGITS = 52  # bits of an end or an angle that have to be certain
+# precisions at which crossings are crowded, after which more bits do not tell them apart
+HOPELESS_PRECISIONS = 3
+# for each column, up to some twenty seconds; counted, so that the result does not depend on the
+# machine
+OPERATIONS_OF_COLUMN = 1.2e8
+CERTAIN_BITS = 52  # bits of an end or an angle that have to be certain
 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
     """The stable intervals of a column: (low, high, low_omega, high_omega), rounded to doubles.
 
-    omega: rad/s of the oscillation that starts there, 0 at z = 1; NaN if the range ends the interval. bits: of the arithmetic.
+    omega: rad/s of the oscillation that starts there, 0 at z = 1; NaN if the range ends the
+    interval. bits: of the arithmetic.
     """
 
     intervals: tuple[tuple[float, float, float, float], ...]
@@ -47,16 +50,18 @@ def prove_column(
     span: tuple[float, float],
     integrators: int,
     precisions: Sequence[int] = PRECISIONS,
-    operations: float | Budget = OPERATIONS,
+    operations: float | Budget = OPERATIONS_OF_COLUMN,
 ) -> Proof | None:
-    """The stable intervals of a drawn loop along the number with the path `along` within `span`; None if they stay in doubt.
+    """The stable intervals of a drawn loop along the number with the path `along` within `span`;
+    None if they stay in doubt.
 
     They do if the operations are used up, or if no precision tells crossings apart.
 
-    drawing, values: of one loop, the values flat. integrators: the count of eigenvalues that are 1 for every value of the
-    number by the structure of the loop, which do not decide stability; if there are more, no value is stable. precisions:
-    bits, tried one after the other. operations: at most, of all precisions together, or what is left of them.
-    Errors: ValueError for a loop with dead times in seconds.
+    drawing, values: of one loop, the values flat. integrators: the count of eigenvalues that are 1
+    for every value of the number by the structure of the loop, which do not decide stability; if
+    there are more, no value is stable. precisions: bits, tried one after the other. operations: at
+    most, of all precisions together, or what is left of them. Errors: ValueError for a loop with
+    dead times in seconds.
     """
     budget = operations if isinstance(operations, Budget) else Budget(operations)
     loop = None
@@ -68,7 +73,7 @@ def prove_column(
                 return _proof(loop, span, integrators, budget)
             except UndecidedError as error:
                 crowded += isinstance(error, CrowdedError)
-                if budget.left < 0 or crowded == HOPELESS:
+                if budget.left < 0 or crowded == HOPELESS_PRECISIONS:
                     break
     return None
 
@@ -100,7 +105,8 @@ def _proof(loop, span, integrators, budget):
 
 
 def _merged(found):
-    """Crossings in order, those that may be at the same value as one; of a value at an end of the range, the angle is kept."""
+    """Crossings in order, those that may be at the same value as one; of a value at an end of
+    the range, the angle is kept."""
     ends = []
     for crossing in sorted(found, key=lambda each: (each.value.lower(), each.value.upper())):
         if ends and not ends[-1].value < crossing.value:
@@ -144,6 +150,6 @@ def _double(value, span):
 
 
 def _sure(value):
-    if value.rel_accuracy_bits() < DIGITS:
+    if value.rel_accuracy_bits() < CERTAIN_BITS:
         raise UndecidedError
     return float(value.mid())

@@ -1,4 +1,5 @@
-"""What a search asks for: stretches in doubt proved in ball arithmetic, and certified slices proved again."""
+"""What a search asks for: stretches in doubt proved in ball arithmetic, and certified slices
+proved again."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,16 +13,17 @@ from wavesweep.prove.again import prove_again
 
 __all__ = ["ball_prover", "prove_again"]
 
-OPERATIONS = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
-MARGIN = 1e-14  # of an end: how far a proof reaches into what is known on its other side
+OPERATIONS_IN_DOUBT = 3e7  # of ball arithmetic for a column in doubt, at most: some five seconds
+REACH_BEYOND_END = 1e-14  # of an end: how far a proof reaches into what is known on its other side
 
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
 def ball_prover(
-    loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS
+    loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS_IN_DOUBT
 ) -> BallProver:
-    """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one of their numbers.
+    """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one
+    of their numbers.
 
     period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop, at most.
     """
@@ -35,7 +37,7 @@ def ball_prover(
         if loop is None:
             return None
         budget = budgets.setdefault(column, Budget(operations))
-        span = (low - MARGIN * abs(low), high + MARGIN * abs(high))
+        span = (low - REACH_BEYOND_END * abs(low), high + REACH_BEYOND_END * abs(high))
         proof = None
         with suppress(IllPosedLoopError):
             drift = loop.changed({along: np.array(span)}).drift()
@@ -54,7 +56,8 @@ def ball_prover(
         return rows
 
     def angle(column, loop, omega, value):
-        """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""
+        """The angle per frame of an oscillation at a value of the number, which the rate may
+        follow from."""
         slower = (
             loop.rate / loop.changed({along: value}).rate
             if name_of(along) in loop.drawing.rating

@@ -1,4 +1,5 @@
-"""A drawn loop tick by tick in ball arithmetic: every number is its double, and every result has a bound on its error.
+"""A drawn loop tick by tick in ball arithmetic: every number is its double, and every result has a
+bound on its error.
 
 A number of the loop may be a ball that holds a whole range of it, real or complex.
 """
@@ -93,9 +94,11 @@ class BallLoop:
         return self._value(self.drawing.tick_hz, number)
 
     def frame(self, number: Any) -> tuple[Any, Any]:
-        """The map of a frame, and the product of the determinants of the algebraic loops in its ticks.
+        """The map of a frame, and the product of the determinants of the algebraic loops in its
+        ticks.
 
-        number: an arb or an acb. Entries are NaN if an algebraic loop may have no solution in that ball.
+        number: an arb or an acb. Entries are NaN if an algebraic loop may have no solution in that
+        ball.
         """
         ticks = self.tick_maps(number)
         pivot = type(number)(1)
@@ -106,7 +109,8 @@ class BallLoop:
         return product(self.kinds, maps), pivot
 
     def pattern(self, number: Any) -> np.ndarray:
-        """The entries of the frame that may not be 0 for a value in the ball `number`; zeros of sums are not seen."""
+        """The entries of the frame that may not be 0 for a value in the ball `number`; zeros of
+        sums are not seen."""
         ones = {}
         for kind, (tick, _) in self.tick_maps(number).items():
             ones[kind] = arb_mat(_places(tick).astype(int).tolist())
@@ -188,7 +192,8 @@ class BallLoop:
         return self._once(("block", i), trees, number, made)
 
     def _plant(self, plant, T, number):
-        """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e held over the period."""
+        """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e
+        held over the period."""
         models = [continuous(block.type, self._keys(block, number)) for block in plant.members]
         ports = [len(block.ports[0]) for block in plant.members]
         A, B, C, D = _side_by_side(models, ports)
@@ -256,7 +261,8 @@ class BallLoop:
 
 
 def _closed(L, R):
-    """The solution of `u = L u + R` and the determinant; without a loop in L it takes no division."""
+    """The solution of `u = L u + R` and the determinant; without a loop in L it takes no
+    division."""
     size = L.nrows()
     places = _places(L)
     steps = 0
@@ -284,7 +290,8 @@ def _places(matrix):
 
 
 def _side_by_side(models, ports):
-    """The rows of A, B, C and D of several models that do not act on each other; ports: how many inputs each has."""
+    """The rows of A, B, C and D of several models that do not act on each other; ports: how many
+    inputs each has."""
     orders = [len(A) for A, *_ in models]
     rows = []
     for place, widths in enumerate((orders, ports, orders, ports)):
@@ -319,7 +326,8 @@ def _multiplied(plan, maps):
 
 @lru_cache(maxsize=256)
 def _plan(kinds):
-    """A tree of (kind, times, parts in order): a power, a product of two parts, or the map of a kind."""
+    """A tree of (kind, times, parts in order): a power, a product of two parts, or the map of a
+    kind."""
     size = len(kinds)
     for period in range(1, size // 2 + 1):
         if size % period == 0 and kinds == kinds[:period] * (size // period):

@@ -1,1 +1,2 @@
-"""The report of a spec: one HTML file with its question, what is certified, figures, the spec, and how to verify it."""
+"""The report of a spec: one HTML file with its question, what is certified, figures, the spec,
+and how to verify it."""

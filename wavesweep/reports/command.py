@@ -41,11 +41,12 @@ def report(
 ) -> None:
     """Write a report of a spec for a design review: one HTML file.
 
-    SPEC is a TOML file. The report needs no other file, and prints on A4. It has the question of the spec, the certified ranges
-    and what the proof assumes, what makes the loop unstable beyond them, the verdict on the spec's own numbers, what sets the
-    limits, margins, step and frequency response, the spec itself, versions and hashes, and the commands that verify all of it.
-    What is not certified says so. What a spec does not allow, such as margins of an unstable loop, is listed with the reason.
-    The same spec gives the same bytes.
+    SPEC is a TOML file. The report needs no other file, and prints on A4. It has the question of
+    the spec, the certified ranges and what the proof assumes, what makes the loop unstable beyond
+    them, the verdict on the spec's own numbers, what sets the limits, margins, step and frequency
+    response, the spec itself, versions and hashes, and the commands that verify all of it. What is
+    not certified says so. What a spec does not allow, such as margins of an unstable loop, is
+    listed with the reason. The same spec gives the same bytes.
 
     \b
     Examples:

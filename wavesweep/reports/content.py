@@ -1,4 +1,5 @@
-"""What a report says: the lines, tables and figures that other commands give for one spec; nothing is computed here alone."""
+"""What a report says: the lines, tables and figures that other commands give for one spec;
+nothing is computed here alone."""
 
 from __future__ import annotations
 
@@ -54,9 +55,9 @@ SAME = (
 class ReportRequest:
     """What is asked of a report in addition to the spec.
 
-    cut: the signal for the margins, by default the one that acts on the plant. hands: words for guarantees, see `hands_of`.
-    overrides: the texts of --set that the spec was loaded with. at_work: gives a context, for what is done in it, with a
-    function of (done, total) or None.
+    cut: the signal for the margins, by default the one that acts on the plant. hands: words for
+    guarantees, see `hands_of`. overrides: the texts of --set that the spec was loaded with.
+    at_work: gives a context, for what is done in it, with a function of (done, total) or None.
     """
 
     cut: str = ""
@@ -67,7 +68,8 @@ class ReportRequest:
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A table as the report has it: its summary, its figure, and the command that makes it with the hash of its CSV.
+    """A table as the report has it: its summary, its figure, and the command that makes it with the
+    hash of its CSV.
 
     known: how its numbers are; empty of the intervals, which are the answer.
     """
@@ -82,9 +84,11 @@ class ReportSection:
 
 
 def report(spec: Spec, asked: ReportRequest) -> str:
-    """The report of a spec as the text of an HTML file; the same spec and request give the same text.
+    """The report of a spec as the text of an HTML file; the same spec and request give the same
+    text.
 
-    Errors: UsageError for words that name no hands. What the spec does not allow is in the report, with the reason.
+    Errors: UsageError for words that name no hands. What the spec does not allow is in the report,
+    with the reason.
     """
     name = quote(f"{spec.name}.toml") + "".join(
         f" --set {quote(override)}" for override in asked.overrides
@@ -139,8 +143,8 @@ def report(spec: Spec, asked: ReportRequest) -> str:
 
 
 def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
-    """Title -> how the numbers of a section are known, the command of its table, with {} for the spec, and a function of the
-    watcher of its progress that makes the table.
+    """Title -> how the numbers of a section are known, the command of its table, with {} for the
+    spec, and a function of the watcher of its progress that makes the table.
     """
     from wavesweep.program.tables import interval_table as intervals
     from wavesweep.program.tables import response_table as responses
@@ -231,7 +235,8 @@ def _picture_of_time(spec: Spec) -> str:
 def _answer(
     spec: Spec, intervals: ReportSection | None, own: Line, judged: Verdict
 ) -> Iterator[str]:
-    """The verdict on what the spec asks, and the intervals of the sweep, with what the proof assumes.
+    """The verdict on what the spec asks, and the intervals of the sweep, with what the proof
+    assumes.
 
     own: the first line about the spec's own numbers; judged: the verdict.
     """
@@ -284,7 +289,8 @@ def _own_place(spec: Spec) -> str:
 
 
 def _known(spec: Spec, table: Table, *, doubtful: bool) -> str:
-    """How the intervals of the sweep are known; doubtful: whether some line about them is a warning."""
+    """How the intervals of the sweep are known; doubtful: whether some line about them is a
+    warning."""
     if doubtful and table.columns["certified"].all():
         return "The intervals are certified, but not known everywhere: a line below says where."
     if doubtful:

@@ -1,4 +1,5 @@
-"""The HTML of a report: a template, and the few elements that it is made of. Without styles it reads as plain text."""
+"""The HTML of a report: a template, and the few elements that it is made of. Without styles it
+reads as plain text."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -80,13 +81,15 @@ def element(name: str, text: str, kind: str = "") -> str:
 
 
 def verdict(certified: bool, title: str, text: str, lines: Iterable[tuple[str, bool]]) -> str:
-    """What stands out: whether it is certified in its first words, a sentence, and lines as in a listing."""
+    """What stands out: whether it is certified in its first words, a sentence, and lines as in a
+    listing."""
     said = f"<p><strong>{escape(title)}</strong> {escape(text)}</p>"
     return f'<div class="verdict{"" if certified else " doubt"}">\n{said}\n{listing(lines)}\n</div>'
 
 
 def listing(lines: Iterable[tuple[str, bool]]) -> str:
-    """Lines, each with a flag that is true for a warning; one that is indented is below the line before, or part of it."""
+    """Lines, each with a flag that is true for a warning; one that is indented is below the line
+    before, or part of it."""
     headings = _headings(lines)
     items = ""
     for at, (depth, text, warning) in enumerate(headings):
@@ -100,7 +103,8 @@ def listing(lines: Iterable[tuple[str, bool]]) -> str:
 
 
 def _headings(lines: Iterable[tuple[str, bool]]) -> list[tuple[int, str, bool]]:
-    """The depth of every line, its text with its continuations, and whether one of them is a warning."""
+    """The depth of every line, its text with its continuations, and whether one of them is a
+    warning."""
     headings: list[tuple[int, str, bool]] = []
     for text, warning in lines:
         depth = len(text) - len(text.lstrip())
@@ -121,15 +125,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f'<div class="wide"><table>\n{lines}\n</table></div>'
 
 
-LARGER = 1.19  # times its size on paper, a figure on the page: its smallest texts have 11 pixels
+# times its size on paper, a figure on the page: its smallest texts have 11 pixels
+LARGER_ON_PAGE = 1.19
 
 
 def _enlarged(size: re.Match[str]) -> str:
-    return f'{size[1]}="{LARGER * float(size[2]):.2f}pt"'
+    return f'{size[1]}="{LARGER_ON_PAGE * float(size[2]):.2f}pt"'
 
 
 def figure(svg: str, number: int, caption: str) -> str:
-    """A figure as matplotlib writes it, whose names are its own on the page. number: of the figure."""
+    """A figure as matplotlib writes it, whose names are its own on the page. number: of the
+    figure."""
     inside = re.sub(r"<metadata>.*?</metadata>\s*", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     inside = re.sub(r'\b(width|height)="([\d.]+)pt"', _enlarged, inside, count=2)
     inside = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>f{number}-", inside).strip()

@@ -1,4 +1,5 @@
-"""The question of a spec in a sentence, its stable intervals as rows of texts, and what makes the loop unstable beyond them."""
+"""The question of a spec in a sentence, its stable intervals as rows of texts, and what makes
+the loop unstable beyond them."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 MOST_VALUES = 6  # of an axis that are named
-MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
+# of a table of intervals that a report shows; of a longer one the rows with the largest and the
+# least end
+MOST_REPORT_ROWS = 24
 BEYOND = (
     1e-3,
     1e-6,
@@ -116,7 +119,7 @@ def words_of_spec(spec: Spec) -> str:
 def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | None:
     """The head and the rows of a short table of intervals as texts; None of a long one."""
     columns = table.columns
-    if len(columns["along"]) > MOST_ROWS:
+    if len(columns["along"]) > MOST_REPORT_ROWS:
         return None
     whose = whose_column(columns)
     shown = list(axes_of(columns))
@@ -147,9 +150,11 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 
 
 def _proof(row: Columns, *, checked: bool) -> str:
-    """Whether a row is certified, proved by the checker of a guarantee, or checked, as all are if `checked`.
+    """Whether a row is certified, proved by the checker of a guarantee, or checked, as all are if
+    `checked`.
 
-    Of hands only what is settled is proved, but for the last thousandth next to an end that a hand sets.
+    Of hands only what is settled is proved, but for the last thousandth next to an end that a hand
+    sets.
     """
     kind = row_kinds()[row.get("hand", "")]
     if kind.searched:
@@ -169,9 +174,11 @@ def _proof(row: Columns, *, checked: bool) -> str:
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
-    """What refutes values beyond the ends of intervals: the other numbers, the value, and the eigenvalue, frames or hand.
+    """What refutes values beyond the ends of intervals: the other numbers, the value, and the
+    eigenvalue, frames or hand.
 
-    An end that the swept range sets has none. Eigenvalues are those of the frame just beyond the end, in double precision.
+    An end that the swept range sets has none. Eigenvalues are those of the frame just beyond the
+    end, in double precision.
     """
     rows_found = []
     for row in _telling(table.columns):
@@ -205,7 +212,8 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
 def _beyond(
     spec: Spec, along: str, axes: dict[str, float], end: float, side: float
 ) -> Iterator[list[str]]:
-    """Yield the value next to an end with which the loop is unstable, and the eigenvalue that makes it so."""
+    """Yield the value next to an end with which the loop is unstable, and the eigenvalue that
+    makes it so."""
     from wavesweep.program.analyses.poles import poles
 
     for step in BEYOND:
@@ -228,9 +236,10 @@ def _beyond(
 
 
 def _telling(columns: Columns) -> Iterator[dict]:
-    """Yield the rows with intervals; of a long table those of the spec's own loop with the largest and the least high end."""
+    """Yield the rows with intervals; of a long table those of the spec's own loop with the
+    largest and the least high end."""
     rows = [row for row in _rows(columns) if row["intervals"]]
-    if len(rows) <= MOST_ROWS:
+    if len(rows) <= MOST_REPORT_ROWS:
         yield from rows
         return
     ended = sorted(

@@ -1,10 +1,12 @@
-"""The loop with an input added to a signal at which it is cut: what comes of it there is the sensitivity.
+"""The loop with an input added to a signal at which it is cut: what comes of it there is the
+sensitivity.
 
-With L the loop from the signal back to it, u = d/(1 + L) is the signal behind the input d, and u - d/2 is d (1 - L)/(1 + L)/2.
-The largest |1/(1 + L)| is Ms, and 1 over the largest |1/(1 + L) - 1/2| the disk margin, as `margins` has them.
+With L the loop from the signal back to it, u = d/(1 + L) is the signal behind the input d, and u -
+d/2 is d (1 - L)/(1 + L)/2. The largest |1/(1 + L)| is Ms, and 1 over the largest |1/(1 + L) - 1/2|
+the disk margin, as `margins` has them.
 
-d is read when the signal is made, once in n ticks, and u is held over these. So the energy of u is n times that of its samples,
-and a gain of all ticks is the root of n times that of the samples.
+d is read when the signal is made, once in n ticks, and u is held over these. So the energy of u is
+n times that of its samples, and a gain of all ticks is the root of n times that of the samples.
 """
 
 from __future__ import annotations
@@ -31,9 +33,11 @@ LESS_HALF = ("number", -0.5, 0)
 
 
 def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], GainBound]:
-    """Return loops with an input at a cut, the input and the signal behind it, and what the gain between them has to be below.
+    """Return loops with an input at a cut, the input and the signal behind it, and what the gain
+    between them has to be below.
 
-    Errors: UsageError for a signal at which the loops cannot be cut, or at which what is bounded is not this gain.
+    Errors: UsageError for a signal at which the loops cannot be cut, or at which what is bounded is
+    not this gain.
     """
     fault = fault_of_cut(loops.drawing, bound.cut)
     if fault:

@@ -1,4 +1,5 @@
-"""Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain has to be below."""
+"""Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain
+has to be below."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -8,13 +9,13 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
-from wavesweep.program.reading.keys import ALL_MODES, SETTLED
+from wavesweep.program.reading.keys import ALL_MODES, SETTLED_TO
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import CutBound, GainBound
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
-LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
+LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 BY_DISCS, BY_GAIN = (
     0.6,
     1.0,
@@ -30,10 +31,11 @@ BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true }
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Bounds on the eigenvalues of a drawing's frame: their size `radius`, per frame or, before `over`, per clock of the spec,
-    the time `settling` (s) in which a mode is down to SETTLED or the `time_constant` (s) in which it is down to 1/e, and how it
-    is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gains: what
-    gains stay below, those at cuts among them.
+    """Bounds on the eigenvalues of a drawing's frame: their size `radius`, per frame or, before
+    `over`, per clock of the spec, the time `settling` (s) in which a mode is down to SETTLED or the
+    `time_constant` (s) in which it is down to 1/e, and how it is `damped`, None if that is not
+    required; or that a loop which conserves is `bounded`. gains: what gains stay below, those at
+    cuts among them.
 
     The protocol is that of `engine._search.question`.
     """
@@ -77,24 +79,25 @@ class Bound:
     def radius_of(self, period) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s.
 
-        A mode z of a frame of T seconds is z^n after n frames. Its size is at most q at the end of every frame from t on if
-        `|z| <= q^(T/t)`, q being SETTLED for `settling` and 1/e for `time_constant`. It is of each mode by itself: several
-        together, as those that nearly meet, may grow before they decay.
+        A mode z of a frame of T seconds is z^n after n frames. Its size is at most q at the end of
+        every frame from t on if `|z| <= q^(T/t)`, q being SETTLED for `settling` and 1/e for
+        `time_constant`. It is of each mode by itself: several together, as those that nearly meet,
+        may grow before they decay.
         """
         frame = np.asarray(period, float)
         longest = frame.max(initial=0.0)
         by_key = {
             "radius": np.broadcast_to(self.radius, frame.shape),
-            "settling": SETTLED ** (frame / self.settling),
+            "settling": SETTLED_TO ** (frame / self.settling),
             "time_constant": np.exp(-frame / self.time_constant),
         }
-        seconds = longest / np.log(LEAST)
+        seconds = longest / np.log(LEAST_RADIUS)
         least = {
-            "settling": f"at least {np.log(SETTLED) * seconds:.3g} s",
+            "settling": f"at least {np.log(SETTLED_TO) * seconds:.3g} s",
             "time_constant": f"at least {-seconds:.3g} s",
         }
         for key, radius in by_key.items():
-            if (radius < LEAST).any():
+            if (radius < LEAST_RADIUS).any():
                 expected = least.get(key, "one nearer to 1")
                 left = f"where a frame takes {longest:.3g} s"
                 found = getattr(self, key)
@@ -104,7 +107,8 @@ class Bound:
         return np.minimum(by_key["radius"], np.minimum(by_key["settling"], by_key["time_constant"]))
 
     def logarithms(self, period, omega) -> np.ndarray:
-        """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
+        """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they
+        may be, `(..., 2)`."""
         ratio = self.damped.ratio if self.damped else 0.0
         gone = self.damped.gone(period) if self.damped else GONE
         theta = omega * period
@@ -117,7 +121,8 @@ class Bound:
     def intervals(
         self, frames, errors, turns, ticks: int, span, columns: int, period, bounds, resolved
     ) -> Intervals:
-        """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
+        """The intervals in which every mode has the damping ratio, or is bounded in a loop that
+        conserves."""
         from wavesweep.require.by_discs import along_by_discs
 
         if self.bounded:
@@ -130,7 +135,8 @@ class Bound:
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals
     ) -> list[Intervals]:
-        """The intervals in which each gain is small enough, looked for where the loops may be stable."""
+        """The intervals in which each gain is small enough, looked for where the loops may be
+        stable."""
         from wavesweep.require.at_cut import seen_at_cut
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.signals import routed
@@ -149,7 +155,8 @@ class Bound:
         return small
 
     def beyond(self, delta, turns, period: float) -> np.ndarray:
-        """By how much eigenvalues less 1 of a loop miss what is required of modes, in the logarithm.
+        """By how much eigenvalues less 1 of a loop miss what is required of modes, in the
+        logarithm.
 
         turns: what their modes turn in a frame (rad), by their lines in the spectrum.
         """
@@ -189,7 +196,8 @@ class Bound:
         return LINES if self.damped and ticks > 1 else ""
 
     def refuse_rates(self, name: str) -> None:
-        """Raise UsageError for a time to settle or the band of a gain, along a number that changes the time of a frame."""
+        """Raise UsageError for a time to settle or the band of a gain, along a number that
+        changes the time of a frame."""
         refused, expected = "", ""
         if self.settling < np.inf:
             refused, expected = "settling", "expected radius in its place"
@@ -212,7 +220,7 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
     """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
     words = {
         "radius": f"within {{:g}} per {clock}",
-        "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
+        "settling": f"down to {100 * SETTLED_TO:g} % in {{:g}} s",
         "time_constant": "down to 1/e in {:g} s",
         "bounded": "on the unit circle",
     }

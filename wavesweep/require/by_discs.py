@@ -1,4 +1,5 @@
-"""Intervals in which the eigenvalues of a loop are where they have to be, along any number, by discs about them."""
+"""Intervals in which the eigenvalues of a loop are where they have to be, along any number, by
+discs about them."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -6,16 +7,15 @@ from functools import partial
 import numpy as np
 
 from wavesweep.engine.frames import blocks_of, level, pole_inside
-from wavesweep.engine.intervals import EXACT, NEAR_ZERO, Intervals
-from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
+from wavesweep.engine.intervals import END_ROUNDING, SHARE_OF_SPAN, Intervals
+from wavesweep.require.disc_panels import FIRST_PANELS, HALF_RIM, OPEN, Accuracy, along_panels
 from wavesweep.require.discs import HIGHEST, LOWEST, OWN, RequiredCircle, Spiral, verdicts
 
-MANY = 1024  # panels of a column that may be open
-LARGE = 50_000  # entries of their matrices
+MOST_OPEN_PANELS = 1024  # panels of a column that may be open
+LARGE_MATRICES = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
-NEXT_TO = (
-    2.0  # times the distance of the nearest eigenvalue, up to which one may be of the same mode
-)
+# times the distance of the nearest eigenvalue, up to which one may be of the same mode
+NEXT_TO_DISC = 2.0
 TYPICAL = (
     0.53,
     0.37,
@@ -39,25 +39,29 @@ def along_by_discs(
     resolved,
     place: Spiral | RequiredCircle,
 ) -> Intervals:
-    """All intervals of a number p within span = (low, high) in which all eigenvalues are in their place, per column.
+    """All intervals of a number p within span = (low, high) in which all eigenvalues are in their
+    place, per column.
 
-    frames(column, p): `Frames` of these columns at these values, real or complex, of which the pivots are read. errors(column,
-    p): frames less identity, perhaps in other states, and bounds on the errors of their entries. period: of the frame, s,
-    `(columns,)`. bounds, resolved: see `along_panels`. place: of the eigenvalues, see `discs`.
+    frames(column, p): `Frames` of these columns at these values, real or complex, of which the
+    pivots are read. errors(column, p): frames less identity, perhaps in other states, and bounds on
+    the errors of their entries. period: of the frame, s, `(columns,)`. bounds, resolved: see
+    `along_panels`. place: of the eigenvalues, see `discs`.
 
-    All of a panel of p is in an interval, or none of it, if that follows from Gershgorin discs of the frames in the
-    eigenvectors of that in the middle. The entries there are bounded by the frames on a circle about the panel, as they are
-    analytic and vanish in the middle (Schwarz's lemma), and by the errors of the frames. Otherwise the panel is halved, see
-    `panels`. Diagonal blocks go apart.
-    Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its eigenvalues there.
+    All of a panel of p is in an interval, or none of it, if that follows from Gershgorin discs of
+    the frames in the eigenvectors of that in the middle. The entries there are bounded by the
+    frames on a circle about the panel, as they are analytic and vanish in the middle (Schwarz's
+    lemma), and by the errors of the frames. Otherwise the panel is halved, see `panels`. Diagonal
+    blocks go apart. Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its
+    eigenvalues there.
     """
     loops, known = _loops_of(frames, errors, turns, span, columns, place)
-    ends = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, np.full(columns, BEGUN))
+    ends = Accuracy(END_ROUNDING, 256.0, END_ROUNDING * SHARE_OF_SPAN, np.full(columns, BEGUN))
     return along_panels(loops, known, span, period, bounds, resolved, ends)
 
 
 def _loops_of(frames, errors, turns, span, columns, place):
-    """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the columns with known frames."""
+    """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the
+    columns with known frames."""
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
     column = np.repeat(np.arange(columns), points.size)
     E, _ = errors(column, np.tile(points, columns))
@@ -78,7 +82,8 @@ def _loops_of(frames, errors, turns, span, columns, place):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoopsInDiscs:
-    """A diagonal block of the frames, which have so many states, of some columns; frames, errors, turns: of all columns.
+    """A diagonal block of the frames, which have so many states, of some columns; frames, errors,
+    turns: of all columns.
 
     A judge of `panels`; place: of the eigenvalues.
     """
@@ -99,7 +104,7 @@ class _LoopsInDiscs:
     @property
     def many(self) -> int:
         """Panels of a column that may be open, fewer of large matrices."""
-        return min(MANY, max(PANELS, LARGE // self.order**2))
+        return min(MOST_OPEN_PANELS, max(FIRST_PANELS, LARGE_MATRICES // self.order**2))
 
     @property
     def smooth(self) -> bool:
@@ -117,9 +122,10 @@ class _LoopsInDiscs:
         return E[:, rows, self.block], np.abs(dE[:, rows, self.block])
 
     def about(self, column, middle, radius):
-        """`at` the middles of discs, and the frames on their rims, `(n, points, r, r)`, NaN if there may be a pole inside."""
+        """`at` the middles of discs, and the frames on their rims, `(n, points, r, r)`, NaN if
+        there may be a pole inside."""
         middle = middle[:, None]
-        rim = middle + radius[:, None] * RIM
+        rim = middle + radius[:, None] * HALF_RIM
         columns = self.columns[column][:, None]
         inside = self.frames(columns, middle).pivots
         pivots = self.frames(columns, rim).pivots.reshape(*rim.shape, -1)
@@ -155,10 +161,12 @@ class _LoopsInDiscs:
         return label
 
     def lines_on_panels(self, column, low, high, delta, asked):
-        """What the modes of eigenvalues less 1 in the middles of panels turn in a frame (rad) anywhere on them, `(n, r, 3)`.
+        """What the modes of eigenvalues less 1 in the middles of panels turn in a frame (rad)
+        anywhere on them, `(n, r, 3)`.
 
-        They are asked about of some modes, a mask `(n, r)`; the others have their angles. Lines are told in the middle and at
-        both ends; a mode may have any that it, or one next to it there, may have.
+        They are asked about of some modes, a mask `(n, r)`; the others have their angles. Lines are
+        told in the middle and at both ends; a mode may have any that it, or one next to it there,
+        may have.
         """
         some = np.flatnonzero(asked.any(-1))
         owner = self.columns[column[some]]
@@ -172,7 +180,7 @@ class _LoopsInDiscs:
             there = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
             distance = np.abs(there[:, :, None] - middle[:, None, :])
             nearest = distance.min(1, keepdims=True)
-            near = distance <= NEXT_TO * nearest + np.finfo(float).eps
+            near = distance <= NEXT_TO_DISC * nearest + np.finfo(float).eps
             lines = self.told(owner, p, there, (near & asked[some][:, None, :]).any(-1))
             least = np.where(near, lines[..., LOWEST, None], np.inf).min(1)
             most = np.where(near, lines[..., HIGHEST, None], 0.0).max(1)
@@ -184,7 +192,8 @@ class _LoopsInDiscs:
         return turns
 
     def told(self, columns, p, delta, asked):
-        """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The others may have their angles."""
+        """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The
+        others may have their angles."""
         turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
         conjugate = np.abs(delta[:, :, None] - delta.conj()[:, None, :]).argmin(-1)
         asked = asked | np.take_along_axis(asked, conjugate, 1)
@@ -199,7 +208,8 @@ class _LoopsInDiscs:
         return np.where((asked & ~upper)[..., None], of_conjugate, turns)
 
     def worst(self, column, p):
-        """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how much."""
+        """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how
+        much."""
         E, _ = self.at(np.full(p.size, np.searchsorted(self.columns, column)), p)
         finite = np.isfinite(E).all((-1, -2))
         delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)

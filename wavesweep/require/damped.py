@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 
 class Damped(NamedTuple):
-    """The least damping ratio of some modes: those with the word `modes`, without those that fall to 1/e in `slower_than` s.
+    """The least damping ratio of some modes: those with the word `modes`, without those that fall
+    to 1/e in `slower_than` s.
 
     clocks: of the spec in a frame.
     """
@@ -24,13 +25,15 @@ class Damped(NamedTuple):
     clocks: float = 1.0
 
     def gone(self, period: np.ndarray) -> np.ndarray:
-        """The size of an eigenvalue below which a mode needs no damping ratio, by the frame's period (s)."""
+        """The size of an eigenvalue below which a mode needs no damping ratio, by the frame's
+        period (s)."""
         from wavesweep.engine.poles import size_gone
 
         return size_gone(period, self.slower_than, self.clocks)
 
     def spiral(self, period: np.ndarray, ticks: int) -> Spiral:
-        """Where the eigenvalues have to be; period: of the frame of each column (s), of so many ticks."""
+        """Where the eigenvalues have to be; period: of the frame of each column (s), of so many
+        ticks."""
         from wavesweep.require.discs import Spiral
 
         return Spiral(

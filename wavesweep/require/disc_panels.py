@@ -1,30 +1,34 @@
-"""Intervals of a number from panels of its span, each of which is in an interval, or not, as a whole; else it is halved."""
+"""Intervals of a number from panels of its span, each of which is in an interval, or not, as a
+whole; else it is halved."""
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.intervals import NEAR_ZERO, Intervals
+from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 
-PANELS = 16  # of a column to begin with
-OFTEN = 16  # times so many, in all
-ENTRIES = 2_000_000  # of matrices at a time
-RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
-NARROW = 16  # see Accuracy
-LOOKED_AT = 0.5 ** np.arange(1, 9)  # of what is not proved next to the low end
-OUTSIDE = 1e-9  # by which it would be seen to be so there
-GAP = 2  # times as exact as ends are, in the middle of which one is
+FIRST_PANELS = 16  # of a column to begin with
+MOST_IN_ALL = 16  # times so many, in all
+MATRIX_ENTRIES_AT_ONCE = 2_000_000  # of matrices at a time
+# of a disc; its lower half is the conjugate
+HALF_RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)
+NARROW_PANEL = 16  # see Accuracy
+LOW_END_PARTS = 0.5 ** np.arange(1, 9)  # of what is not proved next to the low end
+SEEN_OUTSIDE = 1e-9  # by which it would be seen to be so there
+GAP_EXACTNESS = 2  # times as exact as ends are, in the middle of which one is
 SAFE = 1.5  # on the largest value at points of a rim, for those between
 GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the larger one holds
 
 
 class Accuracy(NamedTuple):
-    """How exact ends are, of themselves and of a NEAR_ZERO-th of the span, and how many of the narrowest panels are as wide.
+    """How exact ends are, of themselves and of a NEAR_ZERO-th of the span, and how many of the
+    narrowest panels are as wide.
 
-    least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in the one no panel is halved;
-    an interval that is proved from the other one on, of each column, begins at the low end, if nothing is outside at the values
-    that are looked at in between. slow: of that share no panel is halved below a NARROW-th of its distance, since rounding does
+    least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in
+    the one no panel is halved; an interval that is proved from the other one on, of each column,
+    begins at the low end, if nothing is outside at the values that are looked at in between. slow:
+    of that share no panel is halved below a NARROW_PANEL-th of its distance, since rounding does
     not tell the eigenvalue of the drift from 1.
     """
 
@@ -36,14 +40,14 @@ class Accuracy(NamedTuple):
 
     def of(self, p, width):
         """How exact an end at p is, in a span of that width."""
-        return self.exact * (np.abs(p) + NEAR_ZERO * width)
+        return self.exact * (np.abs(p) + SHARE_OF_SPAN * width)
 
 
 class Judge(Protocol):
     """What labels the panels of some columns.
 
-    order: of its matrices. many: panels of a column that are open, beyond which it is given up. smooth: whether `worst` is
-    smooth in the number.
+    order: of its matrices. many: panels of a column that are open, beyond which it is given up.
+    smooth: whether `worst` is smooth in the number.
     """
 
     columns: np.ndarray
@@ -52,18 +56,22 @@ class Judge(Protocol):
     smooth: bool
 
     def label(self, column, low, high, bounds) -> np.ndarray:
-        """GOOD, BAD or OPEN of panels; column: index into its columns. bounds: p beyond them has no loop."""
+        """GOOD, BAD or OPEN of panels; column: index into its columns. bounds: p beyond them has
+        no loop."""
 
     def worst(self, column, p) -> tuple[np.ndarray, np.ndarray]:
-        """What decides at values of a column, on the unit circle or near it, less 1, and by how much it is outside."""
+        """What decides at values of a column, on the unit circle or near it, less 1, and by how
+        much it is outside."""
 
 
 def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accuracy) -> Intervals:
-    """All intervals of a number p within span = (low, high) in which all judges find GOOD, per column.
+    """All intervals of a number p within span = (low, high) in which all judges find GOOD, per
+    column.
 
-    known: columns of which anything is known, `(columns,)`. period: of the frame, s, `(columns,)`. bounds: p beyond them has no
-    loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no narrow features there. What is left are
-    the ends, each in a gap as narrow as ends are exact, and panels in doubt.
+    known: columns of which anything is known, `(columns,)`. period: of the frame, s, `(columns,)`.
+    bounds: p beyond them has no loop, two arrays `(columns,)`. resolved(column, low, high): whether
+    loops have no narrow features there. What is left are the ends, each in a gap as narrow as ends
+    are exact, and panels in doubt.
     """
     panels = []
     for is_known in known:
@@ -109,7 +117,8 @@ class _Row(NamedTuple):
 
 
 class _End(NamedTuple):
-    """The end of an interval: its value, the frequency there (rad/s), and what is left of the equation."""
+    """The end of an interval: its value, the frequency there (rad/s), and what is left of the
+    equation."""
 
     value: float
     omega: float
@@ -125,14 +134,14 @@ class _Worst(NamedTuple):
 
 def _panels(judge, span, bounds, resolved, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
-    edges = np.linspace(*span, PANELS + 1)
+    edges = np.linspace(*span, FIRST_PANELS + 1)
     width = span[1] - span[0]
     count = len(judge.columns)
-    column = np.repeat(np.arange(count), PANELS)
+    column = np.repeat(np.arange(count), FIRST_PANELS)
     low = np.tile(edges[:-1], count)
     high = np.tile(edges[1:], count)
     many = judge.many
-    at_once = max(1, ENTRIES // (2 * RIM.size * judge.order**2))
+    at_once = max(1, MATRIX_ENTRIES_AT_ONCE // (2 * HALF_RIM.size * judge.order**2))
     tried = np.zeros(count, int)
     done = []
     while column.size:
@@ -148,11 +157,11 @@ def _panels(judge, span, bounds, resolved, accuracy):
         drifts = accuracy.slow & (from_low_end <= begun)
         narrow = accuracy.finest * size <= accuracy.of((low + high) / 2, width)
         narrow |= from_low_end <= accuracy.least * width
-        narrow |= drifts & (NARROW * size <= from_low_end)
+        narrow |= drifts & (NARROW_PANEL * size <= from_low_end)
 
         open_panels = np.bincount(column, minlength=count)
         tried += open_panels
-        given_up = (open_panels > many) | (tried > OFTEN * many)
+        given_up = (open_panels > many) | (tried > MOST_IN_ALL * many)
         label[(label == OPEN) & ~narrow & given_up[column]] = LOST
         closed = (label != OPEN) | narrow
         done.append((column[closed], low[closed], label[closed]))
@@ -167,7 +176,8 @@ def _panels(judge, span, bounds, resolved, accuracy):
 
 
 def _merged(column, panels, span, accuracy):
-    """Low ends and labels of runs of panels: of several partitions of the span, each as sorted low ends and labels."""
+    """Low ends and labels of runs of panels: of several partitions of the span, each as sorted
+    low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
     label = np.full(edges.size, GOOD)
     for low, of_panel in panels:
@@ -182,7 +192,7 @@ def _merged(column, panels, span, accuracy):
     after = np.append(size[1:], 0)
     open_before = np.append(LOST, label[:-1]) == OPEN
     open_after = np.append(label[1:], LOST) == OPEN
-    small = (size <= exact / 8) | (before + size + after <= GAP * exact)
+    small = (size <= exact / 8) | (before + size + after <= GAP_EXACTNESS * exact)
     edges, label = _runs(edges, np.where(open_before & open_after & small, OPEN, label))
 
     from_low_end = np.append(edges[1:], span[1]) - span[0]
@@ -213,13 +223,13 @@ def _intervals(column, edges, label, judges, span, period, accuracy):
         sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
         if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
             if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
-                looked_at = low + (high - low) * LOOKED_AT
+                looked_at = low + (high - low) * LOW_END_PARTS
                 begun = all(
-                    (judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging
+                    (judge.worst(column, looked_at)[1] <= SEEN_OUTSIDE).all() for judge in judging
                 )
                 if begun:
                     continue
-            if high - low > GAP * accuracy.of(high, width):
+            if high - low > GAP_EXACTNESS * accuracy.of(high, width):
                 doubt = max(doubt, Doubt.ROUNDING)
             gaps[low] = low, high
             gaps[high] = low, high

@@ -1,4 +1,5 @@
-"""Discs about the eigenvalues of matrices, and whether these are all in their place: within a spiral, or on the unit circle."""
+"""Discs about the eigenvalues of matrices, and whether these are all in their place: within a
+spiral, or on the unit circle."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -6,38 +7,42 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import ROUNDING, balance, inverse
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse
 from wavesweep.engine.poles import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
-SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding
-FINE = 0.1  # what an inverse of eigenvectors may be off by
+ZERO_EIGENVALUES = 1e-3  # up to which eigenvalues may be 0 but for rounding
+INVERSE_FINE = 0.1  # what an inverse of eigenvectors may be off by
 # Of the largest coefficient of a characteristic polynomial, by how much it may differ read
 # backwards.
 CONSERVING = 1e-10
 OWN, LOWEST, HIGHEST = range(3)  # lines of a mode: the strongest, and those that it may be
-GROWN = 1e4  # entry of a frame, from which on nothing is left of that
+GROWN_ENTRY = 1e4  # entry of a frame, from which on nothing is left of that
 
 
 @dataclass(frozen=True, slots=True)
 class Spiral:
     """The eigenvalues of modes with at least the damping ratio `ratio`, above 0 and below 1.
 
-    A frame of T seconds shows a mode `exp(s t)` as its eigenvalue `z = exp(s T)`, which has the frequency up to whole turns: of
-    all `Im s T = angle + 2 pi m` it is that of the strongest line in the spectrum of the states, the number `turns` (rad, not
-    negative; the own, the lowest and the highest one that may be it, see `FramesAlong.turns`; without any, the angle). Its
-    damping ratio is `-Re s/|s|`. So with `c = ratio/sqrt(1 - ratio^2)` and w = turns it has the ratio where
+    A frame of T seconds shows a mode `exp(s t)` as its eigenvalue `z = exp(s T)`, which has the
+    frequency up to whole turns: of all `Im s T = angle + 2 pi m` it is that of the strongest line
+    in the spectrum of the states, the number `turns` (rad, not negative; the own, the lowest and
+    the highest one that may be it, see `FramesAlong.turns`; without any, the angle). Its damping
+    ratio is `-Re s/|s|`. So with `c = ratio/sqrt(1 - ratio^2)` and w = turns it has the ratio where
 
         log |z| + c w <= 0,
 
-    or where z is within `gone` of 0, a number or `(columns, 1)`. In a disc of radius r about z the logarithm moves by less than
-    `-log(1 - r/|z|)`, which is less than the distance `|log |z| + c w|/sqrt(1 + c^2)` from that line for
-    `r < |z| (1 - exp(-|log |z| + c w|/sqrt(1 + c^2)))`: then the whole disc is on one side, whatever branch w is of. Where
-    several lines are about as strong, turns has the lowest and the highest one: a mode has the ratio if it has it by the
-    highest, and has not if it has not by the lowest. Every w is at least the angle of z, and at most half a turn per tick.
+    or where z is within `gone` of 0, a number or `(columns, 1)`. In a disc of radius r about z the
+    logarithm moves by less than `-log(1 - r/|z|)`, which is less than the distance `|log |z| + c
+    w|/sqrt(1 + c^2)` from that line for `r < |z| (1 - exp(-|log |z| + c w|/sqrt(1 + c^2)))`: then
+    the whole disc is on one side, whatever branch w is of. Where several lines are about as strong,
+    turns has the lowest and the highest one: a mode has the ratio if it has it by the highest, and
+    has not if it has not by the lowest. Every w is at least the angle of z, and at most half a turn
+    per tick.
 
-    ticks: of a frame. pairs: whether complex pairs alone have to, and real eigenvalues below 0 only within the unit circle. One
-    that is alone in a disc about a real number is real, as its conjugate is in the disc too.
+    ticks: of a frame. pairs: whether complex pairs alone have to, and real eigenvalues below 0 only
+    within the unit circle. One that is alone in a disc about a real number is real, as its
+    conjugate is in the disc too.
     """
 
     ratio: float
@@ -70,20 +75,22 @@ class Spiral:
     @property
     def small(self) -> float:
         """The size up to which eigenvalues are taken together."""
-        return min(SMALL, float(np.min(self.least)) / 4)
+        return min(ZERO_EIGENVALUES, float(np.min(self.least)) / 4)
 
     def refuse(self, E) -> None:
         """Every loop can be damped."""
 
     def turning(self, delta) -> np.ndarray:
-        """Of which eigenvalues `1 + delta` it matters what they turn: they have the ratio by their angles, and not by any turns."""
+        """Of which eigenvalues `1 + delta` it matters what they turn: they have the ratio by
+        their angles, and not by any turns."""
         with np.errstate(all="ignore"):
             size = np.log(np.abs(1 + delta))
             by_angle = size + self.c * np.abs(np.angle(1 + delta)) <= 0
             return by_angle & (size > np.log(self.least))
 
     def beyond(self, delta, line=OWN):
-        """By how much eigenvalues `1 + delta` are outside, in the logarithm, by their own line, the lowest or the highest."""
+        """By how much eigenvalues `1 + delta` are outside, in the logarithm, by their own line,
+        the lowest or the highest."""
         turns = np.abs(np.angle(1 + delta)) if self.turns is None else self.turns[..., line]
         with np.errstate(all="ignore"):
             size = np.log(np.abs(1 + delta))
@@ -111,7 +118,8 @@ class Spiral:
             # anywhere in the circle.
             becoming_real = (lowest > 0) & (delta.real < -1)
             room = np.where(becoming_real, np.minimum(room, np.abs(delta.imag)), room)
-            # A real one above 0 is no pair, and yet it may turn by whole turns: it is not told what it needs.
+            # A real one above 0 is no pair, and yet it may turn by whole turns: it is not told what
+            # it needs.
             alone = (lowest > 0) & (z < 1) & (delta.imag == 0) & (delta.real > -1)
             room = np.where(alone, 0.0, room)
             room = np.where(self._free(delta), 1 - z, room)
@@ -133,13 +141,14 @@ class Spiral:
 
 @dataclass(frozen=True, slots=True)
 class RequiredCircle:
-    """The eigenvalues of a loop that conserves, if all are on the unit circle and no two are the same: nothing grows.
+    """The eigenvalues of a loop that conserves, if all are on the unit circle and no two are the
+    same: nothing grows.
 
-    Such a loop has with z also 1/conj(z) as an eigenvalue, except for 0 of held values. So one that is alone in its disc, and
-    whose image at the circle is in no other disc, is on the circle.
+    Such a loop has with z also 1/conj(z) as an eigenvalue, except for 0 of held values. So one that
+    is alone in its disc, and whose image at the circle is in no other disc, is on the circle.
     """
 
-    small: ClassVar[float] = SMALL
+    small: ClassVar[float] = ZERO_EIGENVALUES
     smooth: ClassVar[bool] = False
 
     def at(self, columns) -> "RequiredCircle":  # noqa: ARG002
@@ -147,7 +156,8 @@ class RequiredCircle:
         return self
 
     def refuse(self, E) -> None:
-        """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not conserve but for rounding."""
+        """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not
+        conserve but for rounding."""
         for A in E + np.eye(E.shape[-1]):
             polynomial = np.poly(A)
             rounding = CONSERVING * np.abs(polynomial).max()
@@ -155,7 +165,7 @@ class RequiredCircle:
             polynomial = np.trim_zeros(polynomial, "b")
             backwards = np.sign(polynomial[-1]) * polynomial[::-1]
             conserves = np.abs(polynomial - backwards).max() <= rounding
-            if np.abs(A).max() < GROWN and not conserves:
+            if np.abs(A).max() < GROWN_ENTRY and not conserves:
                 raise UsageError(
                     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found "
                     "one that takes or gives energy; leave bounded out, and stable intervals are found"
@@ -187,10 +197,11 @@ class RequiredCircle:
 
 
 def verdicts(E, dE, rims, place, lines=None):
-    """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice the size about them.
+    """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice
+    the size about them.
 
-    place: `Spiral` or `RequiredCircle`. lines: gives what the modes of eigenvalues less 1 in the middles turn on their panels,
-    `(n, r, 3)`, where a spiral asks for it.
+    place: `Spiral` or `RequiredCircle`. lines: gives what the modes of eigenvalues less 1 in the
+    middles turn on their panels, `(n, r, 3)`, where a spiral asks for it.
     """
     n = E.shape[-1]
     label = np.full(len(E), OPEN)
@@ -201,7 +212,7 @@ def verdicts(E, dE, rims, place, lines=None):
         W = inverse(V)
         sizes_W = np.abs(W)
         sizes_V = np.abs(V)
-        off = np.abs(W @ V - np.eye(n)) + n * ROUNDING * (sizes_W @ sizes_V)
+        off = np.abs(W @ V - np.eye(n)) + n * SHORT_SUM_ROUNDING * (sizes_W @ sizes_V)
         loss = off.sum(-1).max(-1)
 
         change = np.zeros(E.shape)
@@ -209,20 +220,20 @@ def verdicts(E, dE, rims, place, lines=None):
             moved = W[:, None] @ (rim - E[:, None]) @ V[:, None]
             change = np.maximum(change, np.abs(moved).max(1))
         residual = np.abs(W @ (E @ V - V * delta[:, None, :]))
-        error = dE + n * ROUNDING * np.abs(E)
+        error = dE + n * SHORT_SUM_ROUNDING * np.abs(E)
         defect = residual + sizes_W @ error @ sizes_V
         entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
         entries = entries / (1 - loss)[:, None, None]
 
-        known = np.isfinite(entries).all((-1, -2)) & (loss < FINE)
+        known = np.isfinite(entries).all((-1, -2)) & (loss < INVERSE_FINE)
         balanced, _ = balance(entries[known])
         label[known] = _of_entries(delta[known], balanced, place.at(known))
     return label
 
 
 def _vectors(E, small):
-    """Eigenvalues less 1 and eigenvectors; for several eigenvalues of I + E up to `small`, which may have too few of these, the
-    vectors of a Schur form.
+    """Eigenvalues less 1 and eigenvectors; for several eigenvalues of I + E up to `small`, which
+    may have too few of these, the vectors of a Schur form.
     """
     from scipy.linalg import schur
 
@@ -241,10 +252,12 @@ def _vectors(E, small):
 
 
 def _of_entries(delta, entries, place):
-    """The labels of panels whose matrices differ from their eigenvalues by these entries, `(n, r, r)`.
+    """The labels of panels whose matrices differ from their eigenvalues by these entries, `(n, r,
+    r)`.
 
-    In units in which the discs that are too large are small beside the others, they are as small as the eigenvalues' first
-    derivatives let them be, however far from normal the frames are; the others may grow by half of their room.
+    In units in which the discs that are too large are small beside the others, they are as small as
+    the eigenvalues' first derivatives let them be, however far from normal the frames are; the
+    others may grow by half of their room.
     """
     room = place.room(delta)
     radius = entries.sum(-1)

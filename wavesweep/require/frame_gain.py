@@ -1,8 +1,10 @@
-"""The gain from an input to an output at all frequencies, and whether it stays below a level on panels of a number.
+"""The gain from an input to an output at all frequencies, and whether it stays below a level on
+panels of a number.
 
-The gain is the H-infinity norm of the map of a frame from the inputs of its ticks to its outputs, `H(z) = T + O (z - A)^-1 G`:
-the root of the largest ratio of the energy of an output to that of its input. It is below the level if `level^2 - H* H` is
-positive on the unit circle. With P = -O'O, S = -O'T and R = level^2 - T'T this is Popov's form
+The gain is the H-infinity norm of the map of a frame from the inputs of its ticks to its outputs,
+`H(z) = T + O (z - A)^-1 G`: the root of the largest ratio of the energy of an output to that of its
+input. It is below the level if `level^2 - H* H` is positive on the unit circle. With P = -O'O, S =
+-O'T and R = level^2 - T'T this is Popov's form
 
     [x; u]* [P S; S' R] [x; u],   x = (z - A)^-1 G u,
 
@@ -10,12 +12,14 @@ and it is singular on the circle only where the pencil `N - z L` is (see `hinf`)
 
     N = [A 0 G; P -1 S; S' 0 R],   L = [1 0 0; 0 -A' 0; 0 -G' 0].
 
-So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is positive everywhere if it is
-at one angle of one number. The same holds on an arc of the circle, a band of frequencies. See `pencil` for how it is shown, and
-`maps` for the map that shows the gain at the frequency itself.
+So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is
+positive everywhere if it is at one angle of one number. The same holds on an arc of the circle, a
+band of frequencies. See `pencil` for how it is shown, and `maps` for the map that shows the gain at
+the frequency itself.
 
-Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a constant input, whose unit
-vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1) in place of u, which multiplies the determinant by
+Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a
+constant input, whose unit vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1)
+in place of u, which multiplies the determinant by
 |z - 1 + f|^2/|z - 1|^2, it is such a form too, and not 0 there: with r = (1 - A)^-1 G w and c = h' O (1 - A)^-1
 
     x = (z - A)^-1 (G - f r w') u,   P = -O'O,   S' = -T'O - f w c A,   R = level^2 - T'T + f^2 c r w w' - f (w c G + G'c'w').
@@ -28,7 +32,7 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.frames import (
-    ROUNDING,
+    SHORT_SUM_ROUNDING,
     MarginalModes,
     Ticks,
     inverse,
@@ -39,21 +43,22 @@ from wavesweep.engine.frames import (
 from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.norms import NEAR, START, with_middles
+from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.engine.response import plus, port_between, times
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, SAFE
+from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, SAFE
 from wavesweep.require.maps import minus, over_frame, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel
 
-POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an angle whatever rounding does
-ANGLES = (
-    8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
-)
+# of the terms of the form, from which on it is positive at an angle whatever rounding does
+POSITIVE = 1e-9
+# eigenvalues next to the circle, at whose angles and between which the form is looked at
+ANGLES = 8
 
 
 def loops_between(loops, along, drift, route, number, p):
-    """The loops `number` at values p as they are seen between an input and a signal, and their pivots."""
+    """The loops `number` at values p as they are seen between an input and a signal, and their
+    pivots."""
     at = loops.some(number).changed({along: p})
     with np.errstate(all="ignore"):
         drawn = at.drawn()
@@ -66,12 +71,13 @@ def loops_between(loops, along, drift, route, number, p):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoundedGain:
-    """The gain of loops between an input and a signal (route) along a number; level: which it has to stay below.
+    """The gain of loops between an input and a signal (route) along a number; level: which it has
+    to stay below.
 
-    A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: of the
-    map, one for each tick. stable: where loops may be stable, and nothing is looked for elsewhere. arc: its ends (rad), on
-    which it has to be so, `(columns, 2)`. at_rest: whether the gain at rest is the level
-    at all values, and its neighbourhood decides.
+    A judge of `panels`, of these columns. kept: states that the input reaches and the signal
+    depends on. inputs: of the map, one for each tick. stable: where loops may be stable, and
+    nothing is looked for elsewhere. arc: its ends (rad), on which it has to be so, `(columns, 2)`.
+    at_rest: whether the gain at rest is the level at all values, and its neighbourhood decides.
     """
 
     loops: Loops
@@ -94,7 +100,8 @@ class BoundedGain:
         return 2 * self.kept.size + self.inputs
 
     def maps(self, column, p):
-        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots; NaN without a solution."""
+        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots;
+        NaN without a solution."""
         own = self.columns[column]
         try:
             port, pivots = loops_between(self.loops, self.along, self.drift, self.route, own, p)
@@ -121,14 +128,16 @@ class BoundedGain:
         return E[0]
 
     def at_rest_through(self, column, p):
-        """What comes of inputs that are constant, as a map of a frame, and the constant input, of length 1."""
+        """What comes of inputs that are constant, as a map of a frame, and the constant input,
+        of length 1."""
         maps, _ = self.maps(column, p)
         E, G, O, T = (matrix for matrix, _ in maps)
         w = np.full((self.inputs, 1), self.inputs**-0.5)
         return T - O @ solve(E, G), w
 
     def off_at_rest(self, column, p):
-        """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
+        """By how much what comes of a constant input, and what goes to a constant output, differ
+        from the level at rest."""
         H, w = self.at_rest_through(column, p)
         signed = np.copysign(self.level, w.mT @ H @ w) * w
         of_output = np.abs(H @ w - signed).max((-1, -2))
@@ -147,11 +156,11 @@ class BoundedGain:
         return label
 
     def _about(self, column, low, high, bounds):
-        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`, their number, and where they
-        are known."""
+        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`,
+        their number, and where they are known."""
         middle = (low + high) / 2
         radius = high - low  # twice that of the panel
-        p = middle[:, None] + radius[:, None] * np.append(0.0, RIM)
+        p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
         maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
         known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
         known &= ~poles_inside(pivots.reshape(*p.shape, -1))
@@ -190,7 +199,8 @@ class BoundedGain:
         return label
 
     def worst(self, column, p):
-        """The point of the circle, less 1, at which the form is least, and by how much it is negative, of its terms."""
+        """The point of the circle, less 1, at which the form is least, and by how much it is
+        negative, of its terms."""
         maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         form = self.form(1, *maps)
         (K, dK), (L, dL) = self.pencil(maps[0], *form)
@@ -203,7 +213,8 @@ class BoundedGain:
         return on_circle(theta[loop, lowest]), -value[loop, lowest] / size[loop, lowest]
 
     def form(self, points, E, G, O, T):
-        """The matrices G, P, S, R of the form, each with a bound on its error; points: of a disc, with one b."""
+        """The matrices G, P, S, R of the form, each with a bound on its error; points: of a
+        disc, with one b."""
         if self.at_rest:
             return self._form_at_rest(points, E, G, O, T)
         back = transposed(O)
@@ -221,13 +232,13 @@ class BoundedGain:
         G_w = times(G, w)
         r = X @ G_w[0]
         r_size = np.abs(r)
-        r_rounding = ROUNDING * (np.abs(E[0]) @ r_size + np.abs(G_w[0]))
+        r_rounding = SHORT_SUM_ROUNDING * (np.abs(E[0]) @ r_size + np.abs(G_w[0]))
         r = r, X_size @ (E[1] @ r_size + G_w[1] + r_rounding)
 
         h_O = times(transposed(h), O)
         c = h_O[0] @ X
-        E_error = E[1] + ROUNDING * np.abs(E[0])
-        c = c, (np.abs(c) @ E_error + h_O[1] + ROUNDING * np.abs(h_O[0])) @ X_size
+        E_error = E[1] + SHORT_SUM_ROUNDING * np.abs(E[0])
+        c = c, (np.abs(c) @ E_error + h_O[1] + SHORT_SUM_ROUNDING * np.abs(h_O[0])) @ X_size
 
         # By so many frames a slow input is late.
         frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2
@@ -273,7 +284,7 @@ class BoundedGain:
         (K, L), (K_error, L_error) = pencils
         L[..., x, x] = np.eye(n)
         L[..., l, l] -= np.eye(n)
-        return (K, np.abs(K_error)), (L, np.abs(L_error) + ROUNDING * np.abs(L))
+        return (K, np.abs(K_error)), (L, np.abs(L_error) + SHORT_SUM_ROUNDING * np.abs(L))
 
 
 class Sine(BoundedGain):
@@ -328,22 +339,23 @@ def _of_panels(pairs, at):
 
 
 def _angles(d, arc):
-    """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of eigenvalues next to the circle, and
-    between these."""
+    """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of
+    eigenvalues next to the circle, and between these."""
     off = off_circle(d)
     nearest = np.argsort(off, -1)[:, :ANGLES]
     d = np.take_along_axis(d, nearest, -1)
     off = np.take_along_axis(off, nearest, -1)
     low = arc[:, :1]
     high = arc[:, 1:]
-    beside = np.where(off <= NEAR, angles_of(d), np.nan)
+    beside = np.where(off <= NEAR_CIRCLE, angles_of(d), np.nan)
     angles = with_middles(np.clip(beside, low, high))
     angles = np.where(np.isnan(angles), low, np.clip(angles, low, high))
     return np.concatenate([angles, low + (high - low) * START / np.pi], -1)
 
 
 def _least(parts, theta):
-    """The least eigenvalue of the form at angles, `(n, angles)`, the size of its terms, and its vectors.
+    """The least eigenvalue of the form at angles, `(n, angles)`, the size of its terms, and its
+    vectors.
 
     parts: E, G, P, S, R of each, `(n, r, c)`.
     """
@@ -365,10 +377,11 @@ def _least(parts, theta):
 
 
 def _negative(parts, theta, v):
-    """Whether the form is negative at an angle, in a direction v of the inputs, for all numbers of discs.
+    """Whether the form is negative at an angle, in a direction v of the inputs, for all numbers of
+    discs.
 
-    parts: E, G, P, S, R, each with a bound on its error, in the middle of a disc and on a circle of twice its size. The state x
-    and the size a of the input u = v a solve
+    parts: E, G, P, S, R, each with a bound on its error, in the middle of a disc and on a circle of
+    twice its size. The state x and the size a of the input u = v a solve
 
         B [x; a] = [0; 1],   B = [w - E, -G v; l],   w = z - 1,
 
@@ -376,13 +389,14 @@ def _negative(parts, theta, v):
 
         f = x~' (P x + S u) + u~' (S' x + R u),
 
-    in which x~ and u~ solve the same for the conjugates of w, v and l: those of x and u where the number is real, and
-    continued from there. If B and B~ are regular, f is analytic in the number, and with Schwarz's lemma in the disc
+    in which x~ and u~ solve the same for the conjugates of w, v and l: those of x and u where the
+    number is real, and continued from there. If B and B~ are regular, f is analytic in the number,
+    and with Schwarz's lemma in the disc
 
         |f - f(middle)| <= 1/2 max |f - f(middle)|,   the largest on the circle.
 
-    In the middle the equations are off by m, so the state and the input by dx and du, and the form by df, where dP, dS and dR
-    count rounding as well:
+    In the middle the equations are off by m, so the state and the input by dx and du, and the form
+    by df, where dP, dS and dR count rounding as well:
 
         m = [dE |x| + dG |u|; 0] + rounding,   [dx; da] = |B^-1| m,   du = |v| da,
         df = |x|' dP |x| + 2 |x|' dS |u| + |u|' dR |u| + 2 |P x + S u|' dx + 2 |S' x + R u|' du.
@@ -418,7 +432,7 @@ def _negative(parts, theta, v):
     x_size = np.abs(x)
     u_size = np.abs(u)
     back_size = np.abs(back[:, 0])
-    rough = 2 * (n + 4) * ROUNDING
+    rough = 2 * (n + 4) * SHORT_SUM_ROUNDING
     dP = dP[:, 0] + rough * np.abs(P)
     dS = dS[:, 0] + rough * np.abs(S)
     dR = dR[:, 0] + rough * np.abs(R)
@@ -438,12 +452,14 @@ def _negative(parts, theta, v):
 
 
 def poles_inside(pivots):
-    """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper half, `(n, points, k)`."""
+    """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper
+    half, `(n, points, k)`."""
     moving = (pivots != pivots[:, :1]).any((1, 2))
     return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving
 
 
 def _determinants(A):
-    """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its middle."""
+    """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its
+    middle."""
     sign, log = np.linalg.slogdet(A)
     return sign * np.exp(log - log[:, :1])

@@ -1,4 +1,5 @@
-"""The bounds on gains as values, and the words of requirements. Specs have it, so that it does not load numpy."""
+"""The bounds on gains as values, and the words of requirements. Specs have it, so that it does
+not load numpy."""
 
 from __future__ import annotations
 
@@ -8,7 +9,8 @@ LIFTED, BASE_BAND = "lifted", "base-band"
 
 
 class GainBound(NamedTuple):
-    """What a gain has to be below: the names of an input and an output, the level, a band, and what the gain is."""
+    """What a gain has to be below: the names of an input and an output, the level, a band, and
+    what the gain is."""
 
     source: str
     signal: str
@@ -24,9 +26,11 @@ class GainBound(NamedTuple):
 
 
 class CutBound(NamedTuple):
-    """What the distance of 1/(1 + L) to a number has to be below, of the loop L that is cut at a signal.
+    """What the distance of 1/(1 + L) to a number has to be below, of the loop L that is cut at a
+    signal.
 
-    centre: 0 for the peak sensitivity Ms; 1/2 for the disk margin, which is 1 over the largest distance.
+    centre: 0 for the peak sensitivity Ms; 1/2 for the disk margin, which is 1 over the largest
+    distance.
     """
 
     cut: str
@@ -37,7 +41,8 @@ class CutBound(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """The margins of a loop that is cut at a signal: the largest Ms, and the least disk margin; None if it may be any."""
+    """The margins of a loop that is cut at a signal: the largest Ms, and the least disk margin;
+    None if it may be any."""
 
     cut: str
     Ms: float | None = None

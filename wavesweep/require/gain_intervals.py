@@ -1,7 +1,8 @@
-"""Where the gain from an input to an output stays below a level at all frequencies, along any number of a loop.
+"""Where the gain from an input to an output stays below a level at all frequencies, along any
+number of a loop.
 
-`frame_gain` says what the gain is and how a panel of the number is judged, `long_gain` the same for frames of many ticks, and
-`maps` has the map that shows the gain at the frequency itself.
+`frame_gain` says what the gain is and how a panel of the number is judged, `long_gain` the same for
+frames of many ticks, and `maps` has the map that shows the gain at the frequency itself.
 """
 
 from dataclasses import replace
@@ -10,7 +11,7 @@ import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.intervals import NEAR_ZERO, Intervals
+from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import reached, read
 from wavesweep.require.disc_panels import Accuracy, along_panels
@@ -21,12 +22,12 @@ from wavesweep.require.long_gain import LongGain
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
 # Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
 # its root.
-EXACT = 1e-8
+END_EXACTNESS = 1e-8
 # Of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`.
-BESIDE = 1e-6
-SLOW = 1e-7
-MANY = 24  # ticks of a frame, beyond which its inputs are eliminated
-AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
+BESIDE_POLE = 1e-6
+SLOW_MODE = 1e-7
+MOST_DENSE_TICKS = 24  # ticks of a frame, beyond which its inputs are eliminated
+AT_REST_ANGLE = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
 
 
 def along_gain(
@@ -40,12 +41,14 @@ def along_gain(
     wanted: GainBound,
     stable: Intervals,
 ) -> Intervals:
-    """All intervals of a number in which the gain of loops stays below a level, within those in which they may be stable.
+    """All intervals of a number in which the gain of loops stays below a level, within those in
+    which they may be stable.
 
-    route: the input and the signal. period: of the frame, s, `(columns,)`. The next: see `along_panels`. The omegas of ends are
-    those at which the gain is largest, with a minus: no mode is on the circle there. A gain at rest that is the level at all
-    values is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
-    Errors: UsageError if the signal moves without end, and for a band or a loop that the gain cannot be had of.
+    route: the input and the signal. period: of the frame, s, `(columns,)`. The next: see
+    `along_panels`. The omegas of ends are those at which the gain is largest, with a minus: no mode
+    is on the circle there. A gain at rest that is the level at all values is taken as it, and its
+    neighbourhood decides. Accuracy: ends to END_EXACTNESS. Errors: UsageError if the signal moves
+    without end, and for a band or a loop that the gain cannot be had of.
     """
     drift = loops.changed({along: np.array(span)}).drift(watched=route[1:])
     width = span[1] - span[0]
@@ -64,13 +67,13 @@ def along_gain(
     of_sine = wanted.measure == BASE_BAND and ticks > 1
     step = period / ticks if of_sine else period
     in_general = Sine if of_sine else BoundedGain
-    kind = LongGain if ticks > MANY and not of_sine else in_general
+    kind = LongGain if ticks > MOST_DENSE_TICKS and not of_sine else in_general
     about = loops, along, route, wanted.at_most, drift, _needed(port.maps), ticks
     arc = _arc(wanted, ticks, step)
     gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
 
     off = gain.off_at_rest(number, p)
-    is_level = (off <= AT_REST * gain.level).reshape(size, -1).all(-1)
+    is_level = (off <= AT_REST_ANGLE * gain.level).reshape(size, -1).all(-1)
     at_rest = is_level & (gain.arc[:, 0] == 0)
     judges = []
     if (~at_rest).any():
@@ -79,15 +82,15 @@ def along_gain(
         columns = np.flatnonzero(at_rest)
         judges.append(in_general(*about, columns, stable, gain.arc, at_rest=True))
 
-    low_end = np.full(size, span[0] + BESIDE * width)
+    low_end = np.full(size, span[0] + BESIDE_POLE * width)
     poles = np.linalg.eigvals(gain.changes(np.arange(size), low_end))
     with np.errstate(divide="ignore"):
-        begun = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
-    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(begun, EXACT), slow=True)
+        begun = BESIDE_POLE * np.minimum(1.0, SLOW_MODE / np.abs(poles).min(-1))
+    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, np.maximum(begun, END_EXACTNESS), slow=True)
     known = np.ones(size, bool)
     found = along_panels(judges, known, span, step, bounds, resolved, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return _attached(found, stable, NEAR_ZERO * width)
+    return _attached(found, stable, SHARE_OF_SPAN * width)
 
 
 def _needed(maps):
@@ -97,7 +100,8 @@ def _needed(maps):
 
 
 def _arc(wanted, ticks, step):
-    """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; step: of the map, s."""
+    """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; step: of the map,
+    s."""
     if wanted.band_hz is None:
         return np.tile([0.0, np.pi], (step.size, 1))
     arc = 2 * np.pi * np.outer(step, wanted.band_hz)
@@ -125,7 +129,7 @@ def _attached(found, stable, nothing):
     for side in ("low", "high"):
         end = getattr(found, side)[:, None]
         stable_end = getattr(stable, side)
-        exact = EXACT * (np.abs(stable_end) + nothing)
+        exact = END_EXACTNESS * (np.abs(stable_end) + nothing)
         near = (np.abs(end - stable_end) <= exact) & same_column
         nearest = near.argmax(-1)
         for name in (side, f"{side}_omega"):

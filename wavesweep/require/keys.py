@@ -135,11 +135,12 @@ HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 
 @dataclass(frozen=True, slots=True)
 class Require(TableValue):
-    """The bounds on every mode: its size after T_s or a tick, the times (s) in which it is down to SETTLED and to 1/e, its
-    damping ratio.
+    """The bounds on every mode: its size after T_s or a tick, the times (s) in which it is down to
+    SETTLED and to 1/e, its damping ratio.
 
-    modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time (s) do not. bounded:
-    whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
+    modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time
+    (s) do not. bounded: whether the modes of a loop that conserves have to stay on the unit circle,
+    in place of all of these.
     """
 
     radius: float | None = None
@@ -237,7 +238,8 @@ def build(request: Request) -> Require | None:
 
 
 def _refuse_single(mistakes, leaves):
-    """Take the margins of a gain or a phase alone out of the table, with the disk that holds them."""
+    """Take the margins of a gain or a phase alone out of the table, with the disk that holds
+    them."""
     for name in SINGLE:
         leaf = leaves.pop(f"margins.{name}", None)
         if leaf is None:
@@ -255,7 +257,8 @@ def _refuse_single(mistakes, leaves):
 
 
 def _refuse_wrong_cut(request, leaves):
-    """Add the mistakes of margins without a cut, or with one at which the loop cannot be cut, and of a cut alone."""
+    """Add the mistakes of margins without a cut, or with one at which the loop cannot be cut,
+    and of a cut alone."""
     given = [name for name in OF_MARGINS if name in leaves]
     if not given:
         return

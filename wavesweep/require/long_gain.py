@@ -1,20 +1,24 @@
-"""The gain of loops with many ticks in a frame: the inputs are gone before the pencil of a level is looked at.
+"""The gain of loops with many ticks in a frame: the inputs are gone before the pencil of a level is
+looked at.
 
-In each tick the balance `level^2 u^2 - y^2` is stationary in its input, and ticks are joined by Redheffer's star product, as in
-`hinf.then`, for a disc of complex numbers. What is left of a frame has A, G and Q of as many rows as it has states,
+In each tick the balance `level^2 u^2 - y^2` is stationary in its input, and ticks are joined by
+Redheffer's star product, as in `hinf.then`, for a disc of complex numbers. What is left of a frame
+has A, G and Q of as many rows as it has states,
 
     x+ = A x - G l+,   l = Q x + A' l+,   N = [A 0; -Q 1],   L = [1 G; 0 A'],
 
-and the form of `frame_gain` is singular on the circle only where the pencil `N - z L` is. The join of two parts
-eliminates the state between them with the matrix `[-G_1 -1; -1 Q_2]`, and a tick its input with `r = level^2 - d^2`.
-Where none of these is singular in a disc, A, G and Q are analytic there. By Sylvester's law of inertia the form has
+and the form of `frame_gain` is singular on the circle only where the pencil `N - z L` is. The join
+of two parts eliminates the state between them with the matrix `[-G_1 -1; -1 Q_2]`, and a tick its
+input with `r = level^2 - d^2`. Where none of these is singular in a disc, A, G and Q are analytic
+there. By Sylvester's law of inertia the form has
 
     the negative eigenvalues of [-G A - z; (A - z)* Q], less n, and those of all r, and of all joins, less n each,
 
-as negative eigenvalues, n the number of states. What is eliminated has as many on all of a panel as in its middle, since it
-is not singular in between. If the form is negative in the middle at some z, and the pencil is not singular at that one z for
-any number of the panel, the gain is too large in all of it, or infinite. Where something that is eliminated may be singular,
-a gain beyond a higher level, or below a lower one, decides as well.
+as negative eigenvalues, n the number of states. What is eliminated has as many on all of a panel as
+in its middle, since it is not singular in between. If the form is negative in the middle at some z,
+and the pencil is not singular at that one z for any number of the panel, the gain is too large in
+all of it, or infinite. Where something that is eliminated may be singular, a gain beyond a higher
+level, or below a lower one, decides as well.
 """
 
 from typing import NamedTuple
@@ -22,26 +26,37 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import ROUNDING, Change, balance, in_a_row, inverse, on_circle, solve
-from wavesweep.engine.norms import NEAR, with_middles
+from wavesweep.engine.frames import (
+    SHORT_SUM_ROUNDING,
+    Change,
+    balance,
+    in_a_row,
+    inverse,
+    on_circle,
+    solve,
+)
+from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
 from wavesweep.engine.response import plus, times
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
+from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.frame_gain import BoundedGain, loops_between, poles_inside
 from wavesweep.require.maps import Pair, minus, of_ticks, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_arc
 
-SURE = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
+SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
 ANGLES = 8  # of eigenvalues next to the arc: there, and between these, the form is looked at
-BESIDE = 1.02  # times the level, or less by it: there something else is singular where its parts are eliminated
+# times the level, or less by it: there something else is singular where its parts are eliminated
+BESIDE_LEVEL = 1.02
 FIXED = 0.0, 0.37, 0.71, 1.0  # of an arc, where it is looked at as well
 SWEEPS = 12  # of balancing
 
 
 class Joined(NamedTuple):
-    """A, less identity, G and Q of some ticks at points, of which some in a row are of each panel, the first its middle.
+    """A, less identity, G and Q of some ticks at points, of which some in a row are of each panel,
+    the first its middle.
 
-    A, G, Q: each with a bound on its error. points: of a panel. pivots: of what is eliminated. below: how many negative
-    directions that has beside those of states, in the middle of each panel; NaN if rounding does not tell.
+    A, G, Q: each with a bound on its error. points: of a panel. pivots: of what is eliminated.
+    below: how many negative directions that has beside those of states, in the middle of each
+    panel; NaN if rounding does not tell.
     """
 
     E: Pair
@@ -56,7 +71,7 @@ def of_tick(e: Pair, b: Pair, c: Pair, d: Pair, square: float, points: int) -> J
     """Return a tick with one input and one output; square: of the level; points: of a panel."""
     r = plus((np.full_like(d[0], square), 0.0), minus(times(d, d)))
     over = 1 / r[0]
-    over = over, np.abs(over) ** 2 * r[1] + ROUNDING * np.abs(over)
+    over = over, np.abs(over) ** 2 * r[1] + SHORT_SUM_ROUNDING * np.abs(over)
     E = plus(e, times(times(b, times(d, over)), c))
     G = times(times(b, over), transposed(b))
     Q = minus(times(times(transposed(c), scaled(square, over)), c))
@@ -70,7 +85,7 @@ def then(first: Joined, second: Joined) -> Joined:
     star = plus((identity, 0.0), times(first.G, second.Q))
     X = inverse(star[0])
     size = np.abs(X)
-    missed = np.abs(identity - X @ star[0]) + ROUNDING * (size @ np.abs(star[0]))
+    missed = np.abs(identity - X @ star[0]) + SHORT_SUM_ROUNDING * (size @ np.abs(star[0]))
     X = X, (size @ star[1] + missed) @ size
     A_1, A_2 = (plus((identity, 0.0), each.E) for each in (first, second))
     spread = times(X, first.G)
@@ -88,7 +103,8 @@ def then(first: Joined, second: Joined) -> Joined:
 
 
 def _negative(G, Q):
-    """How many negative eigenvalues `[-G -1; -1 Q]` has beside one for each state; NaN if rounding does not tell."""
+    """How many negative eigenvalues `[-G -1; -1 Q]` has beside one for each state; NaN if
+    rounding does not tell."""
     n = G.shape[-1]
     units = _units(G, Q)
     block = np.zeros((len(G), 2 * n, 2 * n))
@@ -97,7 +113,7 @@ def _negative(G, Q):
     block[:, np.arange(n), n + np.arange(n)] = block[:, n + np.arange(n), np.arange(n)] = -1.0
     values = np.linalg.eigvalsh(np.where(np.isfinite(block), block, 0.0))
     size = np.abs(values)
-    told = size.min(-1) > SURE * size.max(-1)
+    told = size.min(-1) > SURE_SIGN * size.max(-1)
     return np.where(told, (values < 0).sum(-1) - n, np.nan)
 
 
@@ -124,7 +140,8 @@ class LongGain(BoundedGain):
         return in_a_row(kinds, [Change.of(e) for (e, _), *_ in ticks], Change.then).E
 
     def off_at_rest(self, column, p):
-        """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
+        """By how much what comes of a constant input, and what goes to a constant output, differ
+        from the level at rest."""
         ticks, kinds, _ = self._ticks(column, p)
         ticks = [tuple(matrix for matrix, _ in each) for each in ticks]
         still = -self.changes(column, p)
@@ -167,7 +184,8 @@ class LongGain(BoundedGain):
         return on_circle(theta[loop, lowest]), -value[loop, lowest]
 
     def _ticks(self, column, p):
-        """E less identity, B, C and D of each kind of tick, in even units, the kinds, and pivots, `(points, k)`."""
+        """E less identity, B, C and D of each kind of tick, in even units, the kinds, and
+        pivots, `(points, k)`."""
         port, pivots = loops_between(
             self.loops, self.along, self.drift, self.route, self.columns[column], p
         )
@@ -183,7 +201,7 @@ class LongGain(BoundedGain):
 
     def _label(self, column, low, high, bounds):
         label, singular = self._at_level(self.level, column, low, high, bounds)
-        for level, kept in ((self.level * BESIDE, BAD), (self.level / BESIDE, GOOD)):
+        for level, kept in ((self.level * BESIDE_LEVEL, BAD), (self.level / BESIDE_LEVEL, GOOD)):
             again = np.flatnonzero(singular & (label == OPEN))
             if again.size:
                 found, _ = self._at_level(level, column[again], low[again], high[again], bounds)
@@ -191,7 +209,8 @@ class LongGain(BoundedGain):
         return label
 
     def _at_level(self, level, column, low, high, bounds):
-        """The labels of panels at a level, and whether something that is eliminated may be singular in them."""
+        """The labels of panels at a level, and whether something that is eliminated may be
+        singular in them."""
         try:
             return self._labelled(level, column, low, high, bounds)
         except IllPosedLoopError:  # of one panel at least
@@ -207,7 +226,7 @@ class LongGain(BoundedGain):
     def _labelled(self, level, column, low, high, bounds):
         middle = (low + high) / 2
         radius = high - low  # twice that of the panel
-        p = middle[:, None] + radius[:, None] * np.append(0.0, RIM)
+        p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
         points = p.shape[1]
         frame, pivots = self._frame(level, np.repeat(column, points), p.ravel(), points)
         judged = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
@@ -228,9 +247,9 @@ class LongGain(BoundedGain):
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*parts, (K[:, 1:], L[:, 1:]), 0, arc)
         value, theta = _least(frame, at, d, arc)
-        label[at[inside & (value.max(-1) > SURE)]] = GOOD
+        label[at[inside & (value.max(-1) > SURE_SIGN)]] = GOOD
         lowest = value.argmin(-1)
-        at_one = np.flatnonzero(value.min(-1) < -SURE)
+        at_one = np.flatnonzero(value.min(-1) < -SURE_SIGN)
         if at_one.size:
             z = theta[at_one, lowest[at_one]]
             parts = [each[at_one] for each in parts]
@@ -283,14 +302,15 @@ def _pencil(frame):
     dL = np.zeros(shape)
     dL[:, x, l] = dG
     dL[:, l, l] = dE.mT
-    return K, dK, L, dL + ROUNDING * np.abs(L)
+    return K, dK, L, dL + SHORT_SUM_ROUNDING * np.abs(L)
 
 
 def _least(frame, panels, d, arc):
-    """What is positive at angles if the form is, as a share of its largest eigenvalue, and these angles, `(n, angles)`.
+    """What is positive at angles if the form is, as a share of its largest eigenvalue, and these
+    angles, `(n, angles)`.
 
-    panels: which, in whose middles. d: eigenvalues of the pencil. It is the least eigenvalue above the negative ones that come
-    of states and of what is eliminated.
+    panels: which, in whose middles. d: eigenvalues of the pencil. It is the least eigenvalue above
+    the negative ones that come of states and of what is eliminated.
     """
     off = off_arc(d, arc)
     nearest = np.argsort(off, -1)[:, :ANGLES]
@@ -298,7 +318,7 @@ def _least(frame, panels, d, arc):
     off = np.take_along_axis(off, nearest, -1)
     first = arc[:, :1]
     last = arc[:, 1:]
-    near = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), first, last))
+    near = with_middles(np.clip(np.where(off <= NEAR_CIRCLE, angles_of(d), np.nan), first, last))
     near = np.where(np.isnan(near), first, np.clip(near, first, last))
     theta = np.concatenate([near, first + (last - first) * FIXED], -1)
 

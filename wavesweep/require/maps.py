@@ -1,8 +1,9 @@
-"""Loops between an input and a signal as one map `T + O (z - A)^-1 G` of a frame, with bounds on errors."""
+"""Loops between an input and a signal as one map `T + O (z - A)^-1 G` of a frame, with bounds on
+errors."""
 
 import numpy as np
 
-from wavesweep.engine.frames import ENTRIES, ROUNDING
+from wavesweep.engine.frames import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine.response import Port, joined, plus, times
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -33,13 +34,14 @@ def _zeros(batch, rows, columns) -> Pair:
 
 
 def of_ticks(port: Port, kept, batch) -> list[tuple[Pair, ...]]:
-    """E less identity, B, C and D of each kind of tick, of some states and the first output, each with a bound on its error."""
+    """E less identity, B, C and D of each kind of tick, of some states and the first output,
+    each with a bound on its error."""
     kept_rows = kept[:, None]
     ticks = []
     for matrices, sizes in zip(port.maps, port.sizes, strict=True):
         pairs = []
         for matrix, size in zip(matrices, sizes, strict=True):
-            error = ENTRIES * np.abs(size)
+            error = ENTRY_ROUNDING * np.abs(size)
             pairs.append([np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in (matrix, error)])
         e, b, c, d = pairs
         ticks.append(
@@ -60,7 +62,7 @@ def minus(pair: Pair) -> Pair:
 
 def scaled(factor: np.ndarray, pair: Pair) -> Pair:
     """A matrix times an exact factor."""
-    return factor * pair[0], np.abs(factor) * (pair[1] + ROUNDING * np.abs(pair[0]))
+    return factor * pair[0], np.abs(factor) * (pair[1] + SHORT_SUM_ROUNDING * np.abs(pair[0]))
 
 
 def transposed(pair: Pair) -> Pair:

@@ -18,8 +18,9 @@ from wavesweep.program.tables.number_words import span_in_words
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
-    """required: of a spec with [sweep] require, along which number its own design was looked at, `from` and `to` where, the
-    intervals there that have it, and whether these are certified; claims: the same.
+    """required: of a spec with [sweep] require, along which number its own design was looked at,
+    `from` and `to` where, the intervals there that have it, and whether these are certified;
+    claims: the same.
     """
     if not spec.require:
         return {}
@@ -55,7 +56,8 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
 
 
 def _along(spec: Spec) -> str:
-    """The number along which the design is looked at: that of the sweep, of the wall, or the first; empty without one."""
+    """The number along which the design is looked at: that of the sweep, of the wall, or the
+    first; empty without one."""
     read = keys_of(spec)
     names = {path: name for name, path in spec.names.symbols.items() if path in read}
     if spec.along and spec.names.find(spec.along).path in read:

@@ -1,7 +1,9 @@
-"""Pencils `N - z L` whose eigenvalues are shown to be off the unit circle, or off an arc of it, for all numbers of a disc.
+"""Pencils `N - z L` whose eigenvalues are shown to be off the unit circle, or off an arc of it, for
+all numbers of a disc.
 
-The map `(z - a)/(1 - conj(a) z)` takes the circle to itself, and what is infinite to a finite place: less its value c at z = 1,
-over c, the eigenvalues d of the circle have |1 + d| = 1, and solve
+The map `(z - a)/(1 - conj(a) z)` takes the circle to itself, and what is infinite to a finite
+place: less its value c at z = 1, over c, the eigenvalues d of the circle have |1 + d| = 1, and
+solve
 
     rate (N - L) v = d (L - conj(a) N) v,   rate = (1 - |a|^2)/(1 - a).
 
@@ -10,16 +12,16 @@ An arc is that from one angle of z to another in [0, pi], and its mirror image.
 
 import numpy as np
 
-from wavesweep.engine.frames import ROUNDING, balance, inverse, solve
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse, solve
 from wavesweep.require.disc_panels import SAFE
-from wavesweep.require.discs import SMALL
+from wavesweep.require.discs import ZERO_EIGENVALUES
 
 TURN = 0.35 + 0.4j  # a
 RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
 ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
-SURELY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
+DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
 SWEEPS = 12  # of balancing
-WIDER = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
+WIDER_ARC = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
 
 
 def off_circle(d):
@@ -28,8 +30,9 @@ def off_circle(d):
 
 
 def off_arc(d, arc):
-    """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad), `(n, 2)`."""
-    wider = np.clip(arc + WIDER * np.array([-1, 1]), 0, np.pi)
+    """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad),
+    `(n, 2)`."""
+    wider = np.clip(arc + WIDER_ARC * np.array([-1, 1]), 0, np.pi)
     low = wider[:, :1]
     high = wider[:, 1:]
     circle = off_circle(d)
@@ -56,18 +59,20 @@ def angles_of(d):
 
 
 def clear(K, dK, L, dL, rims, inputs, arc):
-    """Whether no eigenvalue of pencils is on an arc of the circle, for all numbers of discs; the eigenvalues in the middle.
+    """Whether no eigenvalue of pencils is on an arc of the circle, for all numbers of discs; the
+    eigenvalues in the middle.
 
-    K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles of twice the size about the
-    discs, `(n, points, r, r)`. inputs: the last columns, in which L is 0 and the pencil is N times a number that is not 0 for
-    any d of the circle. arc: its ends (rad), `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W,
-    it is diagonal in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
+    K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles
+    of twice the size about the discs, `(n, points, r, r)`. inputs: the last columns, in which L is
+    0 and the pencil is N times a number that is not 0 for any d of the circle. arc: its ends (rad),
+    `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
+    in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
     """
     N = K.shape[-1]
     n = N - inputs
     states = np.arange(N) < n
     last = ~states
-    rounding = N * ROUNDING  # of complex products of three, one after the other
+    rounding = N * SHORT_SUM_ROUNDING  # of complex products of three, one after the other
 
     def parts(K, L):
         """P and Q of `P - d Q`."""
@@ -122,13 +127,14 @@ def clear(K, dK, L, dL, rims, inputs, arc):
         H = (F + size[:, :, None] * loss) / room[:, :, None]
         fine &= np.isfinite(H).all((-1, -2))
         H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
-        u = solve(np.eye(N) * (1 + SURELY) - H, np.ones((len(H), N, 1)))
-        fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
+        u = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
+        fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - DOMINANT_BY / 2)).all((1, 2))
     return fine, delta
 
 
 def _between(W, parts, V, inputs):
-    """`W part V` of parts `(n, points, r, r)`, of whose three rows of blocks most numbers change few rows or columns."""
+    """`W part V` of parts `(n, points, r, r)`, of whose three rows of blocks most numbers change
+    few rows or columns."""
     N = V.shape[-1]
     n = (N - inputs) // 2
     total = 0.0
@@ -147,7 +153,8 @@ def _between(W, parts, V, inputs):
 
 
 def _vectors(S):
-    """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may have too few, a Schur basis."""
+    """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may
+    have too few, a Schur basis."""
     from scipy.linalg import schur
 
     delta, V = np.linalg.eig(S)
@@ -155,10 +162,10 @@ def _vectors(S):
     V = V.astype(complex)
     for middle in (-TURN, -1 / np.conj(TURN)):
         place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
-        near = np.abs(delta - place) <= SMALL
+        near = np.abs(delta - place) <= ZERO_EIGENVALUES
 
         def is_near(d, place=place):
-            return abs(d - place) <= SMALL
+            return abs(d - place) <= ZERO_EIGENVALUES
 
         for at in np.flatnonzero(near.sum(-1) > 1):
             T, basis, count = schur(S[at], output="complex", sort=is_near)

@@ -24,11 +24,12 @@ COLUMNS = {
 
 
 def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[str, str]]:
-    """Return a drawing with an output for the signal, and the input and the output between which the gain is.
+    """Return a drawing with an output for the signal, and the input and the output between which
+    the gain is.
 
-    source: an input in [ports], or the signal of the hand's force. signal: an output in [ports], a port of a block as
-    BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against it; of a controller's loop COLUMNS too.
-    Errors: UsageError for other names.
+    source: an input in [ports], or the signal of the hand's force. signal: an output in [ports], a
+    port of a block as BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against
+    it; of a controller's loop COLUMNS too. Errors: UsageError for other names.
     """
     inputs = {name: wired for name, wired, _ in drawing.inputs} | {
         name: name for name in (drawing.hand or ())[:1]

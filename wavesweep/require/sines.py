@@ -1,46 +1,50 @@
-"""The gain of a sine at its own frequency: that of loops of several ticks a frame, shown to be below a level.
+"""The gain of a sine at its own frequency: that of loops of several ticks a frame, shown to be
+below a level.
 
-With H, M times M, the map of a frame from the inputs of its ticks to its outputs, and a(z) = (1, z, ..., z^(M - 1)), a sine of
-z = e^{j theta} per tick comes out with `h(z) = a(1/z)' H(z^M) a(z)/M` at its frequency. What is asked is the sign of
+With H, M times M, the map of a frame from the inputs of its ticks to its outputs, and a(z) = (1, z,
+..., z^(M - 1)), a sine of z = e^{j theta} per tick comes out with `h(z) = a(1/z)' H(z^M) a(z)/M` at
+its frequency. What is asked is the sign of
 
     f = level^2 - h(z) h(1/z),
 
-which is real for real theta and p, the number, and analytic in both where z^M and z^-M are no eigenvalues of a frame. With the
-characteristic polynomials of both, F = f q(z^M) q(z^-M) is analytic everywhere. Where h(1) is the level at all p, f has a
-double zero at theta = 0, and f/(4 sin^2(theta/2)) takes its place.
+which is real for real theta and p, the number, and analytic in both where z^M and z^-M are no
+eigenvalues of a frame. With the characteristic polynomials of both, F = f q(z^M) q(z^-M) is
+analytic everywhere. Where h(1) is the level at all p, f has a double zero at theta = 0, and f/(4
+sin^2(theta/2)) takes its place.
 
-At one angle, F on a circle of p about a panel, of twice its size, bounds how much it differs on the panel from its value in
-the middle (Schwarz's lemma): half of what it does on the circle. If this leaves the sign open, the panel has to be halved. An
-arc of half width r about an angle is proved for a panel by the same lemma along all lines through the middle: f differs there
-by at most half of what it does where theta is on a circle of 2 r and p on that circle. For this no eigenvalue may be among the
-z^M of the circle of theta. None is at its middle for any p if q does not vanish there; then the inverse of the least distance
-from there to an eigenvalue, a spectral radius of an analytic matrix, is largest on the circle of p (Vesentini). Other arcs are
-halved.
+At one angle, F on a circle of p about a panel, of twice its size, bounds how much it differs on the
+panel from its value in the middle (Schwarz's lemma): half of what it does on the circle. If this
+leaves the sign open, the panel has to be halved. An arc of half width r about an angle is proved
+for a panel by the same lemma along all lines through the middle: f differs there by at most half of
+what it does where theta is on a circle of 2 r and p on that circle. For this no eigenvalue may be
+among the z^M of the circle of theta. None is at its middle for any p if q does not vanish there;
+then the inverse of the least distance from there to an eigenvalue, a spectral radius of an analytic
+matrix, is largest on the circle of p (Vesentini). Other arcs are halved.
 """
 
 import numpy as np
 
-from wavesweep.engine.frames import ROUNDING, on_circle, solve
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING, on_circle, solve
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
-POINTS = 16  # of a circle of theta
-AROUND = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-WIDE = 0.2  # half width of the first arcs, of an angle of 1 in a frame
-MANY = 1000  # arcs that are looked at, beyond which the panel is halved
+CIRCLE_POINTS = 16  # of a circle of theta
+AROUND = np.exp(2j * np.pi * (np.arange(CIRCLE_POINTS) + 0.5) / CIRCLE_POINTS)
+FIRST_HALF_WIDTH = 0.2  # half width of the first arcs, of an angle of 1 in a frame
+MOST_ARCS_OF_PANEL = 1000  # arcs that are looked at, beyond which the panel is halved
 AT_ONCE = 200_000  # values
-NARROWER = (
-    9  # values of theta about the lowest one, between the neighbours of which the next ones are
-)
-SMALLEST = 1e-3  # angle that is looked at, of that of the slowest mode
-TURNS = 14  # of narrowing
-LOWEST = 6  # of the angles, about which it is narrowed
+# values of theta about the lowest one, between the neighbours of which the next ones are
+NARROWER = 9
+SMALLEST_ANGLE = 1e-3  # angle that is looked at, of that of the slowest mode
+NARROWINGS = 14  # of narrowing
+LOWEST_ANGLES = 6  # of the angles, about which it is narrowed
 
 
 class Panel:
     """The map of a frame in the middle of a disc of a number, and on its rim.
 
-    maps: E less identity, G, O and T, each with a bound on its error, of the points, `(points, r, c)`, the first the middle.
-    level: of the gain. arc: of theta (rad). at_rest: whether the gain is the level at theta = 0 for all numbers.
+    maps: E less identity, G, O and T, each with a bound on its error, of the points, `(points, r,
+    c)`, the first the middle. level: of the gain. arc: of theta (rad). at_rest: whether the gain is
+    the level at theta = 0 for all numbers.
     """
 
     def __init__(self, maps, level, arc, at_rest):
@@ -97,11 +101,12 @@ class Panel:
             return f, Q * Q_back
 
     def error(self, theta):
-        """A bound on the error of level^2 - h h in the middle at angles, over the double zero, `(n,)`."""
+        """A bound on the error of level^2 - h h in the middle at angles, over the double zero,
+        `(n,)`."""
         (E, dE), (G, dG), (O, dO), (T, dT) = self.middle
         M = self.ticks
         n = E.shape[-1]
-        rough = 2 * (n + M + 4) * ROUNDING
+        rough = 2 * (n + M + 4) * SHORT_SUM_ROUNDING
         dE = dE + rough * np.abs(E)
         dG = dG + rough * np.abs(G)
         dO = dO + rough * np.abs(O)
@@ -131,7 +136,8 @@ class Panel:
         return total / np.abs(4 * np.sin(theta / 2) ** 2) if self.at_rest else total
 
     def at(self, theta, points):
-        """F over Q Q in the middle, at angles, `(points, n)`, and a bound on its error in the middle, `(n,)`.
+        """F over Q Q in the middle, at angles, `(points, n)`, and a bound on its error in the
+        middle, `(n,)`.
 
         At the double zero it is the mean over a circle.
         """
@@ -153,7 +159,7 @@ class Panel:
         """An angle at which the form is about least."""
         M = self.ticks
         low, high = self.arc
-        smallest = SMALLEST * self.slow
+        smallest = SMALLEST_ANGLE * self.slow
         even = np.linspace(low, high, 16 * M + 48)
         small = np.geomspace(smallest, np.pi, 100)
         modes = (self.poles.imag[:, None] + 2 * np.pi * np.arange(M)).ravel() / M
@@ -165,11 +171,11 @@ class Panel:
         inner = np.append(np.inf, value[:-1]) >= value
         inner &= np.append(value[1:], np.inf) >= value
         at = np.flatnonzero(inner)
-        at = at[np.argsort(value[at])[:LOWEST]]
+        at = at[np.argsort(value[at])[:LOWEST_ANGLES]]
         best = theta[at]
         below = theta[np.maximum(at - 1, 0)]
         above = theta[np.minimum(at + 1, theta.size - 1)]
-        for _ in range(TURNS):
+        for _ in range(NARROWINGS):
             points = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
             f, _ = self.both(points.ravel(), 1)
             value = f[0].real.reshape(points.shape)
@@ -189,15 +195,15 @@ class Panel:
         if decided is not None:
             return decided
         low, high = self.arc
-        count = int(np.ceil((high - low) * self.ticks / (2 * WIDE)))
+        count = int(np.ceil((high - low) * self.ticks / (2 * FIRST_HALF_WIDTH)))
         edges = np.linspace(low, high, count + 1)
         low = edges[:-1]
         high = edges[1:]
-        at_once = max(1, AT_ONCE // (POINTS * len(self.upper) * self.upper.shape[-1]))
+        at_once = max(1, AT_ONCE // (CIRCLE_POINTS * len(self.upper) * self.upper.shape[-1]))
         tried = 0
         while low.size:
             tried += low.size
-            if tried > MANY:
+            if tried > MOST_ARCS_OF_PANEL:
                 return OPEN
             zero = (low == 0) & self.at_rest
             theta = np.where(zero, 0.0, (low + high) / 2)
@@ -217,7 +223,8 @@ class Panel:
         return GOOD
 
     def _decided(self, theta):
-        """BAD if F is negative at an angle for all numbers, OPEN if it may be so for some; None else."""
+        """BAD if F is negative at an angle for all numbers, OPEN if it may be so for some; None
+        else."""
         value, error = self.at(theta, None)
         middle = value[0].real
         change = SAFE / 2 * np.abs(value[1:] - middle).max(0)
@@ -241,7 +248,8 @@ class Panel:
         return proved
 
     def _clear(self, theta, half):
-        """Whether no eigenvalue of a frame is on the circles about arcs, or within, for any number of the disc."""
+        """Whether no eigenvalue of a frame is on the circles about arcs, or within, for any
+        number of the disc."""
         _, Q = self.both(theta, None)
         diagonal = np.diagonal(self.upper, axis1=-2, axis2=-1)[..., None]
         distance = np.inf
@@ -252,7 +260,8 @@ class Panel:
         return none_at_middle & (SAFE * np.expm1(2 * self.ticks * half) < distance)
 
     def worst(self):
-        """The point of the circle, less 1, at which the form is least, and by how much it is negative, of its terms."""
+        """The point of the circle, less 1, at which the form is least, and by how much it is
+        negative, of its terms."""
         theta = np.array([self.lowest()])
         value, _ = self.at(theta, 1)
         beyond = -value[0, 0].real

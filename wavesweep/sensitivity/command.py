@@ -18,13 +18,15 @@ from wavesweep.program.cli.study_commands import one_spec
 def why(spec: str, options: Options, along: str | None) -> None:
     """Explain each limit of a design: by how many per cent it moves for one per cent of each number.
 
-    SPEC is a TOML file. For its own values the stable intervals along an axis are found; other axes of [sweep] are not swept.
-    For each end that stability sets, and for the stiffness that the hand feels there, the table has the elasticity (per cent
-    per per cent) and the slope with respect to every number that the loop reads, the mode that crosses the unit circle there,
-    its damping beside the end, and the states that take part in it.
+    SPEC is a TOML file. For its own values the stable intervals along an axis are found; other axes
+    of [sweep] are not swept. For each end that stability sets, and for the stiffness that the hand
+    feels there, the table has the elasticity (per cent per per cent) and the slope with respect to
+    every number that the loop reads, the mode that crosses the unit circle there, its damping
+    beside the end, and the states that take part in it.
 
-    The derivatives are exact and not differences. They hold for small changes: another crossing may set the end after a large
-    one. If two crossings set an end, each has rows of its own. Whole numbers have no derivative and are left out.
+    The derivatives are exact and not differences. They hold for small changes: another crossing may
+    set the end after a large one. If two crossings set an end, each has rows of its own. Whole
+    numbers have no derivative and are left out.
 
     \b
     Examples:

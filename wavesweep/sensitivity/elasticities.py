@@ -1,4 +1,5 @@
-"""The derivatives of the ends of stable intervals, and of the stiffness felt there, by every number of the loop."""
+"""The derivatives of the ends of stable intervals, and of the stiffness felt there, by every
+number of the loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +9,7 @@ import numpy as np
 from wavesweep.engine.drawing import decides, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in
-from wavesweep.engine.frames import TINY
+from wavesweep.engine.frames import IN_PLACE_OF_ZERO
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
 from wavesweep.haptics.felt import feels, felt_of
@@ -16,24 +17,25 @@ from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, keys_of, own_loop
 from wavesweep.sensitivity.sensitivity import (
+    COMPLEX_STEP,
     SLOPPY,
-    STEP,
     EndCrossings,
     crossings_of,
     tracked_eigenvalue,
 )
 
-BATCH = 2048  # frames at once
-MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
-STEPS = 96  # in which a mode is followed into the interval
-INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
+FRAMES_AT_ONCE = 2048  # frames at once
+REAL_STEP = 1e-3  # of a number, where a real step takes the place of a complex one
+PATH_STEPS = 96  # in which a mode is followed into the interval
+INSIDE_END = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
 
 
 @dataclass(frozen=True, slots=True)
 class _Ends:
-    """Ends of intervals that stability decides: row of the table of intervals, whether it is the upper end, value, rad/s."""
+    """Ends of intervals that stability decides: row of the table of intervals, whether it is the
+    upper end, value, rad/s."""
 
     row: np.ndarray
     upper: np.ndarray
@@ -42,7 +44,8 @@ class _Ends:
 
     @classmethod
     def of(cls, found, axis):
-        """Those of a table of intervals: with a frequency, or within the range, since knowledge may end there too."""
+        """Those of a table of intervals: with a frequency, or within the range, since knowledge
+        may end there too."""
         value, omega = (
             np.stack([found[f"{end}{suffix}"] for end in ("low", "high")], -1).ravel()
             for suffix in ("", "_omega")
@@ -54,10 +57,12 @@ class _Ends:
 def elasticities(
     grid: Grid, axis: Axis, found: Columns, names: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """How each end of intervals, and the stiffness felt there, moves with each number, for every combination of a grid.
+    """How each end of intervals, and the stiffness felt there, moves with each number, for every
+    combination of a grid.
 
-    found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
-    Errors: UsageError for a loop that varies smoothly with no other number, which has no such row.
+    found: the table of the intervals along `axis`. names: of the columns behind those of the axes,
+    in order. Errors: UsageError for a loop that varies smoothly with no other number, which has no
+    such row.
     """
     numbers = [
         path for path in _smooth(grid.spec, [each.path for each in grid.axes]) if path != axis.path
@@ -75,7 +80,7 @@ def elasticities(
         grid.spec, changes, ends.row.size, rates=True, along=axis.path
     ):
         loops = _VariedLoops(grid.spec, axis, several.read, numbers)
-        most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
+        most = max(1, FRAMES_AT_ONCE // max(PATH_STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             batch = slice(start, start + most)
             batches.append(
@@ -106,7 +111,8 @@ def elasticities(
 
 @dataclass(frozen=True, slots=True)
 class _VariedLoops:
-    """Loops of one structure of a spec, the axis of the intervals, and the paths of the other numbers that they vary with."""
+    """Loops of one structure of a spec, the axis of the intervals, and the paths of the other
+    numbers that they vary with."""
 
     spec: Spec
     axis: Axis
@@ -125,13 +131,14 @@ class _VariedLoops:
             for path, value in self.loops.values.items()
             if np.ndim(value)
         }
-        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, TINY, p)})
+        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, IN_PLACE_OF_ZERO, p)})
 
     def stepped(self, p, size) -> Loops:
-        """The loops with a complex step in the axis (of `size`) and in each moving number, `(loops * (1 + numbers),)`."""
+        """The loops with a complex step in the axis (of `size`) and in each moving number,
+        `(loops * (1 + numbers),)`."""
         moving = self.moving
         count = 1 + len(moving)
-        step = STEP * 1j * np.tile(np.eye(count), (p.size, 1))
+        step = COMPLEX_STEP * 1j * np.tile(np.eye(count), (p.size, 1))
         varied = self.with_end(np.repeat(p, count) + step[:, 0] * np.repeat(size, count), count)
         steps = {
             path: varied.values[path] * (1 + step[:, number])
@@ -151,25 +158,30 @@ class _VariedLoops:
         ).drift()
 
     def felt(self, varied, count):
-        """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
+        """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and
+        a hand."""
         if not feels(self.loops.drawing):
             return None
-        # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
+        # What is felt of a loop tick by tick takes a complex step itself: here the steps are real,
+        # of fourth order.
         felts = []
         for share in (0, 1, -1, 2, -2):
             stepped = {
                 path: value for path, value in varied.values.items() if np.iscomplexobj(value)
             }
             moved = {
-                path: np.real(value) + np.imag(value) * (share * MOVED / STEP)
+                path: np.real(value) + np.imag(value) * (share * REAL_STEP / COMPLEX_STEP)
                 for path, value in stepped.items()
             }
             felts.append(felt_of(varied.changed(moved), count))
         at_end, up, down, far_up, far_down = felts
-        return at_end + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
+        return at_end + 1j * COMPLEX_STEP * (8 * (up - down) - (far_up - far_down)) / (
+            12 * REAL_STEP
+        )
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
-        """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
+        """The frame's period in s, and a readable label of each state. p: values of the axis,
+        `(loops,)`."""
         drawn, drift = self.with_end(p, 1).drawn(), self._drift()
         labels = drawn.labels()
         return np.real(drawn.period * drawn.ticks), [
@@ -178,9 +190,11 @@ class _VariedLoops:
 
 
 def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
-    """Paths of the floats that the loop reads and that do not decide how it is built. swept: paths of axes.
+    """Paths of the floats that the loop reads and that do not decide how it is built. swept: paths
+    of axes.
 
-    The fast rate decides it where the spec keeps a slow rate or the edges of a band, with which a ratio or an order jumps.
+    The fast rate decides it where the spec keeps a slow rate or the edges of a band, with which a
+    ratio or an order jumps.
     """
     drawing, values = own_loop(spec)
     deciding = {"rates.ratio"}
@@ -210,7 +224,8 @@ def without_derivatives(spec) -> list[str]:
 
 
 def _name(spec, path):
-    """The name that an axis of this key has: its symbol if there is one. A spec that gives the slow rate has no ratio."""
+    """The name that an axis of this key has: its symbol if there is one. A spec that gives the
+    slow rate has no ratio."""
     path = "rates.slow_hz" if path == "rates.ratio" and "rates.slow_hz" in spec.given else path
     return next(
         (symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path
@@ -231,8 +246,8 @@ def _rows(loops, found, ends, members) -> dict:
     period = np.broadcast_to(period, p.shape)
     E = loops.frames(varied, p.size * count)
     E = E.reshape(p.size, count, *E.shape[-2:])
-    by_end = E.imag[:, 0] / STEP / size[:, None, None]
-    by_number = E.imag[:, 1:] / STEP
+    by_end = E.imag[:, 0] / COMPLEX_STEP / size[:, None, None]
+    by_number = E.imag[:, 1:] / COMPLEX_STEP
     crossings = crossings_of(
         E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper
     )
@@ -292,12 +307,14 @@ def _rows(loops, found, ends, members) -> dict:
 
 
 def _felt(stepped, stiffness, size, crossings: EndCrossings):
-    """Total derivatives of the stiffness felt at the end of each crossing, and their relative errors.
+    """Total derivatives of the stiffness felt at the end of each crossing, and their relative
+    errors.
 
-    stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`), and in each number.
+    stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`),
+    and in each number.
     """
-    by_end = stepped.imag[:, :1] / STEP / size[:, None]
-    direct = stepped.imag[:, 1:] / STEP
+    by_end = stepped.imag[:, :1] / COMPLEX_STEP / size[:, None]
+    direct = stepped.imag[:, 1:] / COMPLEX_STEP
     with np.errstate(all="ignore"):
         relative_to = np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)
         error = np.abs(by_end) * crossings.error / relative_to[:, None]
@@ -306,14 +323,15 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings):
 
 
 def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
-    """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way into a narrow one."""
+    """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way
+    into a narrow one."""
     width = span[1] - span[0]
-    away = np.minimum(INSIDE * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(
+    away = np.minimum(INSIDE_END * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(
         upper, -1, 1
     )
-    steps = (p[:, None] + away[:, None] * (np.arange(1, STEPS + 1) / STEPS)).ravel()
-    path, finite = eigenvalues(loops.frames(loops.with_end(steps, STEPS), steps.size))
-    path = np.where(finite[:, None], path, np.nan).reshape(p.size, STEPS, -1)
+    steps = (p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)).ravel()
+    path, finite = eigenvalues(loops.frames(loops.with_end(steps, PATH_STEPS), steps.size))
+    path = np.where(finite[:, None], path, np.nan).reshape(p.size, PATH_STEPS, -1)
     return tracked_eigenvalue(path[crossings.end], crossings.delta)
 
 
@@ -330,8 +348,9 @@ def _states(share, labels) -> str:
 def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict:
     """The rows of one quantity: one for each crossing and number.
 
-    value `(crossings, numbers)`: of each number. slope, error `(crossings, moving)`: change of the limit per relative change of
-    each moving number, and the relative error of that. A number that is zero has the elasticity 0 and no slope.
+    value `(crossings, numbers)`: of each number. slope, error `(crossings, moving)`: change of the
+    limit per relative change of each moving number, and the relative error of that. A number that
+    is zero has the elasticity 0 and no slope.
     """
     spec = loops.spec
     numbers = loops.numbers

@@ -21,14 +21,14 @@ from wavesweep.program.tables.kind import plain
 from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
-MOST = 12  # numbers of a panel that have bars
-PANELS = 8
-ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
+MOST_NUMBER_BARS = 12  # numbers of a panel that have bars
+MOST_FIGURE_PANELS = 8
+NO_ELASTICITY = 1e-9  # an elasticity up to which a number has no effect but that of rounding
 _BAR, _ROOM = (
     0.17,
     0.95,
 )  # inches of the figure's height for a number, and for the title and the axis of a panel
-LONGEST_NAME = 18  # letters of a name beside bars that is in one line
+LONGEST_NUMBER_NAME = 18  # letters of a name beside bars that is in one line
 _LETTERS = 46  # of a line above a panel
 _NARROW_LETTERS = 34  # the same of a narrow figure
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
@@ -44,9 +44,10 @@ _LOOKS = {  # of bars; the second is hatched, since its grey is much the same
 
 
 def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
+    """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and
+    how many are left out."""
     panels = [(rows, *_with_bars(rows)) for rows in ends_of(columns)]
-    shown = [panel for panel in panels if panel[1]][:PANELS]
+    shown = [panel for panel in panels if panel[1]][:MOST_FIGURE_PANELS]
     across = min(1 if is_narrow() else 2, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
     heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
@@ -80,14 +81,15 @@ def _add_legend(canvas: Any, shown: list[tuple[Columns, list[str], str]]) -> Non
 
 
 def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:
-    """Notes on the ends that have no bars, on how many are not drawn, and on a table without ends."""
+    """Notes on the ends that have no bars, on how many are not drawn, and on a table without
+    ends."""
     notes = [
         *dict.fromkeys(
             f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars
         )
-    ][:PANELS]
+    ][:MOST_FIGURE_PANELS]
     drawn = sum(bool(bars) for _, bars, _ in panels)
-    notes += [f"Shown: {PANELS} of {drawn} ends."] if drawn > PANELS else []
+    notes += [f"Shown: {MOST_FIGURE_PANELS} of {drawn} ends."] if drawn > MOST_FIGURE_PANELS else []
     if not panels:
         doubts = ", ".join(facts.get("doubts") or ())
         unknown = f"No end of an interval is known in the range searched ({doubts})."
@@ -106,14 +108,14 @@ def _with_bars(rows: Columns) -> tuple[list[str], str]:
         if not np.isnan(elasticity):
             largest[number] = max(largest.get(number, 0.0), abs(elasticity))
     order = sorted(
-        (number for number, size in largest.items() if size > ROUNDED),
+        (number for number, size in largest.items() if size > NO_ELASTICITY),
         key=lambda number: -largest[number],
     )
-    rest, missing = order[MOST:], len(set(rows["number"].tolist())) - len(largest)
+    rest, missing = order[MOST_NUMBER_BARS:], len(set(rows["number"].tolist())) - len(largest)
     notes = [f"{len(rest)} more, each at most {largest[rest[0]]:.2g}"] if rest else []
     notes += [f"{still} without effect"] if (still := len(largest) - len(order)) else []
     notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
-    return order[:MOST], "; ".join(notes)
+    return order[:MOST_NUMBER_BARS], "; ".join(notes)
 
 
 def _why_none(rows: Columns) -> str:
@@ -160,7 +162,7 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
 
 def _in_lines(name: str) -> str:
     """A name beside bars, in two lines if it is long."""
-    return "\n".join(wrap(name, max(LONGEST_NAME, ceil(len(name) / 2))))
+    return "\n".join(wrap(name, max(LONGEST_NUMBER_NAME, ceil(len(name) / 2))))
 
 
 def _title(rows: Columns) -> list[str]:

@@ -30,10 +30,11 @@ class LoopSensitivity(api.Loop):
         Returns
         -------
         DataFrame
-            A row per end that stability sets, crossing, quantity ("end" or "felt") and number, with the columns of `wavesweep
-            why`: each axis given, along, interval, side, crossing, corner, quantity, limit_value in unit, omega (rad/s), hz and
-            second_hz (Hz) and damping_ratio of the mode, states, number and its value in number_unit, elasticity, slope,
-            certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number.
+            A row per end that stability sets, crossing, quantity ("end" or "felt") and number, with
+            the columns of `wavesweep why`: each axis given, along, interval, side, crossing,
+            corner, quantity, limit_value in unit, omega (rad/s), hz and second_hz (Hz) and
+            damping_ratio of the mode, states, number and its value in number_unit, elasticity,
+            slope, certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number.
 
         Raises
         ------
@@ -42,8 +43,8 @@ class LoopSensitivity(api.Loop):
 
         Notes
         -----
-        By the implicit function theorem. Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a
-        reason of doubt and no number.
+        By the implicit function theorem. Accuracy: elasticities to 1e-8 of themselves or of 1; if
+        rounding could exceed that, a reason of doubt and no number.
         """
         grid, axis = self._asked(along, span, axes)
         return self._frame("why", table.sensitivities(grid, axis))

@@ -1,8 +1,10 @@
-"""Derivatives of the ends of stable intervals by the numbers of the loop, and the mode that crosses the unit circle there.
+"""Derivatives of the ends of stable intervals by the numbers of the loop, and the mode that crosses
+the unit circle there.
 
-At an end p of an interval an eigenvalue z of the frame is on the unit circle: `F(p, q) = |z|^2 - 1 = 0`. By the implicit
-function theorem `dp/dq = -F_q/F_p`. With eigenvectors y, x from the left and the right, `dz = y^H dE x/(y^H x)`, and
-`F_q = 2 Re(conj(z) dz/dq)` (P. Lancaster, On eigenvalues of matrices dependent on a parameter, Numer. Math. 6, 1964).
+At an end p of an interval an eigenvalue z of the frame is on the unit circle: `F(p, q) = |z|^2 - 1
+= 0`. By the implicit function theorem `dp/dq = -F_q/F_p`. With eigenvectors y, x from the left and
+the right, `dz = y^H dE x/(y^H x)`, and `F_q = 2 Re(conj(z) dz/dq)` (P. Lancaster, On eigenvalues of
+matrices dependent on a parameter, Numer. Math. 6, 1964).
 """
 
 from dataclasses import dataclass, replace
@@ -13,22 +15,27 @@ from wavesweep.engine.frames import balance
 from wavesweep.engine.poles import eigenvalues, excess
 from wavesweep.engine.rows import Rows
 
-STEP = 1e-30  # relative, of a complex step: its square is below all rounding, and nothing is subtracted
+# relative, of a complex step: its square is below all rounding, and nothing is subtracted
+COMPLEX_STEP = 1e-30
 CORNER = 1e-6  # of an end; a further crossing so near makes it a corner
-MOST = 4  # crossings of an end that are looked for
+MOST_CROSSINGS = 4  # crossings of an end that are looked for
 SLOPPY = 1e-8  # error of an elasticity, of itself or of 1, beyond which it is not given
-DEFECTIVE = 1e-7  # |y^H x| of eigenvectors of length 1, below which two eigenvalues meet: the root of a double's rounding
-ROUNDINGS = 8  # times the order: by so many roundings of its entries a frame may be off
+# |y^H x| of eigenvectors of length 1, below which two eigenvalues meet: the root of a double's
+# rounding
+DEFECTIVE = 1e-7
+ORDER_ROUNDINGS = 8  # times the order: by so many roundings of its entries a frame may be off
 
 
 @dataclass(frozen=True, slots=True)
 class EndCrossings(Rows):
-    """Eigenvalues on the unit circle at ends of intervals; at each end the one that sets the end comes first.
+    """Eigenvalues on the unit circle at ends of intervals; at each end the one that sets the end
+    comes first.
 
-    end: index of the end, `(rows,)`. number: of the crossing at its end, from 0. delta: the eigenvalue less 1. slope
-    `(rows, q)`: derivative of the end by each of the numbers, in the units of the derivatives given. error `(rows, q)`: bound
-    on its rounding. share `(rows, n)`: participation of each state; the shares add up to 1. defective: whether another
-    eigenvalue meets this one.
+    end: index of the end, `(rows,)`. number: of the crossing at its end, from 0. delta: the
+    eigenvalue less 1. slope `(rows, q)`: derivative of the end by each of the numbers, in the units
+    of the derivatives given. error `(rows, q)`: bound on its rounding. share `(rows, n)`:
+    participation of each state; the shares add up to 1. defective: whether another eigenvalue meets
+    this one.
     """
 
     end: np.ndarray
@@ -43,12 +50,13 @@ class EndCrossings(Rows):
 def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     """Return the crossings at ends of intervals, with the derivatives of the end by each number.
 
-    E `(ends, n, n)`: frames less identity at the ends. dE_end `(ends, n, n)`: their derivatives by the parameter that the
-    interval lies along. dE `(ends, q, n, n)`: those by the numbers. theta: angle of the eigenvalue that sets the end, rad.
-    size: of the end; a further crossing nearer than 1e-6 times this size makes a corner. rising: whether the loop is unstable
-    above the end, and not below. Only such further crossings are given, by their first order, and one eigenvalue of each
-    complex pair.
-    Accuracy: `error` bounds the first order of a backward error of E of a few roundings, in units in which E is balanced.
+    E `(ends, n, n)`: frames less identity at the ends. dE_end `(ends, n, n)`: their derivatives by
+    the parameter that the interval lies along. dE `(ends, q, n, n)`: those by the numbers. theta:
+    angle of the eigenvalue that sets the end, rad. size: of the end; a further crossing nearer than
+    1e-6 times this size makes a corner. rising: whether the loop is unstable above the end, and not
+    below. Only such further crossings are given, by their first order, and one eigenvalue of each
+    complex pair. Accuracy: `error` bounds the first order of a backward error of E of a few
+    roundings, in units in which E is balanced.
     """
     delta, finite = eigenvalues(E)
     E = np.where(finite[:, None, None], E, 0.0)
@@ -58,7 +66,7 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     first = np.argmin(away, -1)
     far = np.where(upper, np.abs(excess(delta)), np.inf)
     far[np.arange(first.size), first] = -1.0  # before all others
-    order = np.argsort(far, -1, kind="stable")[:, :MOST]
+    order = np.argsort(far, -1, kind="stable")[:, :MOST_CROSSINGS]
     balanced, units = balance(E)
     batches = []
     for number in range(order.shape[1]):
@@ -88,7 +96,8 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
 
 
 def _crossing(E, units, dE_end, dE, delta, size, rising):
-    """The fields for one eigenvalue of each end, and whether it is on the circle within the distance of a corner."""
+    """The fields for one eigenvalue of each end, and whether it is on the circle within the
+    distance of a corner."""
     mode = _mode(E, delta)
     scale = (units[:, None, :] / units[:, :, None])[:, None]
     with np.errstate(all="ignore"):
@@ -108,7 +117,8 @@ def _crossing(E, units, dE_end, dE, delta, size, rising):
 
 @dataclass(frozen=True, slots=True)
 class _Mode:
-    """Eigenvalues less 1 with their left eigenvectors (as rows, conjugate) and right eigenvectors, of length 1, `(rows, n)`.
+    """Eigenvalues less 1 with their left eigenvectors (as rows, conjugate) and right eigenvectors,
+    of length 1, `(rows, n)`.
 
     overlap: their product. off_left, off_right: bounds on the errors of their entries.
     """
@@ -124,9 +134,10 @@ class _Mode:
 def _mode(E, delta) -> _Mode:
     """Return the modes of eigenvalues less 1 `delta` of E.
 
-    The eigenvectors are the last singular vectors of `M = delta I - E`, refined by the pseudo-inverse N of M without them. If E
-    changes by `e |E|`, the vector x changes by at most `e |N| (|E| + |delta|) |x|` to the first order. The refinement leaves an
-    error no larger than that. The singular vectors alone do not: they are accurate to `e |M| |N|` as a whole.
+    The eigenvectors are the last singular vectors of `M = delta I - E`, refined by the
+    pseudo-inverse N of M without them. If E changes by `e |E|`, the vector x changes by at most `e
+    |N| (|E| + |delta|) |x|` to the first order. The refinement leaves an error no larger than that.
+    The singular vectors alone do not: they are accurate to `e |M| |N|` as a whole.
     """
     n = E.shape[-1]
     M = delta[:, None, None] * np.eye(n) - E
@@ -136,7 +147,7 @@ def _mode(E, delta) -> _Mode:
         N = V[:, :, :-1] @ (U[:, :-1] / values[:, :-1, None])
     left, right = U[:, -1:], V[:, :, -1:]
     left, right = left - (left @ M) @ N, right - N @ (M @ right)
-    noise = ROUNDINGS * n * np.finfo(float).eps
+    noise = ORDER_ROUNDINGS * n * np.finfo(float).eps
     size = np.abs(E) + np.abs(delta)[:, None, None] * np.eye(n)
     off_right = noise * (np.abs(N) @ (size @ np.abs(right)))
     off_left = noise * ((np.abs(left) @ size) @ np.abs(N))
@@ -146,7 +157,8 @@ def _mode(E, delta) -> _Mode:
 
 
 def _growth(dE, mode):
-    """Return `2 Re(conj(z) dz)` for each derivative `(rows, q, n, n)`, and a bound on its rounding, both `(rows, q)`."""
+    """Return `2 Re(conj(z) dz)` for each derivative `(rows, q, n, n)`, and a bound on its
+    rounding, both `(rows, q)`."""
     left, right = mode.left[:, None, None, :], mode.right[:, None, :, None]
     off_left, off_right = mode.off_left[:, None, None, :], mode.off_right[:, None, :, None]
     on_left, on_right = left @ dE, dE @ right
@@ -160,11 +172,13 @@ def _growth(dE, mode):
 
 
 def tracked_eigenvalue(path, delta) -> np.ndarray:
-    """Follow an eigenvalue less 1 from its value `delta` at the beginning of a path to the end of the path.
+    """Follow an eigenvalue less 1 from its value `delta` at the beginning of a path to the end of
+    the path.
 
-    path: eigenvalues less 1 at equal steps, `(rows, steps, n)`; delta: `(rows,)`. The next value is the one nearest to the
-    linear prediction. This is done with all of the steps and with every second one. Returns NaN if the two do not end at the
-    same eigenvalue, since other eigenvalues cannot be excluded then.
+    path: eigenvalues less 1 at equal steps, `(rows, steps, n)`; delta: `(rows,)`. The next value is
+    the one nearest to the linear prediction. This is done with all of the steps and with every
+    second one. Returns NaN if the two do not end at the same eigenvalue, since other eigenvalues
+    cannot be excluded then.
     """
     ends = []
     for stride in (1, 2):

@@ -1,4 +1,5 @@
-"""How the ends of stable intervals, and the stiffness felt there, move with every number of the loop: the table `why`."""
+"""How the ends of stable intervals, and the stiffness felt there, move with every number of the
+loop: the table `why`."""
 
 from __future__ import annotations
 
@@ -37,10 +38,11 @@ METHOD = (
 
 
 def why(spec: Spec, along: str | None = None) -> Table:
-    """The elasticities of each limit of the spec's own design: per cent by which it moves for one per cent of each number.
+    """The elasticities of each limit of the spec's own design: per cent by which it moves for one
+    per cent of each number.
 
-    along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
-    held at the spec's values. Errors: as for `intervals`.
+    along: the axis of the intervals, the spec's own by default; a key of a block by its path too.
+    The other axes of [sweep] are held at the spec's values. Errors: as for `intervals`.
     """
     from wavesweep.program.analyses.assumptions import over_preset
     from wavesweep.program.analyses.interval_jobs import job_over, method
@@ -125,8 +127,8 @@ def sensitivities(grid: Grid, axis: Axis) -> Columns:
     return elasticities(grid, axis, in_memory(job_over(grid, axis)), KINDS[0].names)
 
 
-FIRST = 3  # numbers that are named
-LEAST = 5e-4  # an elasticity below which a number does not matter
+NUMBERS_NAMED = 3  # numbers that are named
+LEAST_ELASTICITY = 5e-4  # an elasticity below which a number does not matter
 
 
 KEPT = {
@@ -156,7 +158,8 @@ def ends_of(columns: Columns) -> list[Columns]:
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
+    """For each end and crossing its mode, the limit and the stiffness felt there, each with the
+    numbers that matter most."""
     ends = []
     for rows in ends_of(columns):
         of_quantity = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
@@ -185,7 +188,7 @@ def _limit(rows: Columns) -> Numbers | None:
     if not len(rows["number"]):
         return None
     order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[
-        : min(FIRST, int((~np.isnan(rows["elasticity"])).sum()))
+        : min(NUMBERS_NAMED, int((~np.isnan(rows["elasticity"])).sum()))
     ]
     return {
         "value": float(rows["limit_value"][0]),
@@ -254,7 +257,8 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
 
 
 def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> tuple[str, bool]:
-    """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is an image of that per frame."""
+    """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is
+    an image of that per frame."""
     if omega is None or hz is None:
         return "a mode that is not known", False
     image, second = (
@@ -275,7 +279,9 @@ def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -
 def _moves(limit: Numbers) -> Line:
     """The sentence about the numbers that matter most."""
     moved = {
-        number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST
+        number: value
+        for number, value in limit["elasticities"].items()
+        if abs(value) >= LEAST_ELASTICITY
     }
     if moved:
         moves = [

@@ -1,6 +1,8 @@
-"""The haptic device with the operator's hand on it: exact over a tick of held forces, with Coulomb friction or without.
+"""The haptic device with the operator's hand on it: exact over a tick of held forces, with Coulomb
+friction or without.
 
-If friction stops the device within a tick, the tick is divided exactly at that time, so that there is no chatter.
+If friction stops the device within a tick, the tick is divided exactly at that time, so that there
+is no chatter.
 """
 
 import math
@@ -15,15 +17,17 @@ _TERMS = 18  # of the Taylor series at norm 1/4: the next term is below 1e-27
 def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> np.ndarray:
     """Increments of position and velocity over a tick with a constant net force.
 
-    ``mass·a + damping·v + stiffness·x = f`` gives ``x' = x + a·x + b·v + c·f``, ``v' = v + d·x + e·v + g·f``, exactly.
+    ``mass·a + damping·v + stiffness·x = f`` gives ``x' = x + a·x + b·v + c·f``, ``v' = v + d·x +
+    e·v + g·f``, exactly.
 
-    Parameters: `mass` kg (> 0), `damping` N·s/m, `stiffness` N/m (either may be zero or large), `lengths` of ticks (s)
-    in any shape. Returns shape ``lengths.shape + (6,)``: ``a, b, c, d, e, g``, the *increments*, so that slow motion
-    keeps its digits.
+    Parameters: `mass` kg (> 0), `damping` N·s/m, `stiffness` N/m (either may be zero or large),
+    `lengths` of ticks (s) in any shape. Returns shape ``lengths.shape + (6,)``: ``a, b, c, d, e,
+    g``, the *increments*, so that slow motion keeps its digits.
 
-    Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks that are short against the device's time
-    constants, and 1e-16·(tick/time constant) if they are not. Taylor's series of the scaled exponential minus one,
-    doubled back by ``2E + E²``, has no case of its own for missing damping, missing stiffness or equal poles.
+    Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks that are short
+    against the device's time constants, and 1e-16·(tick/time constant) if they are not. Taylor's
+    series of the scaled exponential minus one, doubled back by ``2E + E²``, has no case of its own
+    for missing damping, missing stiffness or equal poles.
     """
     tick = np.asarray(lengths, dtype=float)
     drag, spring = damping * tick / mass, stiffness * tick**2 / mass
@@ -37,7 +41,8 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
 
 
 def exponential_minus_one(generator: np.ndarray) -> np.ndarray:
-    """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative rounding."""
+    """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative
+    rounding."""
     size = np.abs(generator).sum(axis=-1).max(initial=1e-300)
     doublings = max(0, int(np.ceil(np.log2(size))) + 2)
     small = generator / 2.0**doublings
@@ -50,7 +55,8 @@ def exponential_minus_one(generator: np.ndarray) -> np.ndarray:
 
 
 class Body(NamedTuple):
-    """Mass (kg), damping (N·s/m), stiffness (N/m) and Coulomb friction (N) of the body that the forces move."""
+    """Mass (kg), damping (N·s/m), stiffness (N/m) and Coulomb friction (N) of the body that the
+    forces move."""
 
     mass: float
     damping: float
@@ -61,12 +67,15 @@ class Body(NamedTuple):
 def slide(
     body: Body, x: float, v: float, f: float, length: float, plant: Sequence[float] | None
 ) -> tuple[float, float]:
-    """Move the body for `length` seconds under the held force ``f`` (N) and friction; returns position and velocity.
+    """Move the body for `length` seconds under the held force ``f`` (N) and friction; returns
+    position and velocity.
 
-    In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. If the velocity reaches 0
-    the body stays at rest if ``|f - stiffness·x| <= friction`` holds it, and otherwise sets off towards that force.
+    In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. If the
+    velocity reaches 0 the body stays at rest if ``|f - stiffness·x| <= friction`` holds it, and
+    otherwise sets off towards that force.
 
-    Parameters: `x` (m) and `v` (m/s) at the start, `plant` the increments of a whole tick of this length.
+    Parameters: `x` (m) and `v` (m/s) at the start, `plant` the increments of a whole tick of this
+    length.
 
     Accuracy: the instant of rest is a closed form, the motion up to it exact to rounding.
     """
@@ -86,10 +95,12 @@ def slide(
 
 
 def rest_time(body: Body, x: float, v: float, f: float) -> float:
-    """Time (s) at which the velocity is next zero under the constant force ``f``; infinity if it never is.
+    """Time (s) at which the velocity is next zero under the constant force ``f``; infinity if it
+    never is.
 
-    With ``c = d/2m`` the velocity is ``exp(-c·t)·(v·C - w·S)``, ``w = (k·x - f)/m + c·v``, with C and S cosine and
-    sine over ω, their hyperbolic counterparts, or 1 and t. It is zero if ``S/C = v/w``.
+    With ``c = d/2m`` the velocity is ``exp(-c·t)·(v·C - w·S)``, ``w = (k·x - f)/m + c·v``, with C
+    and S cosine and sine over ω, their hyperbolic counterparts, or 1 and t. It is zero if ``S/C =
+    v/w``.
     """
     c = body.damping / (2 * body.mass)
     w = (body.stiffness * x - f) / body.mass + c * v

@@ -16,7 +16,8 @@ _LINEAR = [
     for column in (*_BODE[4:12], *_BODE[14:16])
 ]
 COLUMNS = {
-    # A drawn loop has those of its hand, if any, and its inputs, outputs and named signals behind the time.
+    # A drawn loop has those of its hand, if any, and its inputs, outputs and named signals behind
+    # the time.
     "simulate": (*TICKS, *_GROUPS["signals"]),
     # As seen in the simulation, beside what the linear analysis says of the same loop.
     "simulate-response": (*_BODE[:12], *_LINEAR, *_GROUPS["simulate-response"]),

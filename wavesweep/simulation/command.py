@@ -15,23 +15,26 @@ __all__ = ["export", "simulate"]
 def simulate(spec: str, options: Options) -> None:
     """Simulate the loop tick by tick, optionally with contact, friction and hardware limits.
 
-    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not have: a
-    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
-    sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
+    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the
+    linear model does not have: a one-sided wall, an encoder, friction, a force limit, imperfect
+    timing, or all of a device by its name. If the force is a sine or a stepped sine, the response
+    estimated from it is written as a second table, simulate-response.
 
-    A one-sided wall is off outside it. Inside, its force is that of spring and damper, which may also pull: the damper does
-    when the hand leaves fast, and so does a force that is held or late. With pulls = false it only pushes: its force is
-    max(0, K depth + B speed), also shortly before a fast hand arrives, and it is what [for_all] contact is about.
+    A one-sided wall is off outside it. Inside, its force is that of spring and damper, which may
+    also pull: the damper does when the hand leaves fast, and so does a force that is held or late.
+    With pulls = false it only pushes: its force is max(0, K depth + B speed), also shortly before a
+    fast hand arrives, and it is what [for_all] contact is about.
 
-    Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
-    its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.
+    Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate]
+    from = "INPUT". The table has its inputs, its outputs and its named signals; after a step the
+    summary says where the outputs settle, and when.
 
-    With [simulate] frames = [16, 16, 20, 33, 33] the slow environment's frames have these lengths in turn, for ever: so a
-    counterexample of [for_all] is seen to grow.
+    With [simulate] frames = [16, 16, 20, 33, 33] the slow environment's frames have these lengths
+    in turn, for ever: so a counterexample of [for_all] is seen to grow.
 
-    If the linear loop is unstable, the summary, the figure and the facts of the run say so, with its spectral radius, and the
-    response is compared with no linear one. The simulation stops before the hand is 1 km away or a force exceeds 1e6 N. The
-    exit code is 0 in both cases.
+    If the linear loop is unstable, the summary, the figure and the facts of the run say so, with
+    its spectral radius, and the response is compared with no linear one. The simulation stops
+    before the hand is 1 km away or a force exceeds 1e6 N. The exit code is 0 in both cases.
 
     \b
     Examples:

@@ -1,4 +1,5 @@
-"""The experiment of a spec's [simulate] table, and the response that it shows next to that of the linear loop."""
+"""The experiment of a spec's [simulate] table, and the response that it shows next to that of
+the linear loop."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ from wavesweep.simulation.record import Simulation, estimate
 
 
 def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
-    """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
+    """Run the experiment of a spec's [simulate] table. spec, force, changes: see
+    `analysis.simulation.simulated`.
 
     Errors: SpecError for a drawn loop with a hand whose position no plant has.
     """
@@ -30,7 +32,8 @@ def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 
 def refuse_what_makes_no_loop(spec: Spec) -> None:
-    """Raise SpecError or UsageError for a drawn loop that has no solution, or a hand on no position of a plant."""
+    """Raise SpecError or UsageError for a drawn loop that has no solution, or a hand on no
+    position of a plant."""
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
         if spec.drawing.hand:
@@ -38,7 +41,8 @@ def refuse_what_makes_no_loop(spec: Spec) -> None:
 
 
 def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
-    """Where the outputs of a drawn loop settle after a step of [simulate] in an input, of those for which it is known.
+    """Where the outputs of a drawn loop settle after a step of [simulate] in an input, of those for
+    which it is known.
 
     linear: see `linear_loop`; nothing settles of a loop that is not stable.
     """
@@ -58,12 +62,14 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
 
 
 def radius_of(spec: Spec) -> float:
-    """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
+    """Spectral radius per frame of the spec's linear loop, which has none of the effects of
+    [simulate]."""
     return float(own_loop(spec).radii()[0])
 
 
 def linear_loop(spec: Spec) -> dict[str, Any]:
-    """Whether the linear loop of the spec is stable, and its spectral radius per frame, None if it is not known."""
+    """Whether the linear loop of the spec is stable, and its spectral radius per frame, None if
+    it is not known."""
     radius = radius_of(spec)
     return {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
 
@@ -71,9 +77,11 @@ def linear_loop(spec: Spec) -> dict[str, Any]:
 def seen_response(
     spec: Spec, simulation: Simulation, tones: Sequence[Tone]
 ) -> dict[str, np.ndarray]:
-    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy.
+    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the
+    accuracy.
 
-    If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
+    If the linear loop is not stable, it has no steady response, and the columns of that response
+    are missing.
     """
     signals = {
         "f_device": simulation.signals["f_h"],

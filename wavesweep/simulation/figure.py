@@ -1,4 +1,5 @@
-"""The figures of a simulation: forces, positions and energies over time, and the response next to that of the linear loop."""
+"""The figures of a simulation: forces, positions and energies over time, and the response next
+to that of the linear loop."""
 
 from __future__ import annotations
 
@@ -37,8 +38,10 @@ _DETAIL_TICKS = 800  # at least, of a drawn loop
 _ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
 _TITLE = 20  # letters in a line of a panel's name
 Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
-"""The name of an axis, and column, label and colour of its signals, and whether they are held over a tick."""
-_AT_THE_HAND = (  # panel and its unit; column, label and number of the colour of each signal, and whether it is held
+"""The name of an axis, and column, label and colour of its signals, and whether they are held
+over a tick."""
+# panel and its unit; column, label and number of the colour of each signal, and whether it is held
+_AT_THE_HAND = (
     ("hand force", "N", "f_h", "hand", 2, True),
     ("position", "mm", "x_s", "avatar", 1, True),
     ("position", "mm", "x", "device", 0, False),
@@ -57,13 +60,15 @@ _DRAWN = {
 
 
 def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `simulate` table: hand force, positions and wall, control force, energies, one below the other.
+    """Draw a `simulate` table: hand force, positions and wall, control force, energies, one below
+    the other.
 
-    Of a drawn loop first its inputs, outputs and named signals, so that after a step this is the figure of step responses.
+    Of a drawn loop first its inputs, outputs and named signals, so that after a step this is the
+    figure of step responses.
 
-    At the left is the whole run; if it is long, as the band between the extremes. At the right are some frames in detail:
-    around a change of contact, if possible after the run has settled; without contact around the start of a step or a
-    pulse, or at the end.
+    At the left is the whole run; if it is long, as the band between the extremes. At the right are
+    some frames in detail: around a change of contact, if possible after the run has settled;
+    without contact around the start of a step or a pulse, or at the end.
     """
     spans = _spans(columns, facts)
     frames = _frames(facts)
@@ -114,7 +119,8 @@ def _draw_panel(axes: Any, columns: Columns, signals: Sequence[tuple], wall: flo
 
 
 def _draw_legend(canvas: Any, row: Any) -> None:
-    """Draw the legend of a row outside of its panels: a signal that fills its panel leaves no corner free."""
+    """Draw the legend of a row outside of its panels: a signal that fills its panel leaves no
+    corner free."""
     from matplotlib.ticker import ScalarFormatter
     from matplotlib.transforms import blended_transform_factory
 
@@ -239,7 +245,8 @@ def _lengths(columns: Columns) -> np.ndarray:
 
 
 def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
-    """The panel of how late messages or slow results come, if some do and it is known of which channel."""
+    """The panel of how late messages or slow results come, if some do and it is known of which
+    channel."""
     channels = [
         name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"
     ]
@@ -324,9 +331,11 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
 def _draw_signal(
     axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool, alone: bool
 ) -> None:
-    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps.
+    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with
+    its steps.
 
-    How late messages are is drawn as a dot in each tick. alone: whether no other signal is in the panel.
+    How late messages are is drawn as a dot in each tick. alone: whether no other signal is in the
+    panel.
     """
     times, values, style = (
         columns["time_s"],
@@ -340,9 +349,8 @@ def _draw_signal(
         style = {"drawstyle": "steps-post"}
     before = len(axes.get_lines())
     style |= {"marker": "."} if len(values) == 1 else {}
-    below = (
-        not before and not held and not alone
-    )  # wide and pale, so that an energy on another is seen
+    # wide and pale, so that an energy on another is seen
+    below = not before and not held and not alone
     if name == "late":
         axes.plot(
             *extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label
@@ -358,10 +366,11 @@ def _draw_signal(
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop.
+    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear
+    loop.
 
-    The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
-    loop, there are marks at these frequencies alone.
+    The line is computed between the frequencies of the table and an octave beyond them; without the
+    spec, or of an unstable loop, there are marks at these frequencies alone.
     """
     from wavesweep.engine.response import respond
     from wavesweep.program.analyses.spec_loops import loop_at_hand

@@ -26,12 +26,13 @@ from wavesweep.simulation.running_blocks import FrameClock
 def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table.
 
-    Parameters: `force` the hand's force (N), or the signal of the input that [simulate] names, per fast tick, in place of what
-    the spec describes, shape ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
+    Parameters: `force` the hand's force (N), or the signal of the input that [simulate] names, per
+    fast tick, in place of what the spec describes, shape ``(ticks,)``; `changes` fields of
+    `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
-    Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
-    a force that is not a vector of finite numbers, an option that does not exist or is out of range, or frames that the loop
-    cannot have.
+    Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that
+    cannot be read, a force that is not a vector of finite numbers, an option that does not exist or
+    is out of range, or frames that the loop cannot have.
     """
     effect_names, units = (
         [field.name for field in fields(Effects)],
@@ -55,7 +56,8 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 
 def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...]:
-    """Return the frames of the spec's [simulate] table, none if it has none; those at random for so many ticks.
+    """Return the frames of the spec's [simulate] table, none if it has none; those at random for so
+    many ticks.
 
     Errors: UsageError for a file that cannot be read, or without the capability that reads it.
     """
@@ -166,7 +168,8 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
 def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
     """Return these frames of a spec as the simulation takes them, None for none.
 
-    Results come after the delay of their frame, by default that of the spec; those of a drawn loop's blocks at once.
+    Results come after the delay of their frame, by default that of the spec; those of a drawn
+    loop's blocks at once.
     """
     if not given:
         return None
@@ -194,7 +197,8 @@ def effects_of(spec: Spec) -> Effects:
 
 
 def hand_force(spec: Spec, seed: int | None = None) -> Input:
-    """Return the force of the hand over the simulated time of the spec; seed: of noise, by default the spec's."""
+    """Return the force of the hand over the simulated time of the spec; seed: of noise, by
+    default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
     frequencies, settle, key = (

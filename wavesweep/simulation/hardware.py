@@ -1,4 +1,5 @@
-"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results in transit.
+"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results in
+transit.
 
 Every effect is off by default. Time is a whole number of fast ticks.
 """
@@ -22,21 +23,19 @@ _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 class Effects:
     """Effects of a simulated experiment beyond the linear model; all of them are off by default.
 
-    Parameters:
-    `wall` the position (m) above which there is a one-sided wall, None for the model's wall on both sides of 0;
-    `pulls` whether its damper may pull inside; otherwise its force is ``max(0, K depth + B speed)``, outside too;
-    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference if the spec
-    says ``difference`` (an ``exact`` velocity stays exact);
-    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which the
-    controller does not take into account;
-    `friction` Coulomb's (N), the same at rest and in motion;
-    `jitter` (part of a tick, at most 0.9): every fast tick is longer or shorter by up to that part, uniformly; the
-    device moves for the real length, the controller uses the nominal one;
-    `ticks` the real lengths of fast ticks (s) in turn, repeated for ever, in place of jitter; None for none;
-    `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
-    `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
-    `seed` of jitter, lateness and losses, also of the messages of channels and of frames at random, which have independent
-    streams of numbers.
+    Parameters: `wall` the position (m) above which there is a one-sided wall, None for the model's
+    wall on both sides of 0; `pulls` whether its damper may pull inside; otherwise its force is
+    ``max(0, K depth + B speed)``, outside too; `resolution` of the encoder (m), 0 for none:
+    position is the nearest step, velocity its difference if the spec says ``difference`` (an
+    ``exact`` velocity stays exact); `max_force` of the motors (N), None for no limit: the device
+    exerts ``f_m`` cut off there, which the controller does not take into account; `friction`
+    Coulomb's (N), the same at rest and in motion; `jitter` (part of a tick, at most 0.9): every
+    fast tick is longer or shorter by up to that part, uniformly; the device moves for the real
+    length, the controller uses the nominal one; `ticks` the real lengths of fast ticks (s) in turn,
+    repeated for ever, in place of jitter; None for none; `late` the largest delay of a slow result
+    in ticks, uniformly from 0 to `late`; `dropped` the probability (0 to 1) that a slow result is
+    lost: the fast loop holds the one before; `seed` of jitter, lateness and losses, also of the
+    messages of channels and of frames at random, which have independent streams of numbers.
 
     Errors: `UsageError` for a number out of range.
     """
@@ -85,7 +84,8 @@ def encoder(resolution: float) -> Callable[[float], float]:
 
 
 def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
-    """Return the length of every fast tick (s): those in turn, or ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
+    """Return the length of every fast tick (s): those in turn, or ``T·(1 + jitter·U)`` with
+    ``U`` uniform over -1 to 1."""
     if effects.ticks:
         return np.resize(effects.ticks, ticks)
     if effects.jitter == 0:
@@ -95,7 +95,8 @@ def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
 
 
 def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
-    """Return the ticks by which each slow result is late, None for one that is lost; others: a number of another slow loop."""
+    """Return the ticks by which each slow result is late, None for one that is lost; others: a
+    number of another slow loop."""
     late = (
         _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
     )
@@ -106,8 +107,8 @@ def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
 def losses(
     effects: Effects, keys: Mapping[str, float], messages: int, *others: int
 ) -> list[int | None]:
-    """Return what happens to each message of a channel with these keys: 0, or None for one that is lost at random; others: a
-    number of another channel."""
+    """Return what happens to each message of a channel with these keys: 0, or None for one that
+    is lost at random; others: a number of another channel."""
     changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
     lost_frames, burst = [], False
     for change, chance in zip(changes.tolist(), lost.tolist(), strict=True):
@@ -130,5 +131,6 @@ def random_frames(effects: Effects) -> Callable[[Sequence[float]], int]:
 
 
 def _source(effects: Effects, *stream: int) -> np.random.Generator:
-    """Return the random stream of one effect, so that enabling one does not change the numbers of the others."""
+    """Return the random stream of one effect, so that enabling one does not change the numbers
+    of the others."""
     return np.random.default_rng(np.random.SeedSequence(int(effects.seed), spawn_key=stream))

@@ -1,4 +1,5 @@
-"""Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read from a CSV file."""
+"""Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read
+from a CSV file."""
 
 import math
 from collections.abc import Sequence
@@ -13,9 +14,8 @@ from wavesweep.program.csv_files import read_csv
 from wavesweep.program.spec.studies import apart
 from wavesweep.simulation.keys import AT_A_TICK, MOST_COUNTED, MOST_TICKS, first_tick
 
-MOST_BYTES = (
-    40 * MOST_TICKS
-)  # of a record; times and forces with all their digits take 40 bytes a row
+# of a record; times and forces with all their digits take 40 bytes a row
+MOST_RECORD_BYTES = 40 * MOST_TICKS
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Tone:
 
 @dataclass(frozen=True)
 class Input:
-    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the sections for estimating the response."""
+    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the sections for
+    estimating the response."""
 
     force: np.ndarray
     tones: tuple[Tone, ...] = ()
@@ -46,7 +47,8 @@ def sine(
     seconds: float = 4.0,
     settle: float = 2.0,
 ) -> Input:
-    """Return ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
+    """Return ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods
+    as fit, if one does.
 
     Errors: `UsageError` for a frequency out of range.
     """
@@ -73,9 +75,10 @@ def stepped_sine(
 ) -> Input:
     """Return one sine after the other without a jump in phase, as a measured sine sweep does.
 
-    Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
-    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them. There is no
-    force after `most` seconds, and no section that ends later.
+    Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle`
+    seconds before each measurement, which then takes `periods` (at least 1) whole periods and at
+    least `least` seconds of them. There is no force after `most` seconds, and no section that ends
+    later.
 
     Errors: `UsageError` for a frequency out of range.
     """
@@ -110,7 +113,8 @@ def chirp(
     amplitude: float = 1.0,
     seconds: float = 20.0,
 ) -> Input:
-    """Return a sine whose frequency rises logarithmically from `start_hz` to `stop_hz` (both above 0)."""
+    """Return a sine whose frequency rises logarithmically from `start_hz` to `stop_hz` (both
+    above 0)."""
     if start_hz <= 0 or stop_hz <= 0:
         raise UsageError(
             f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}"
@@ -128,7 +132,8 @@ def pulse(
     at: float = 0.1,
     width: float = 0.05,
 ) -> Input:
-    """Return a force that lasts from `at` seconds for `width` seconds, from the first tick at or after its beginning on."""
+    """Return a force that lasts from `at` seconds for `width` seconds, from the first tick at or
+    after its beginning on."""
     force = np.zeros(_ticks(fast_hz, seconds))
     first = _ticks(fast_hz, at)
     force[first : _ticks(fast_hz, at + width)] = amplitude
@@ -141,7 +146,8 @@ def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: i
 
 
 def given(force) -> Input:
-    """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a vector of finite numbers."""
+    """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a
+    vector of finite numbers."""
     numbers = real_numbers(force)
     if numbers is None:
         raise UsageError(
@@ -157,7 +163,8 @@ def given(force) -> Input:
 
 
 def lasting(record: Input, ticks: int) -> Input:
-    """Return the record cut off at `ticks`, or extended by zeros; a tone that is cut off is not measured."""
+    """Return the record cut off at `ticks`, or extended by zeros; a tone that is cut off is not
+    measured."""
     force = np.zeros(ticks)
     force[: len(record.force)] = record.force[:ticks]
     return Input(force, tuple(tone for tone in record.tones if tone.last <= ticks))
@@ -180,17 +187,18 @@ def _ticks(fast_hz: float, seconds: float) -> int:
 def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:
     """Read a record of hand force from a CSV file with a header line.
 
-    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its times must increase by
-    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored. Blank lines may
-    stand at the end alone, since each other one would move all forces after it by a tick. rate: the key of the fast rate, for
-    messages.
+    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its
+    times must increase by one fast period from row to row, within 1 % of it; they may start at any
+    time. Other columns are ignored. Blank lines may stand at the end alone, since each other one
+    would move all forces after it by a tick. rate: the key of the fast rate, for messages.
 
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
-    file = read_csv(path, MOST_BYTES)
+    file = read_csv(path, MOST_RECORD_BYTES)
     lines = file.body.rstrip("\n, \t").split("\n")
     if file.names.count("force_N") != 1 or file.names.count("time_s") > 1:
-        # A spec may name any file, whose text is not for everybody: only that of a table of numbers is shown.
+        # A spec may name any file, whose text is not for everybody: only that of a table of numbers
+        # is shown.
         cells = lines[0].split(",") if file.names else []
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
         problem = file.listed if table else "text that is no table of numbers"

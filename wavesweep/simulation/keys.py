@@ -1,7 +1,9 @@
-"""The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal one.
+"""The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal
+one.
 
-Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost, or the word "random", or
-the name of a file; its `messages` are a table of lists, one for each channel of the loop.
+Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and
+lost, or the word "random", or the name of a file; its `messages` are a table of lists, one for each
+channel of the loop.
 """
 
 from __future__ import annotations
@@ -28,10 +30,11 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
-AT_A_TICK = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
+# of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
+AT_A_TICK = 0.01
 MOST_COUNTED = 2.0**53  # ticks; more cannot be counted by doubles
 RANDOM = "random"  # as frames
-SECONDS = 10.0  # of an input that has no length of its own
+SECONDS_OF_INPUT = 10.0  # of an input that has no length of its own
 FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM, TICKS = (
     f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from", "ticks")
 )
@@ -210,7 +213,8 @@ READ_BY = {
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame: its ticks, the delay of its slow result (None: that of the loop), and whether this never comes."""
+    """A frame: its ticks, the delay of its slow result (None: that of the loop), and whether
+    this never comes."""
 
     ticks: int
     delay: int | None = None
@@ -264,7 +268,8 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
 def build_messages(
     given: Mapping[str, Leaf], mistakes: Mistakes
 ) -> dict[str, tuple[int | None, ...]]:
-    """Return the ticks by which each message of a channel is late, None if it is lost, by channel, and add mistakes.
+    """Return the ticks by which each message of a channel is late, None if it is lost, by channel,
+    and add mistakes.
 
     given: the lists by path.
     """
@@ -288,7 +293,8 @@ def build_messages(
 
 
 def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
-    """Return the ticks by which messages are late in turn, and the words for those that are lost, as a spec could give them."""
+    """Return the ticks by which messages are late in turn, and the words for those that are
+    lost, as a spec could give them."""
     runs = [(ticks_late, len(list(run))) for ticks_late, run in groupby(late)]
     return [
         item
@@ -301,8 +307,9 @@ def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
 class Experiment(TableValue):
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
-    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, or
-    RANDOM or the name of a file, `show` are names, `messages` those of `build_messages`. given: leaves by path.
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames`
+    are of type `Frame`, or RANDOM or the name of a file, `show` are names, `messages` those of
+    `build_messages`. given: leaves by path.
     """
 
     values: dict[str, float | int | str | tuple | None]
@@ -347,7 +354,8 @@ class Experiment(TableValue):
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
 
     def on(self, device: HapticDevice | None) -> Experiment:
-        """Return the experiment with the limits of a device, except for keys that are given themselves."""
+        """Return the experiment with the limits of a device, except for keys that are given
+        themselves."""
         numbers = device.simulation() if device else {}
         missing = {
             name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given
@@ -355,7 +363,8 @@ class Experiment(TableValue):
         return replace(self, values=self.values | missing) if missing else self
 
     def unread(self) -> list[str]:
-        """Return the keys that are given, and not as their defaults, and that the input does not read."""
+        """Return the keys that are given, and not as their defaults, and that the input does not
+        read."""
         settings = {path: leaf.value for path, leaf in self.given.items()} | {
             FREQUENCIES: self.frequencies
         }
@@ -371,7 +380,8 @@ class Experiment(TableValue):
         ]
 
     def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
-        """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
+        """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and
+        the path of its key."""
         half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
         kind, sets_in, width, lasts = (
             self.values[name] for name in ("input", "at_s", "width_s", "duration_s")
@@ -434,19 +444,22 @@ class Experiment(TableValue):
 
 
 def first_tick(seconds: float, fast_hz: float) -> int:
-    """Return the number of the first tick at or after a time (s), which may be rounded to a few digits."""
+    """Return the number of the first tick at or after a time (s), which may be rounded to a few
+    digits."""
     ticks = min(seconds * fast_hz, MOST_COUNTED)
     nearest = round(ticks)
     return nearest + (ticks - nearest > AT_A_TICK)
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
-    """Return the duration (s) of a step of the stepped sine: settling, then whole periods and at least a second."""
+    """Return the duration (s) of a step of the stepped sine: settling, then whole periods and at
+    least a second."""
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
 def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict[str, Any]]:
-    """The leaves of [simulate] without those of messages, and the values of all; adds their mistakes."""
+    """The leaves of [simulate] without those of messages, and the values of all; adds their
+    mistakes."""
     leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
     checked = mistakes.read(
@@ -481,12 +494,12 @@ def _lengths(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...
 
 
 def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis | None:
-    """The axis of frequencies that is given for an input, None without; a single number becomes a list in its leaf."""
+    """The axis of frequencies that is given for an input, None without; a single number becomes
+    a list in its leaf."""
     if "" in leaves and isinstance(leaves[""].value, (int, float)):
         leaves[""] = replace(leaves[""], value=[leaves[""].value])
-    nothing = (
-        "" in leaves and leaves[""].value == [] and kind not in INPUT_FREQUENCIES
-    )  # as `Experiment.written` has it
+    # as `Experiment.written` has it
+    nothing = "" in leaves and leaves[""].value == [] and kind not in INPUT_FREQUENCIES
     if not leaves or nothing:
         return None
     return build_axis("simulate", "frequency_hz", leaves, mistakes)
@@ -504,7 +517,7 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         axis = axis or INPUT_FREQUENCIES.get(kind)
         values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)
     if values["duration_s"] is None and kind not in ("stepped-sine", "record"):
-        values["duration_s"] = SECONDS
+        values["duration_s"] = SECONDS_OF_INPUT
     if kind == "record" and values["record"] is None:
         expected = "the name of a CSV file for this input"
         mistakes.refuse(
@@ -567,7 +580,8 @@ def refuse_unknown_channels(belongs: Sorted, drawing: Drawing | None, mistakes: 
 
 
 def demand(spec: Spec) -> None:
-    """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from."""
+    """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has
+    nothing that it could come from."""
     mistakes = Mistakes()
     spec.simulate.refuse_beyond_limits(
         spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes
@@ -583,7 +597,8 @@ def demand(spec: Spec) -> None:
 
 
 def entry_of(spec: Spec) -> str:
-    """The signal from outside that [simulate] gives: that of the named input, or the first, which is a hand's force."""
+    """The signal from outside that [simulate] gives: that of the named input, or the first,
+    which is a hand's force."""
     if spec.drawing is None:
         return ""
     named = [signal for name, signal, _ in spec.drawing.inputs if name == spec.simulate["from"]]

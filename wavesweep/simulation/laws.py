@@ -1,8 +1,9 @@
 """What each type of block does when it runs, as sums of products of its inputs and states.
 
-The equations are written here a second time, from the blocks' meaning and with realisations of their own: one-pole sections for
-filters, direct forms for transfer functions, the exponential of each continuous model. So an error in a block or in a frame
-shows as a difference between two programs.
+The equations are written here a second time, from the blocks' meaning and with realisations of
+their own: one-pole sections for filters, direct forms for transfer functions, the exponential of
+each continuous model. So an error in a block or in a frame shows as a difference between two
+programs.
 """
 
 import cmath
@@ -24,10 +25,11 @@ Sum = tuple[tuple[float, str], ...]
 class Law(NamedTuple):
     """What a block does when it runs; names are its ports, its states and numbers in between.
 
-    gives: outputs and numbers in between as sums of inputs, states and each other. keeps: the states afterwards, from all
-    numbers as they were before. moves: rows of states; the first takes the value of the name, each other one that of the one
-    before it. limits: low and high of numbers that end there. stops: states that keep their value while a number is beyond its
-    limit and would be driven on: (the number before the limit, behind it, and what drives it).
+    gives: outputs and numbers in between as sums of inputs, states and each other. keeps: the
+    states afterwards, from all numbers as they were before. moves: rows of states; the first takes
+    the value of the name, each other one that of the one before it. limits: low and high of numbers
+    that end there. stops: states that keep their value while a number is beyond its limit and would
+    be driven on: (the number before the limit, behind it, and what drives it).
     """
 
     gives: Mapping[str, Sum]
@@ -102,7 +104,8 @@ def spring(period: float, k: float, d: float) -> Law:
 def ss(
     period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str], *, discrete: bool
 ) -> Law:
-    """State-space model, rows of numbers; the inputs of a continuous one are held over the period: exact."""
+    """State-space model, rows of numbers; the inputs of a continuous one are held over the
+    period: exact."""
     n, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs]
     D = D or [[0.0] * len(inputs) for _ in outputs]
     changes = [[*row, *pushed] for row, pushed in zip(A, B, strict=True)]
@@ -124,7 +127,8 @@ def ss(
 
 
 def _numbered(members, side):
-    """The numbers of all input ports (side -2) or output ports (-1) of the members, by their names."""
+    """The numbers of all input ports (side -2) or output ports (-1) of the members, by their
+    names."""
     ports = [f"{member[0]}.{port}" for member in members for port in member[side]]
     return {port: i for i, port in enumerate(ports)}
 
@@ -138,11 +142,13 @@ def continuous(
     arriving=(),
     sensed=(),
 ) -> Law:
-    """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside that are held: exact.
+    """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside
+    that are held: exact.
 
-    members: name, type, keys, input and output ports of each. gains: of a port and an output. inputs, outputs: port -> its name
-    in the law. arriving: port, name in the law and instant (share of the period) of what is added to inputs within the tick.
-    sensed: output, name in the law and instant of what is read within it.
+    members: name, type, keys, input and output ports of each. gains: of a port and an output.
+    inputs, outputs: port -> its name in the law. arriving: port, name in the law and instant (share
+    of the period) of what is added to inputs within the tick. sensed: output, name in the law and
+    instant of what is read within it.
     """
     from scipy.linalg import block_diag
 
@@ -178,7 +184,8 @@ def continuous(
 
 
 def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
-    """A continuous model from instant to instant of a tick; arriving, sensed: see `continuous`, with indices of ports."""
+    """A continuous model from instant to instant of a tick; arriving, sensed: see `continuous`,
+    with indices of ports."""
     order, names = (
         len(A),
         [*(f"state {i}" for i in range(len(A))), *inputs, *(name for _, name, _ in arriving)],
@@ -232,7 +239,8 @@ def _matrices(kind, keys, inputs, outputs):
 
 
 def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: bool) -> Law:
-    """Transfer function from coefficients of descending powers of s or z, in direct or in controllable form."""
+    """Transfer function from coefficients of descending powers of s or z, in direct or in
+    controllable form."""
     if not discrete:
         return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
     a, b = (
@@ -288,7 +296,8 @@ def delay(period: float, steps: int) -> Law:
 
 
 def dead_time(ticks: int) -> Law:
-    """What was held, and what was read of plants, so many ticks ago; and by how much the former is about to change."""
+    """What was held, and what was read of plants, so many ticks ago; and by how much the former
+    is about to change."""
     held, read = ([port, *(f"{port}{i}" for i in range(1, ticks + 1))] for port in ("u", "sensed"))
     soon = ((1.0, held[-2]), (-1.0, held[-1])) if ticks else ()
     moves = tuple((port, tuple(past)) for port, *past in (held, read)) if ticks else ()
@@ -319,8 +328,9 @@ def integrator(period: float, method: str, **limits) -> Law:
 def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tracking_s=None):
     """A law whose output y ends at limits, with what its integral, times ki in y, does there.
 
-    Back-calculation adds `(y - free)/tracking_s` to the rate of `ki sum`, free being y without limits (Astrom, Hagglund 1995).
-    Clamping keeps the sum while y is at a limit and `ki u` has the sign of `free - y`.
+    Back-calculation adds `(y - free)/tracking_s` to the rate of `ki sum`, free being y without
+    limits (Astrom, Hagglund 1995). Clamping keeps the sum while y is at a limit and `ki u` has the
+    sign of `free - y`.
     """
     if high is None:
         return law
@@ -337,7 +347,8 @@ def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tra
 
 
 def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
-    """A total after a step, from that before it and a rate, and what is kept; a trapezium needs the rate of the last run."""
+    """A total after a step, from that before it and a rate, and what is kept; a trapezium needs
+    the rate of the last run."""
     if method != "trapezoidal":
         moved = (1.0, total), (period, rate)
         return moved, {total: moved}
@@ -347,15 +358,18 @@ def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, d
 
 
 def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law:
-    """Digital Butterworth filter: bilinear transform, prewarped so that the gain at the cutoff is 1/sqrt(2).
+    """Digital Butterworth filter: bilinear transform, prewarped so that the gain at the cutoff is
+    1/sqrt(2).
 
-    Analogue poles `s = tan(pi f T) exp(j pi (2k + n + 1)/2n)` become `p = (1 + s)/(1 - s)`; the zeros go to z = -1 ("low") or
-    z = 1 ("high"). A section with a pole p, a real one or the upper one of a pair, keeps one number q, complex for a pair:
+    Analogue poles `s = tan(pi f T) exp(j pi (2k + n + 1)/2n)` become `p = (1 + s)/(1 - s)`; the
+    zeros go to z = -1 ("low") or z = 1 ("high"). A section with a pole p, a real one or the upper
+    one of a pair, keeps one number q, complex for a pair:
 
         q' = p q + g u,        y = Re(r q) + d u
 
-    In a direct form, whose coefficients cancel if the poles are close to z = 1, no digit is left at 10th order and 0.1 % of the
-    rate. Accuracy: relative 1e-13 of the pass-band gain down to cutoffs of 0.1 % of the rate at order 12.
+    In a direct form, whose coefficients cancel if the poles are close to z = 1, no digit is left at
+    10th order and 0.1 % of the rate. Accuracy: relative 1e-13 of the pass-band gain down to cutoffs
+    of 0.1 % of the rate at order 12.
     """
     edge, gives, keeps, into = math.tan(math.pi * cutoff_hz * period), {}, {}, "u"
     for k in range((order + 1) // 2):
@@ -374,7 +388,8 @@ def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law
 
 
 class FilterSection(NamedTuple):
-    """A section of a filter: its pole, the gains into its state and out of it, and the direct term."""
+    """A section of a filter: its pole, the gains into its state and out of it, and the direct
+    term."""
 
     pole: complex
     gain_in: float
@@ -388,9 +403,8 @@ def _section(passes, s, *, real):
     p = (1 + s) / (1 - s)
     to_one, to_minus_one = -2 * s / (1 - s), 2 / (1 - s)  # 1 - p and 1 + p, without cancelling
     at_gain, at_zero = (to_one, to_minus_one) if passes == "low" else (to_minus_one, -to_one)
-    g = (
-        abs(to_one) ** 0.5
-    )  # input and output of like size: the state stays of the size of the signal
+    # input and output of like size: the state stays of the size of the signal
+    g = abs(to_one) ** 0.5
     if real:
         d = at_gain / 2
         return FilterSection(p, g, d * at_zero / g, d)
@@ -468,7 +482,8 @@ def mean(period: float, n: int) -> Law:
 
 
 def wave(period: float, b: float, gives: str) -> Law:
-    """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v - in`, or solved for `v`."""
+    """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v
+    - in`, or solved for `v`."""
     del period
     impedance, admittance = root(2 * b), root(2 / b)
     if gives == "force":
@@ -479,9 +494,11 @@ def wave(period: float, b: float, gives: str) -> Law:
 
 
 def avatar(period: float, b: float, integration: str) -> Law:
-    """A point behind a wave port, pushed back by the force f: `v = (sqrt(2b) in - f)/b`, `out = in - sqrt(2/b) f`.
+    """A point behind a wave port, pushed back by the force f: `v = (sqrt(2b) in - f)/b`, `out = in
+    - sqrt(2/b) f`.
 
-    It moves from `before` by a step with its velocity; the spring reads where it was, if explicit, or where it is.
+    It moves from `before` by a step with its velocity; the spring reads where it was, if explicit,
+    or where it is.
     """
     admittance = root(2 / b)
     moved, keeps = _integral("before", "v", period, integration)
@@ -495,7 +512,8 @@ def avatar(period: float, b: float, integration: str) -> Law:
 
 
 def local_model(period: float, b: float, K: float, B: float, integration: str) -> Law:
-    """A spring K and a damper B behind a wave port: the avatar's equations with `f = K x_spring + B v`, solved for v."""
+    """A spring K and a damper B behind a wave port: the avatar's equations with `f = K x_spring
+    + B v`, solved for v."""
     moved, keeps = _integral("before", "speed", period, integration)
     still = (
         ((1.0, "before"),)
@@ -516,7 +534,8 @@ def local_model(period: float, b: float, K: float, B: float, integration: str) -
 
 
 def local_model_away(period: float, b: float, K: float, B: float, integration: str) -> Law:
-    """A local model while the wall is not touched: it moves freely, and its spring is not stretched."""
+    """A local model while the wall is not touched: it moves freely, and its spring is not
+    stretched."""
     del period, K, B
     moving = {"last speed": ((root(2 / b), "in"),)} if integration == "trapezoidal" else {}
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
@@ -525,13 +544,13 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
 def in_delta_form(
     E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
 ) -> Law:
-    """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`."""
+    """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D
+    u[k]`."""
     names = [*(f"state {state}" for state in states), *inputs]
     keeps = {}
     for i, (name, e, b) in enumerate(zip(names, E.tolist(), B.tolist(), strict=False)):
-        last = (
-            (1.0, name) if e[i] != -1.0 else (0.0, name)
-        )  # a state that does not depend on itself gets a new value
+        # a state that does not depend on itself gets a new value
+        last = (1.0, name) if e[i] != -1.0 else (0.0, name)
         keeps[name] = (
             *_sum(
                 [*(0.0 if last[0] == 0.0 and j == i else entry for j, entry in enumerate(e)), *b],

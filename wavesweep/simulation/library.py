@@ -36,16 +36,16 @@ class LoopSimulation(api.Loop):
         Parameters
         ----------
         force : array of shape (ticks,), optional
-            The hand's force (N), or the signal of the input that [simulate] has `from`, per tick; by default the input of
-            [simulate].
+            The hand's force (N), or the signal of the input that [simulate] has `from`, per tick;
+            by default the input of [simulate].
         **options : float, str or None
             Effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
 
         Returns
         -------
         DataFrame
-            A row per fast tick, with the columns of `wavesweep simulate`: tick, frame, phase (ticks into the frame) and time_s
-            (s); signals follow in their units.
+            A row per fast tick, with the columns of `wavesweep simulate`: tick, frame, phase (ticks
+            into the frame) and time_s (s); signals follow in their units.
 
         Raises
         ------
@@ -97,7 +97,8 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
         Returns
         -------
         DataFrame
-            A row per tick with `time_s` (s) and the signals. The rows end before a signal that is not finite.
+            A row per tick with `time_s` (s) and the signals. The rows end before a signal that is
+            not finite.
 
         Raises
         ------

@@ -1,9 +1,10 @@
 """Loops run tick by tick, with the effects of hardware.
 
-All blocks that run in a tick read each other's outputs of that tick, then they keep their states. The device moves by a law of
-its own, which has friction and real lengths of ticks. Effects of the device need one: a single block of type `mass` that the
-hand's force acts on. Results of slow blocks, those with another `every` than 1, may come late to the blocks of every tick, and
-messages of channels to all blocks.
+All blocks that run in a tick read each other's outputs of that tick, then they keep their states.
+The device moves by a law of its own, which has friction and real lengths of ticks. Effects of the
+device need one: a single block of type `mass` that the hand's force acts on. Results of slow
+blocks, those with another `every` than 1, may come late to the blocks of every tick, and messages
+of channels to all blocks.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,9 +41,10 @@ Messages = Mapping[str, Sequence[int | None]]
 SLOW_ALONE = MappingProxyType(
     {"rates.ratio": 2, "environment.delay": 0}
 )  # draw a slow environment without its timing
-FARTHEST = 1e3  # m
+FARTHEST_POSITION = 1e3  # m
 STRONGEST = 1e6  # N
-"""A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
+"""A simulation stops before the first tick in which the hand is farther away, or a force is
+larger: it means nothing there."""
 
 
 def simulate(
@@ -58,18 +60,22 @@ def simulate(
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
 
-    values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
-    `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages. entry: the signal from
-    outside that the record is of, if not of the hand's force; all others are 0. frames: of the slow blocks, in place of the
-    rate and the delay of the slow environment. messages: the ticks by which those of each channel are late in turn, repeated
-    for ever, None for one that is lost; those of other channels are in time, or lost at random by their own probabilities.
+    values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick,
+    `(ticks,)`. effects: see `Effects`. x: the device's initial position (m), at rest. units: of
+    position and force, for messages. entry: the signal from outside that the record is of, if not
+    of the hand's force; all others are 0. frames: of the slow blocks, in place of the rate and the
+    delay of the slow environment. messages: the ticks by which those of each channel are late in
+    turn, repeated for ever, None for one that is lost; those of other channels are in time, or lost
+    at random by their own probabilities.
 
-    The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
-    `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
-    what goes round within a tick has no solution.
+    The simulation stops early if the position exceeds `FARTHEST_POSITION` or a force `STRONGEST`,
+    as those of an unstable loop do; `Simulation.stopped` then gives the reason. Errors: UsageError
+    for effects that the loop cannot have; IllPosedLoopError if what goes round within a tick has no
+    solution.
 
-    Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction are solved within the tick,
-    not iterated. An encoder, late results and jitter see the signal at the ticks, as their originals do.
+    Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction
+    are solved within the tick, not iterated. An encoder, late results and jitter see the signal at
+    the ticks, as their originals do.
     """
     effects = Effects() if effects is None else effects
     if frames and drawing is None:
@@ -81,7 +87,8 @@ def simulate(
 
 
 class MarchedRows(NamedTuple):
-    """A row of numbers per tick, whether the wall was touched in it, the last position, and why the rows ended early."""
+    """A row of numbers per tick, whether the wall was touched in it, the last position, and why
+    the rows ended early."""
 
     rows: list[tuple[float, ...]]
     touched: list[bool]
@@ -93,9 +100,10 @@ class MarchedRows(NamedTuple):
 class Results:
     """Slow results that arrive together: their signals, and the blocks on their way.
 
-    chain: when each block runs, and how many of its runs it is late, from the last one back to that which computes the result,
-    behind all that only hold or delay it. late: of each result, in ticks, None if it is lost. waiting: the tick from which each
-    of those under way is there, the numbers, and whether the wall was touched. channel: that they are the messages of; empty
+    chain: when each block runs, and how many of its runs it is late, from the last one back to that
+    which computes the result, behind all that only hold or delay it. late: of each result, in
+    ticks, None if it is lost. waiting: the tick from which each of those under way is there, the
+    numbers, and whether the wall was touched. channel: that they are the messages of; empty
     without. zero: whether they are zero from a run on in which none arrives.
     """
 
@@ -117,13 +125,15 @@ class Results:
         return self.chain[-1][0]
 
     def number(self, k: int) -> int:
-        """The number of the result that is shown in tick k, which counts from 0; negative if there is none yet."""
+        """The number of the result that is shown in tick k, which counts from 0; negative if
+        there is none yet."""
         for rhythm, runs in self.chain[:-1]:
             k = rhythm.last(k, runs)
         return self.origin.count(k) - 1 if k >= 0 else -1
 
     def due(self, k: int) -> tuple[list[float], bool] | None:
-        """Take the result computed last of those that are there by tick k; one that was overtaken is never shown."""
+        """Take the result computed last of those that are there by tick k; one that was
+        overtaken is never shown."""
         for place in reversed(range(len(self.waiting))):
             arrival, numbers, touched = self.waiting[place]
             if arrival <= k:
@@ -133,7 +143,8 @@ class Results:
 
 
 def results_of(loop: MarchedLoop) -> list[Results]:
-    """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
+    """The messages of channels, and the slow results that blocks of every tick read; the wall's
+    force if no block is slow."""
     channels = loop.channels
     messages = []
     slow = {}
@@ -161,7 +172,8 @@ def results_of(loop: MarchedLoop) -> list[Results]:
 
 
 def _chain(loop, block, alone):
-    """When the blocks from a slow one back to that which computes its result run, and how many runs each is late.
+    """When the blocks from a slow one back to that which computes its result run, and how many runs
+    each is late.
 
     alone: the slow blocks by the wires that read nothing but an output of theirs.
     """
@@ -179,8 +191,8 @@ def _chain(loop, block, alone):
 class March:
     """A loop with effects, ready to run once.
 
-    watched: names of numbers of `TickSums` that are recorded besides its signals. entry, messages: see `simulate`. drawn:
-    whether a spec draws the loop.
+    watched: names of numbers of `TickSums` that are recorded besides its signals. entry, messages:
+    see `simulate`. drawn: whether a spec draws the loop.
     """
 
     def __init__(
@@ -214,7 +226,8 @@ class March:
     def under(
         self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")
     ) -> Simulation:
-        """The experiment under the hand's force (N), or the record of another input, `(ticks,)`, from rest at x (m)."""
+        """The experiment under the hand's force (N), or the record of another input, `(ticks,)`,
+        from rest at x (m)."""
         loop = self.loop
         lengths = tick_lengths(self.effects, loop.tick, len(force))
         late, results = self._lateness(len(force))
@@ -252,7 +265,8 @@ class March:
         )
 
     def _lacking(self) -> frozenset[str] | None:
-        """The columns that say nothing about a loop that a spec draws; None for a controller, whose table has all."""
+        """The columns that say nothing about a loop that a spec draws; None for a controller,
+        whose table has all."""
         if not self.drawn:
             return None
         lacking = set()
@@ -263,10 +277,11 @@ class March:
         return frozenset(lacking)
 
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
-        """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
+        """Draw the ticks by which each result is late; those of the first slow blocks, and which is
+        last in each tick.
 
-        Delays of frames come on top of these. -1 is for a result that is lost. The last entry of all is for a result after the
-        last tick.
+        Delays of frames come on top of these. -1 is for a result that is lost. The last entry of
+        all is for a result after the last tick.
         """
         drawn: dict[
             Rhythm, list[int | None]
@@ -298,7 +313,8 @@ class March:
     def _first_lateness(
         self, count: int, drawn: Mapping[Rhythm, list[int | None]]
     ) -> tuple[list[int], np.ndarray]:
-        """The ticks by which results of the first slow blocks are late, and which is last in each tick."""
+        """The ticks by which results of the first slow blocks are late, and which is last in
+        each tick."""
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
         frames, ticks = np.divmod(np.arange(count), origin.every)
@@ -362,8 +378,8 @@ class March:
             z[own_v] = v
             running.tick(k)
             f_m = z[pull]
-            if not abs(z[position]) <= FARTHEST:  # also if it is NaN
-                stopped = f"the hand's position exceeds {FARTHEST:g} {units[0]}"
+            if not abs(z[position]) <= FARTHEST_POSITION:  # also if it is NaN
+                stopped = f"the hand's position exceeds {FARTHEST_POSITION:g} {units[0]}"
                 return MarchedRows(rows, touched, z[position], stopped)
             if not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
                 return MarchedRows(
@@ -388,7 +404,8 @@ class March:
 
 
 def _spans_of_ticks(body, uneven, lengths, tick):
-    """The real length (s) of each tick, and how the device moves in it; unless they are uneven all move alike."""
+    """The real length (s) of each tick, and how the device moves in it; unless they are uneven
+    all move alike."""
     if uneven:
         increments = zero_order_hold(*body[:3], lengths).tolist()
     else:
@@ -397,7 +414,8 @@ def _spans_of_ticks(body, uneven, lengths, tick):
 
 
 class Running:
-    """The numbers of a loop as its ticks change them, slow results under way, and whether the wall in use is touched.
+    """The numbers of a loop as its ticks change them, slow results under way, and whether the wall
+    in use is touched.
 
     wall: where it begins if it is one-sided. late: whether results may be late.
     """
@@ -455,7 +473,8 @@ class Running:
         keep(program, z)
 
     def _arriving(self, k: int, shown: list[tuple[Results, int]]) -> frozenset[str]:
-        """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
+        """Put late results in place that are there by now; the signals that are shown in this
+        tick and not late."""
         for result in self.results:
             self._receive(result, k)
         in_time = [
@@ -479,7 +498,8 @@ class Running:
                 self.touching = touched
 
     def _send(self, k: int, each: Results, number: int) -> None:
-        """A result that was computed by now: it is in use if it is not late, and overtakes those under way."""
+        """A result that was computed by now: it is in use if it is not late, and overtakes those
+        under way."""
         touched = self.contacts[number] if each.touches and number >= 0 else self.touching
         if number < 0 or each.late[number] == 0:
             self.touching = touched
@@ -554,9 +574,11 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
 def run_drawn(
     drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]
 ) -> dict[str, np.ndarray]:
-    """Run the blocks of a drawing made in Python (a `MultirateLoop`) from rest and record signals, `(ticks,)` each.
+    """Run the blocks of a drawing made in Python (a `MultirateLoop`) from rest and record signals,
+    `(ticks,)` each.
 
-    inputs: the value of each input from outside in every tick. The rows end before a signal is not finite.
+    inputs: the value of each input from outside in every tick. The rows end before a signal is not
+    finite.
     """
     ticks = TickSums(loop := loop_of_blocks(drawn, signals))
     running, rows = Running(loop, ticks, (), None, late=False), []

@@ -1,4 +1,5 @@
-"""Floats that remember how they were computed from numbers with names, so that C can compute them again."""
+"""Floats that remember how they were computed from numbers with names, so that C can compute
+them again."""
 
 import math
 import operator
@@ -11,8 +12,8 @@ _SIGNS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator
 class Named(float):
     """A float and what it was made from: a name, or an operation and its operands.
 
-    Sums, products, quotients and `root` remember; all else gives plain floats, which are constants. It is true even at zero, so
-    that a gain of zero keeps its place in sums.
+    Sums, products, quotients and `root` remember; all else gives plain floats, which are constants.
+    It is true even at zero, so that a gain of zero keeps its place in sums.
     """
 
     __slots__ = ("made",)

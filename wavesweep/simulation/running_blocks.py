@@ -1,4 +1,5 @@
-"""A drawing as the simulation runs it: blocks with their laws, wires as sums of products, and the wall's force as a number."""
+"""A drawing as the simulation runs it: blocks with their laws, wires as sums of products, and
+the wall's force as a number."""
 
 from __future__ import annotations
 
@@ -25,9 +26,8 @@ from wavesweep.simulation.laws import (
     local_model_away,
 )
 
-FORCE = (
-    "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
-)
+# the number that all wires read in which the wall's stiffness and damping stand
+FORCE = "wall force"
 DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply
 REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
 LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
@@ -36,18 +36,18 @@ LOCAL = (
     "local_model.B_LM",
 )  # of a controller's wires: a model of the contact, absent without one
 SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
-ROUNDED = (
-    1e-11  # of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
-)
-SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
+# of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
+WHOLE_TICK = 1e-11
+SAME_SHARE = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
 @dataclass(frozen=True, slots=True)
 class FrameClock:
     """Frames of slow blocks, repeated for ever.
 
-    ticks: of each. delays: ticks from a frame's beginning until its results are in place, None if they never are. nominal: the
-    period of slow blocks in ticks if it is always the same, None if it is the time since they ran last.
+    ticks: of each. delays: ticks from a frame's beginning until its results are in place, None if
+    they never are. nominal: the period of slow blocks in ticks if it is always the same, None if it
+    is the time since they ran last.
     """
 
     ticks: tuple[int, ...]
@@ -71,7 +71,8 @@ class FrameClock:
 
 @dataclass(frozen=True, slots=True)
 class Rhythm:
-    """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results may be late.
+    """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results
+    may be late.
 
     periods: of its runs in turn, in ticks; empty if all have the mean period.
     """
@@ -91,7 +92,8 @@ class Rhythm:
         return frames * len(self.phases) + bisect_right(self.phases, tick)
 
     def last(self, k: int, back: int = 0) -> int:
-        """The tick of the last run up to tick k, or of one so many runs before it; negative if there is none."""
+        """The tick of the last run up to tick k, or of one so many runs before it; negative if
+        there is none."""
         frames, index = divmod(self.count(k) - 1 - back, len(self.phases))
         return frames * self.every + self.phases[index]
 
@@ -106,8 +108,8 @@ class Rhythm:
 class RunningBlock:
     """A block: its ports, when it runs, its law, and its law while the wall is not touched.
 
-    plant: whether its inputs are held over each tick. runs: the block with the law of each of its runs in turn, if these are
-    not the same.
+    plant: whether its inputs are held over each tick. runs: the block with the law of each of its
+    runs in turn, if these are not the same.
     """
 
     name: str
@@ -139,10 +141,12 @@ class RunningBlock:
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall `F = K depth + B speed`: its numbers (N/m, N s/m), and depth (m) and speed (m/s) as sums of signals.
+    """A wall `F = K depth + B speed`: its numbers (N/m, N s/m), and depth (m) and speed (m/s) as
+    sums of signals.
 
-    names: of its numbers in the drawing. position: above which it fills space if it is one-sided, otherwise None. pulls:
-    whether it may pull inside, and does nothing outside; otherwise the force of both is cut off at 0.
+    names: of its numbers in the drawing. position: above which it fills space if it is one-sided,
+    otherwise None. pulls: whether it may pull inside, and does nothing outside; otherwise the force
+    of both is cut off at 0.
     """
 
     names: tuple[str, ...]
@@ -158,12 +162,14 @@ class Wall:
 class MarchedLoop:
     """Blocks, and the sums that their input ports and the signals at the hand's port read.
 
-    tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
-    the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
-    the device, mass (kg), damping (N s/m) and stiffness (N/m). late: the name of a dead time after which forces reach the
-    device, and the share of a tick that has gone by then, where it is not 0. wall: None if none is named, or if its numbers do
-    more than multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand.
-    frames: of its slow blocks, None if all are alike. channels: the keys of each channel.
+    tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while
+    the wall is not touched. hand: the signal of its force. device: the block that it moves, empty
+    if it moves several, or another thing than a mass. body: of the device, mass (kg), damping (N
+    s/m) and stiffness (N/m). late: the name of a dead time after which forces reach the device, and
+    the share of a tick that has gone by then, where it is not 0. wall: None if none is named, or if
+    its numbers do more than multiply signals in wires. walled: whether one is named. entries: name
+    and signal of each input besides the hand. frames: of its slow blocks, None if all are alike.
+    channels: the keys of each channel.
     """
 
     tick: float
@@ -189,7 +195,8 @@ class MarchedLoop:
 
     @property
     def delays(self) -> tuple[int | None, ...]:
-        """The ticks until the results of each frame are in place, besides those of blocks; None if they never are."""
+        """The ticks until the results of each frame are in place, besides those of blocks; None
+        if they never are."""
         if self.frames is None:
             return (0,)
         return self.frames.delays
@@ -206,16 +213,19 @@ class MarchedLoop:
 
     @property
     def signals(self) -> list[str]:
-        """What is read besides input ports: the signals at the hand's port, outputs and named signals."""
+        """What is read besides input ports: the signals at the hand's port, outputs and named
+        signals."""
         ports = self.ports
         return [name for name in self.wires if name not in ports]
 
     def only(self, kind: str, port: str = "") -> str:
-        """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
+        """The name of the only block of a type that has an output of this name; empty if there
+        is none, or several."""
         return _only(self.blocks, kind, port)
 
     def readers(self, signal: str) -> list[Rhythm]:
-        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick.
+        """When the wires are read that a signal is in; a plant's and those at the hand's port in
+        every tick.
 
         What only shows it reads nothing.
         """
@@ -233,7 +243,8 @@ class MarchedLoop:
 
     @property
     def gated(self) -> bool:
-        """Whether a part or a wire is another one while the wall is not touched; not beside one that only pushes."""
+        """Whether a part or a wire is another one while the wall is not touched; not beside one
+        that only pushes."""
         if self.wall and not self.wall.pulls:
             return False
         return self.wires != self.away or any(block.law != block.away for block in self.blocks)
@@ -283,7 +294,8 @@ class MarchedLoop:
 
     @property
     def wall_rhythm(self) -> Rhythm:
-        """When the wall's force is computed: as its slow readers run, if it has no other readers."""
+        """When the wall's force is computed: as its slow readers run, if it has no other
+        readers."""
         readers = self.readers(FORCE)
         slow = [rhythm for rhythm in readers if rhythm.slow]
         if slow and set(readers) == {slow[0]}:
@@ -292,7 +304,8 @@ class MarchedLoop:
 
 
 def _only(blocks, kind, port=""):
-    """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
+    """The name of the only block of a type that has an output of this name; empty if there is
+    none, or several."""
     names = [
         block.name for block in blocks if block.type == kind and (not port or port in block.outputs)
     ]
@@ -304,7 +317,8 @@ def loop_of(
 ) -> MarchedLoop:
     """Return the loop that a drawing with these numbers (flat keys) is.
 
-    frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they cannot have.
+    frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they
+    cannot have.
     """
     numbers = scalars(values)
     if frames:
@@ -378,7 +392,8 @@ def loop_of(
 
 
 def _blocks(drawing, numbers, tick, frames, waits):
-    """The blocks of a drawing with their laws: those by themselves, plants, and dead times. waits: of the last, in ticks."""
+    """The blocks of a drawing with their laws: those by themselves, plants, and dead times.
+    waits: of the last, in ticks."""
     blocks = [
         _part(block, numbers, tick, frames) for block in drawing.alone if block.name not in waits
     ]
@@ -404,7 +419,8 @@ def _terms(drawing):
 
 
 def _shown_signals(drawing):
-    """The terms of named signals and outputs by their columns; those with the name of an input are left out."""
+    """The terms of named signals and outputs by their columns; those with the name of an input
+    are left out."""
     named = {run_column("signals", name): terms for name, terms in drawing.named}
     named |= {run_column("outputs", name): terms for name, terms, _ in drawing.outputs}
     inputs = {run_column("inputs", name) for name, _, _ in drawing.inputs}
@@ -412,7 +428,8 @@ def _shown_signals(drawing):
 
 
 def _wires(drawing, terms, numbers, shares, shown):
-    """The sums of wires with these numbers, the shares of the wall's force, and what is shown, by names inside of plants."""
+    """The sums of wires with these numbers, the shares of the wall's force, and what is shown,
+    by names inside of plants."""
     sums = {}
     for port, terms_of_port in terms.items():
         sums[port] = (*_valued(terms_of_port, numbers), *shares.get(port, ()))
@@ -425,7 +442,8 @@ def _wires(drawing, terms, numbers, shares, shown):
 
 
 def _local_wave(blocks, wires):
-    """What returns from the local model of a loop that has one at the end of a wave channel; else None."""
+    """What returns from the local model of a loop that has one at the end of a wave channel;
+    else None."""
     channel_end = _only(blocks, "wave", "force")
     if not (channel_end and _only(blocks, "local_model")):
         return None
@@ -568,13 +586,14 @@ def _part(block, known, tick, frames):
 def divided(ticks: float) -> tuple[int, float]:
     """Return a time in ticks as whole ticks less a share of one."""
     whole_ticks = round(ticks)
-    if abs(ticks - whole_ticks) > ROUNDED * max(1.0, ticks):
+    if abs(ticks - whole_ticks) > WHOLE_TICK * max(1.0, ticks):
         whole_ticks = math.ceil(ticks)
     return whole_ticks, max(0.0, whole_ticks - ticks)
 
 
 def _within_ticks(name, drawing, wires):
-    """Lead what a dead time reads of plants, and what it is about to bring to them, to the ports that are for that."""
+    """Lead what a dead time reads of plants, and what it is about to bring to them, to the ports
+    that are for that."""
     inside = drawing.inside
     read = {}
     for plant in drawing.plants:
@@ -598,7 +617,8 @@ def _within_ticks(name, drawing, wires):
 
 
 def _plant(plant, drawing, known, tick, waits):
-    """A plant of several blocks; its inputs are those that a wire from outside leads to. waits: of dead times, in ticks."""
+    """A plant of several blocks; its inputs are those that a wire from outside leads to. waits:
+    of dead times, in ticks."""
     members = [
         (block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members
     ]
@@ -633,7 +653,8 @@ def _valued(terms, numbers) -> Sum:
 
 
 def _wall_of(drawing, terms, known):
-    """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires.
+    """The wall, and the term of its force in each wire; None if its numbers do more than multiply
+    signals in wires.
 
     In all wires they have to multiply the same two sums of signals, depth and speed, up to a share.
     """
@@ -674,11 +695,14 @@ def _is_multiple(factors, share, others):
     """Whether factors are a share of others, in the same order, up to rounding."""
     if [*factors] != [*others]:
         return False
-    return all(abs(factors[at] - share * others[at]) <= SAME * abs(factors[at]) for at in factors)
+    return all(
+        abs(factors[at] - share * others[at]) <= SAME_SHARE * abs(factors[at]) for at in factors
+    )
 
 
 def _read_elsewhere(drawing):
-    """Whether the wall's numbers stand anywhere but in wires that are held, the reaction and outputs."""
+    """Whether the wall's numbers stand anywhere but in wires that are held, the reaction and
+    outputs."""
     wires = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
     wires |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
     trees = [tree for _, terms in drawing.couplings for _, tree in terms]
@@ -687,7 +711,8 @@ def _read_elsewhere(drawing):
 
 
 def _wall_factors(names, terms, known):
-    """Of each of the wall's numbers and signal, the factor of their product in a wire; None if it is no such product."""
+    """Of each of the wall's numbers and signal, the factor of their product in a wire; None if
+    it is no such product."""
     none = known | dict.fromkeys(names, 0.0)
     factors = {}
     for signal, gain in terms:
@@ -699,7 +724,7 @@ def _wall_factors(names, terms, known):
         both = value_of(gain, none | dict.fromkeys(names, 1.0))
         if any(degree(gain, name) > 1 for name in read) or abs(
             both - sum(slopes) - rest
-        ) > SAME * abs(both):
+        ) > SAME_SHARE * abs(both):
             return None
         for number, slope in enumerate(slopes):
             if slope:
@@ -708,7 +733,8 @@ def _wall_factors(names, terms, known):
 
 
 def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
-    """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions: signals that are looked at too."""
+    """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions:
+    signals that are looked at too."""
     made = {*drawn.inputs}
     for placed_block in drawn.placed:
         made.update(f"{placed_block.block.name}.{port}" for port in placed_block.block.outputs)

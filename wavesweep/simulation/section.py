@@ -11,7 +11,8 @@ KNOWN = "A run of the model, tick by tick from rest. It shows one experiment and
 
 
 def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table, with {} for the spec, and what makes it: with a step, unless the spec has another input."""
+    """The command of the table, with {} for the spec, and what makes it: with a step, unless the
+    spec has another input."""
     from wavesweep.simulation.table import simulate
 
     if "simulate.input" in spec.given:
@@ -20,7 +21,8 @@ def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
 
 
 def _with_step(spec: Spec) -> Spec:
-    """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
+    """The spec of `simulate` with a step in place of the sine that is the default of a hand's
+    force."""
     tables = replace(spec, parts=frozenset({"simulate"})).tables()
     settings = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
     run = load(tables | {"simulate": settings | {"input": "step"}})

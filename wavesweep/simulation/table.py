@@ -1,4 +1,5 @@
-"""A simulation: every tick, and the response that it shows beside that of the linear loop; `simulate`, `simulate-response`."""
+"""A simulation: every tick, and the response that it shows beside that of the linear loop;
+`simulate`, `simulate-response`."""
 
 from __future__ import annotations
 
@@ -33,9 +34,9 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FRAMES_BYTES = 1_000_000_000  # of a record of frames, as those that read it for the run take
-SHOWN = 5  # frequencies that a notice names
-WITHIN = 0.02  # share of its final value within which an output counts as settled
-SETTLED = 0.01  # share of the slowest mode that may be left where a sine is measured
+FREQUENCIES_SHOWN = 5  # frequencies that a notice names
+SETTLED_WITHIN_VALUE = 0.02  # share of its final value within which an output counts as settled
+SETTLED_SINE = 0.01  # share of the slowest mode that may be left where a sine is measured
 METHODS = {
     "simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"
 }
@@ -61,7 +62,8 @@ def _frame_lengths(simulation, columns):
 
 
 def simulate(spec: Spec) -> list[Table]:
-    """The time series of the simulated spec and, for settled sines, the response estimated from it."""
+    """The time series of the simulated spec and, for settled sines, the response estimated from
+    it."""
     from wavesweep.simulation.experiment import (
         linear_loop,
         seen_response,
@@ -69,7 +71,7 @@ def simulate(spec: Spec) -> list[Table]:
         simulation_of,
     )
     from wavesweep.simulation.from_spec import hand_force
-    from wavesweep.simulation.march import FARTHEST, STRONGEST
+    from wavesweep.simulation.march import FARTHEST_POSITION, STRONGEST
     from wavesweep.simulation.record import recorded
 
     started = time.perf_counter()
@@ -94,7 +96,7 @@ def simulate(spec: Spec) -> list[Table]:
     }
     if isinstance(spec.simulate["frames"], str):
         facts["frames"] = _frame_lengths(simulation, columns)
-    facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
+    facts["limits"] = {"position_m": FARTHEST_POSITION, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (
         spec.simulate["frames"] or spec.simulate["messages"] or at_random
@@ -112,12 +114,13 @@ def simulate(spec: Spec) -> list[Table]:
 
 
 def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
-    """The ends to which a run comes: what is at rest in the linear loop is so whatever messages do."""
+    """The ends to which a run comes: what is at rest in the linear loop is so whatever messages
+    do."""
     reached = {}
     for name, end in ends.items():
         column = columns[run_column("outputs", name)]
         last = column[-1] if len(column) else np.nan
-        if abs(last - end) <= WITHIN * abs(end):
+        if abs(last - end) <= SETTLED_WITHIN_VALUE * abs(end):
             reached[name] = end
     return reached
 
@@ -127,13 +130,16 @@ def _unmeasured(spec, tones):
     if spec.simulate["input"] in ("sine", "stepped-sine"):
         left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
         if left:
-            named = ", ".join(left if len(left) <= SHOWN else [left[0], "...", left[-1]])
+            named = ", ".join(
+                left if len(left) <= FREQUENCIES_SHOWN else [left[0], "...", left[-1]]
+            )
             longer = "a longer simulate.duration_s measures them"
             yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
 
 
 def _unlike_the_linear(spec, linear, tones, frame):
-    """Yield notices about tones that are their own image, and of a slow mode that is there when they are measured.
+    """Yield notices about tones that are their own image, and of a slow mode that is there when
+    they are measured.
 
     frame: its ticks.
     """
@@ -150,12 +156,12 @@ def _unlike_the_linear(spec, linear, tones, frame):
         yield f"at {', '.join(images)} Hz, a multiple of half the frame's rate, {image}"
     radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
     left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
-    if left > SETTLED:
+    if left > SETTLED_SINE:
         constant = -frame / spec.tick_hz / log(radius)
-        enough = log(SETTLED / 10) / log(radius) * frame / spec.tick_hz
+        enough = log(SETTLED_SINE / 10) / log(radius) * frame / spec.tick_hz
         yield (
             f"the slowest mode, which falls to 1/e in {constant:.3g} s, still has {100 * left:.2g} % of its beginning after "
-            f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
+            f"simulate.settle_s = {settle:g} s, and is part of the response seen; {enough:.3g} s leave {10 * SETTLED_SINE:g} % of it"
         )
 
 
@@ -163,20 +169,21 @@ def _facts(
     spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
 ) -> dict[str, Any]:
     from wavesweep.simulation.from_spec import beside, record_path, run_in_words
-    from wavesweep.simulation.inputs import MOST_BYTES
+    from wavesweep.simulation.inputs import MOST_RECORD_BYTES
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
     facts = facts_of(spec, methods, counts, timings, notices, run=run_in_words(spec))
     # The digest of the spec covers only the names of files.
     if spec.simulate["input"] == "record":
-        facts["record_sha256"] = _digest(record_path(spec), MOST_BYTES)
+        facts["record_sha256"] = _digest(record_path(spec), MOST_RECORD_BYTES)
     if spec.simulate.frames_file:
         facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), FRAMES_BYTES)
     return facts
 
 
 def _digest(path: Path, most: int) -> str:
-    """The SHA-256 of a file. most: bytes, those of the first reading, so that what a shell passes is not read again."""
+    """The SHA-256 of a file. most: bytes, those of the first reading, so that what a shell
+    passes is not read again."""
     return hashlib.sha256(read_bytes(path, most)).hexdigest()
 
 
@@ -215,7 +222,8 @@ def _notices(spec: Spec) -> Iterator[str]:
 
 
 def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    """The run, the linear loop behind it, contact, saturation, timing and energies; None if something does not apply."""
+    """The run, the linear loop behind it, contact, saturation, timing and energies; None if
+    something does not apply."""
     spec, options = facts["spec"], facts["spec"]["simulate"]
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows = len(columns["tick"])
@@ -256,15 +264,17 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _contact(made: int, touching: np.ndarray, options: Mapping[str, Any]) -> Numbers:
-    """How often contact is made, for what share of the time it is felt, and whether the wall may pull."""
+    """How often contact is made, for what share of the time it is felt, and whether the wall may
+    pull."""
     return {"times": made, "share": float(touching.mean()), "pulls": options.get("pulls", True)}
 
 
 def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
-    """What an output does after a step at `start` (s): where it settles, its peak, and when it has settled, after the step."""
+    """What an output does after a step at `start` (s): where it settles, its peak, and when it
+    has settled, after the step."""
     values, after = columns[run_column("outputs", name)], np.round(columns["time_s"] - start, 12)
     peak = int(np.argmax(np.abs(values)))
-    outside = np.flatnonzero(np.abs(values - final) > WITHIN * abs(final))
+    outside = np.flatnonzero(np.abs(values - final) > SETTLED_WITHIN_VALUE * abs(final))
     settled = int(outside[-1]) + 1 if outside.size else 0
     return {
         "settles_at": final,
@@ -276,7 +286,8 @@ def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers
 
 
 def _rest(columns: Columns) -> float | None:
-    """The time (s) from which on friction holds the device to the end, for more than a frame; None if it does not."""
+    """The time (s) from which on friction holds the device to the end, for more than a frame;
+    None if it does not."""
     moved = np.flatnonzero(np.diff(columns["x"]))
     first = int(moved[-1]) + 1 if moved.size else 0
     return (
@@ -350,28 +361,29 @@ def _result_lines(found: Numbers) -> Iterator[Line]:
 
 def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> str:
     """How many frames of which lengths a run had, that were drawn or read from a file."""
-    most = sorted(sorted(lengths, key=lengths.__getitem__)[-SHOWN:], key=int)
+    most = sorted(sorted(lengths, key=lengths.__getitem__)[-FREQUENCIES_SHOWN:], key=int)
     shares = ", ".join(f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most)
     rest = f", {len(lengths) - len(most)} other lengths" if len(lengths) > len(most) else ""
     return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{rest}"
 
 
 def _output_line(name: str, output: Numbers) -> str:
-    """How an output answers a step: where it settles, or, if it does not in the run, where it is at the end."""
+    """How an output answers a step: where it settles, or, if it does not in the run, where it is
+    at the end."""
     final = output["settles_at"]
     largest = abs(output["peak"])
     settled = output["settled_s"] is not None
     if not final:
-        settled = abs(output["ends_at"]) <= WITHIN * largest
+        settled = abs(output["ends_at"]) <= SETTLED_WITHIN_VALUE * largest
     if settled:
         line = f"{name} settles at {final:.6g}"
     else:
         line = f"{name} is {output['ends_at']:.6g} at the end, where the linear loop settles at {final:.6g}"
-    if largest > (1 + WITHIN / 10) * abs(final):
+    if largest > (1 + SETTLED_WITHIN_VALUE / 10) * abs(final):
         line += f", peak {output['peak']:.6g} {output['peak_s']:.4g} s after the step"
     if output["settled_s"] is None:
         return line
-    return f"{line}, within {100 * WITHIN:g} % from {output['settled_s']:.4g} s after it on"
+    return f"{line}, within {100 * SETTLED_WITHIN_VALUE:g} % from {output['settled_s']:.4g} s after it on"
 
 
 def unstable(linear: Numbers) -> str:
@@ -397,7 +409,8 @@ def _energy_line(energy: Numbers, taker: str) -> str:
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    """Largest relative difference between the simulated response and that of the linear loop, None without one."""
+    """Largest relative difference between the simulated response and that of the linear loop,
+    None without one."""
     stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
     off = {
         f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")
@@ -443,7 +456,8 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 
 def _off(columns: Columns, name: str) -> float | None:
-    """Largest relative difference over the frequencies at which both are known; None without such a frequency."""
+    """Largest relative difference over the frequencies at which both are known; None without
+    such a frequency."""
     response, linear = (
         columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_")
     )

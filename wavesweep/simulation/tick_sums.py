@@ -1,7 +1,8 @@
 """A tick as sums of products, in an order in which each number is there before it is read.
 
-What goes round within a tick is solved: some of the numbers on the way are taken as zero, which shows what the others add to
-them, and a linear equation gives their values. `TickSums` has a program for each set of blocks that run together.
+What goes round within a tick is solved: some of the numbers on the way are taken as zero, which
+shows what the others add to them, and a linear equation gives their values. `TickSums` has a
+program for each set of blocks that run together.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -27,12 +28,16 @@ from wavesweep.simulation.running_blocks import (
 Line = tuple[int, tuple[tuple[float, int], ...]]
 """A place, and the factors and places of the sum that is put there."""
 Sums = Mapping[str, Sum]
-ROUNDING = 2.0**-50  # relative rounding of the share of a number that comes back within the tick
-OPEN = 1e-12  # of its open response: below this share a wall's depth does not depend on its force, but for rounding
+# relative rounding of the share of a number that comes back within the tick
+TICK_SHARE_ROUNDING = 2.0**-50
+# of its open response: below this share a wall's depth does not depend on its force, but for
+# rounding
+OPEN = 1e-12
 
 
 class Meeting(NamedTuple):
-    """How a wall is met in a tick: its depth and speed with the force F are `depth + yields F` and `speed + slows F`."""
+    """How a wall is met in a tick: its depth and speed with the force F are `depth + yields F`
+    and `speed + slows F`."""
 
     K: float
     B: float
@@ -42,12 +47,14 @@ class Meeting(NamedTuple):
     pulls: bool = True
 
     def force(self, depth: float, speed: float) -> tuple[float, bool]:
-        """Return the force (N) and whether the wall is touched, of a depth (m) and a speed (m/s) without the force.
+        """Return the force (N) and whether the wall is touched, of a depth (m) and a speed (m/s)
+        without the force.
 
-        A one-sided wall fills depths above its position. Pressed, the force is that of spring and damper; it is if the depth
-        with this force is above the position. Free, the force is 0. Between the two the damper alone would throw out what
-        arrives, and let in what does not touch: the depth stays at the position, with the part of the damper's force that
-        keeps it there. One that does not pull has the force of both, cut off at 0.
+        A one-sided wall fills depths above its position. Pressed, the force is that of spring and
+        damper; it is if the depth with this force is above the position. Free, the force is 0.
+        Between the two the damper alone would throw out what arrives, and let in what does not
+        touch: the depth stays at the position, with the part of the damper's force that keeps it
+        there. One that does not pull has the force of both, cut off at 0.
         """
         gap = depth if self.position is None else depth - self.position
         if not self.pulls:
@@ -66,10 +73,12 @@ class Meeting(NamedTuple):
 
 
 class Program(NamedTuple):
-    """A tick: lines up to the wall, how it is met (None if its force is not computed), lines after it, and what is kept.
+    """A tick: lines up to the wall, how it is met (None if its force is not computed), lines after
+    it, and what is kept.
 
-    moves: (source, first, last) of rows of places that move on by one. limits: (low, high) of places. stops: lines of `keeps`
-    that leave a place as it is, with the places of a number before and behind its limit, and of what drives it.
+    moves: (source, first, last) of rows of places that move on by one. limits: (low, high) of
+    places. stops: lines of `keeps` that leave a place as it is, with the places of a number before
+    and behind its limit, and of what drives it.
     """
 
     first: list[Line]
@@ -97,7 +106,8 @@ def actual(port: str) -> str:
 
 
 def run(lines: Iterable[Line], z: list, limits: Mapping[int, tuple[float, float]]) -> None:
-    """Compute lines in their order; each sum begins with 0, adds product after product, and ends at its limits."""
+    """Compute lines in their order; each sum begins with 0, adds product after product, and ends
+    at its limits."""
     for target, terms in lines:
         total = 0.0
         for factor, source in terms:
@@ -127,9 +137,11 @@ def keep(program: Program, z: list) -> None:
 
 
 class TickSums:
-    """The programs of a loop, whose numbers have places in a row, by their names: ports, signals, states.
+    """The programs of a loop, whose numbers have places in a row, by their names: ports, signals,
+    states.
 
-    host: plants that are moved by somebody else. late: signals that are read by others as they have arrived, see `arrived`.
+    host: plants that are moved by somebody else. late: signals that are read by others as they have
+    arrived, see `arrived`.
     """
 
     def __init__(
@@ -158,7 +170,8 @@ class TickSums:
         return self.places.setdefault(name, len(self.places))
 
     def program(self, k: int, arriving: frozenset[str], touching: bool) -> Program:
-        """The program of tick k, in which these late signals arrive at once; touching: whether the wall is.
+        """The program of tick k, in which these late signals arrive at once; touching: whether the
+        wall is.
 
         Errors: IllPosedLoopError if what goes round within the tick has no solution, or several.
         """
@@ -232,7 +245,8 @@ class TickSums:
                     sums[port] = ((1.0, besides(port)), *pushed)
 
     def _ordered(self, running, sums, limits):
-        """The sums in the order in which they can be computed, before and behind the wall's force if it is computed then."""
+        """The sums in the order in which they can be computed, before and behind the wall's
+        force if it is computed then."""
         wall = self.loop.wall
         if wall and {Rhythm(), *(block.rhythm for block in running)}.intersection(
             self.loop.readers(FORCE)
@@ -245,7 +259,8 @@ class TickSums:
         return straight(sums)[0], None, []
 
     def _read(self, terms, slow):
-        """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""
+        """A sum as a block reads it: messages as they have arrived, and if the block is not
+        slow, slow results too."""
         late = self.late & self.sent if slow else self.late
         return tuple((factor, arrived(name) if name in late else name) for factor, name in terms)
 
@@ -262,7 +277,8 @@ def _named(part, terms):
 
 
 def _refuse_limits_on_circles(limits, sums):
-    """Refuse a number with limits that comes back to itself within the tick, of which no linear equation gives the value."""
+    """Refuse a number with limits that comes back to itself within the tick, of which no linear
+    equation gives the value."""
     readers = _readers(sums) if limits else {}
     for name in limits:
         if name in _closure(readers.get(name, ()), readers):
@@ -273,7 +289,8 @@ def _refuse_limits_on_circles(limits, sums):
 
 
 def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
-    """The numbers whose equations are to be solved, the order of all others, and what these read of each other."""
+    """The numbers whose equations are to be solved, the order of all others, and what these read
+    of each other."""
     torn: list[str] = []
     while True:
         graph = {}
@@ -290,7 +307,8 @@ def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
 
 
 def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
-    """Return the sums in an order in which they can be computed, and the numbers for which an equation is solved.
+    """Return the sums in an order in which they can be computed, and the numbers for which an
+    equation is solved.
 
     Errors: IllPosedLoopError if it has no solution.
     """
@@ -307,14 +325,17 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
 
 
 def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
-    """The sums that solve the equations of what is torn. Errors: IllPosedLoopError if they have no solution."""
+    """The sums that solve the equations of what is torn. Errors: IllPosedLoopError if they have
+    no solution."""
     shares = []  # of a unit of each torn number, what comes back to all of them
     for name in torn:
         values = evaluated([*once, *alone], {name: 1.0})
         shares.append([values.get(back, 0.0) for back, _ in alone])
     share = np.array(shares, dtype=float).T
     rest = np.eye(len(torn)) - share
-    if np.linalg.svd(rest, compute_uv=False)[-1] <= ROUNDING * (1.0 + np.abs(share).max()):
+    if np.linalg.svd(rest, compute_uv=False)[-1] <= TICK_SHARE_ROUNDING * (
+        1.0 + np.abs(share).max()
+    ):
         raise IllPosedLoopError(
             f"{', '.join(torn)}: what goes round within the tick comes back as it is, so it has no single value; a delay on "
             "the way, such as that of the environment or of the local model, makes it one"
@@ -346,7 +367,7 @@ def _around(sums: Sums, wall: Wall):
         yields = 0.0
     grazes = wall.pulls and wall.B and yields > 0.0
     several = wall.position is not None and open_ and (left < -OPEN * size or grazes)
-    if several or abs(left) <= ROUNDING * size:
+    if several or abs(left) <= TICK_SHARE_ROUNDING * size:
         raise IllPosedLoopError(
             "within the tick the one-sided wall is both touched and not, or neither: its force has no single value; "
             "give the environment or the local model a delay"
@@ -367,7 +388,8 @@ def _around(sums: Sums, wall: Wall):
 def evaluated(
     lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()
 ) -> dict[str, float]:
-    """The numbers of lines with these given and all others zero; kept: numbers that lines do not change."""
+    """The numbers of lines with these given and all others zero; kept: numbers that lines do not
+    change."""
     values = dict(given)
     for name, terms in lines:
         if name not in kept:

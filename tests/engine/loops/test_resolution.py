@@ -7,7 +7,7 @@ import pytest
 from support import expressions
 
 import wavesweep
-from wavesweep.engine._loops.resolution import DEGREE, Resolution, Side, halves, to_divide
+from wavesweep.engine._loops.resolution import RIM_DEGREE, Resolution, Side, halves, to_divide
 from wavesweep.program.spec import load
 
 SEEDS = range(15)
@@ -40,7 +40,7 @@ def leaves(resolution, box, most):
 
 @pytest.mark.slow
 def test_on_a_resolved_part_an_expression_is_a_polynomial_but_for_rounding():
-    node = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+    node = np.cos(np.pi * (np.arange(RIM_DEGREE + 1) + 0.5) / (RIM_DEGREE + 1))
     dense = np.linspace(-1, 1, 2001)
     for seed in SEEDS:
         q = expressions.expression(np.random.default_rng(seed))
@@ -50,7 +50,7 @@ def test_on_a_resolved_part_an_expression_is_a_polynomial_but_for_rounding():
         assert whole
         for low, high in (part[:, 0] for part in found):
             middle, half = (low + high) / 2, (high - low) / 2
-            series = np.polynomial.chebyshev.chebfit(node, q.at(middle + half * node) + 0 * node, DEGREE)
+            series = np.polynomial.chebyshev.chebfit(node, q.at(middle + half * node) + 0 * node, RIM_DEGREE)
             exact = q.at(middle + half * dense)
             missed = np.abs(np.polynomial.chebyshev.chebval(dense, series) - exact).max()
             assert missed <= 1e-8 * np.ptp(exact) + 1e-9 * np.abs(exact).max(), (seed, q.text, low, high)

@@ -17,7 +17,7 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, then
 from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
-from wavesweep.engine._monodromy.rounding import ENTRIES
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import port_of
 from wavesweep.engine._response.steady import respond
@@ -195,7 +195,7 @@ def test_tight_bounds_on_a_frame_hold_the_errors_of_its_ticks():
     E, dE = product_with_tight_errors(kinds, changes, sizes)
     farthest = np.zeros_like(E)
     for _ in range(200):
-        off = [change + ENTRIES * size * r.choice([-1, 1], (4, 4)) for change, size in zip(changes, sizes, strict=True)]
+        off = [change + ENTRY_ROUNDING * size * r.choice([-1, 1], (4, 4)) for change, size in zip(changes, sizes, strict=True)]
         farthest = np.maximum(farthest, np.abs(product_with_tight_errors(kinds, off, sizes)[0] - E))
     assert (farthest <= dE).all()
     assert (dE < 20 * farthest).all()

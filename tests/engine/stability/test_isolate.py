@@ -9,7 +9,7 @@ from support import sturm
 
 from wavesweep.engine._stability import bernstein
 from wavesweep.engine._stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.engine._stability.real_roots import EDGE, by_discs, isolate
+from wavesweep.engine._stability.real_roots import ROOT_AT_END, by_discs, isolate
 
 METHODS = [isolate, by_discs]
 
@@ -61,7 +61,7 @@ def check(coefficients, noise, method=isolate):
         return False
     order = np.argsort(found.value[0][found.inside[0]])
     roots, slopes = (part[0][found.inside[0]][order] for part in (found.value, found.slope_sign))
-    low, high = EDGE * found.open_at_minus_one[0] - 1, 1 - EDGE * found.open_at_one[0]
+    low, high = ROOT_AT_END * found.open_at_minus_one[0] - 1, 1 - ROOT_AT_END * found.open_at_one[0]
     r, n = np.random.default_rng(0), coefficients.size
     steepest = np.eye(n)[n - 1] / 2 - (np.eye(n)[n - 3] / 2 if n > 2 else 0)  # the Chebyshev polynomial of that degree
     changes = [r.standard_normal(n) for _ in range(2)]

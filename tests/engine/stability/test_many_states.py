@@ -79,7 +79,7 @@ def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to
     """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles."""
     n = 8
     opened = random_system(seed, n)
-    monkeypatch.setattr(resolvent, "CLOSE", close_to)
+    monkeypatch.setattr(resolvent, "MODAL_ERROR", close_to)
     form = TriangularForm.of(opened[0])
     assert form.diagonal == (close_to > 0)
     angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))

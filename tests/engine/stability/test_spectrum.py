@@ -85,7 +85,7 @@ def test_long_delays_do_not_change_whether_a_radius_is_known(monkeypatch, poles,
     """Delays alone lose no digit of it, poles that meet do; with delays left out, and with all singular values."""
     E = with_delays(poles, 60)
     found = float(radius_of(E))
-    monkeypatch.setattr(spectrum, "LARGE", 1000)
+    monkeypatch.setattr(spectrum, "STATES_WITHOUT_DELAYS", 1000)
     np.testing.assert_equal(found, float(radius_of(E)))
     assert np.isfinite(found) == known
 
@@ -217,7 +217,7 @@ def test_a_bound_on_the_smallest_singular_value_of_many_states_is_none_too_large
     E[1, :, 3] = E[1, :, 4] * (1 + 1e-9)  # nearly singular at delta = 0
     delta = np.array([[0.0, 0.3 + 0.4j], [0.0, -2.0]])
     exact = spectrum._smallest(E, delta)
-    monkeypatch.setattr(spectrum, "MANY", 20)
+    monkeypatch.setattr(spectrum, "BOUNDED_STATES", 20)
     bound = spectrum._smallest(E, delta)
     assert (bound <= exact * (1 + 1e-6)).all()
     assert (bound >= exact / np.sqrt(20)).all()
@@ -250,7 +250,7 @@ def test_participation_in_the_modes_of_many_states_is_that_of_few(monkeypatch):
     plain = np.random.default_rng(5).normal(size=(20, 20)) / 10
     nearly_one = 1 + 1e-13 * np.random.default_rng(6).normal(size=(20, 20))
     few = [modes_of(E) for E in (plain, nearly_one)]
-    monkeypatch.setattr(modes, "MANY", 20)
+    monkeypatch.setattr(modes, "BOUNDED_STATES", 20)
     many = [modes_of(E) for E in (plain, nearly_one)]
     for of_few, of_many in zip(few, many, strict=True):
         np.testing.assert_array_equal(of_few.delta, of_many.delta)

@@ -23,7 +23,7 @@ from wavesweep.program.analyses.claims import (
     questions,
 )
 from wavesweep.program.spec import load
-from wavesweep.program.tables.refuters import LONGEST, in_a_sentence, repeated
+from wavesweep.program.tables.refuters import LONGEST_REFUTER_TEXT, in_a_sentence, repeated
 
 OWN = {"device.mass": 0.1, "rates.ratio": 20.0}
 CONSTANT = Frames(Order.CONSTANT, frozenset({20.0}), frozenset({1.0}))
@@ -123,7 +123,7 @@ def test_a_pattern_is_written_by_its_repetitions(pattern, said):
 def test_a_long_pattern_has_its_first_frames_and_their_number():
     said = in_a_sentence("frames " + ", ".join(str(16 + (7 * i) % 17) for i in range(60)))
     assert said.endswith(", ... (60 in all)")
-    assert len(said) <= LONGEST + len("frames ")
+    assert len(said) <= LONGEST_REFUTER_TEXT + len("frames ")
 
 
 REFUSED = """

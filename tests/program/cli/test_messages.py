@@ -18,7 +18,7 @@ from wavesweep.program.sweep.job import Chunks
 
 @pytest.fixture(autouse=True)
 def a_bar_at_once(monkeypatch):
-    monkeypatch.setattr(messages, "SHORT", 0.0)
+    monkeypatch.setattr(messages, "SHORTEST_ESTIMATE", 0.0)
 
 
 @contextmanager
@@ -52,7 +52,7 @@ def test_a_bar_moves_on_a_terminal(monkeypatch):
 
 
 def test_work_of_less_than_a_second_has_no_bar(monkeypatch):
-    monkeypatch.setattr(messages, "SHORT", 1e6)
+    monkeypatch.setattr(messages, "SHORTEST_ESTIMATE", 1e6)
     with terminal(monkeypatch) as said:
         with messages.progress(quiet=False) as report:
             report(1, 4)

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from wavesweep.program.plots.plain_figure import MOST, plain
+from wavesweep.program.plots.plain_figure import MOST_PLAIN_PANELS, plain
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.program.tables.columns import missing_command, missing_for
 
 
 def test_a_plain_figure_has_a_panel_for_each_column_of_numbers():
     columns = {"t": np.array([0.0, 1.0]), "doubt": np.array(["", ""], object), "m": np.array([2, 1])}
-    columns |= {"empty": np.full(2, np.nan)} | {f"n{number}": np.ones(2) for number in range(MOST)}
+    columns |= {"empty": np.full(2, np.nan)} | {f"n{number}": np.ones(2) for number in range(MOST_PLAIN_PANELS)}
     canvas = plain(columns, {})
     drawn = {axes.get_title(): axes for axes in canvas.axes if axes.get_visible()}
-    assert list(drawn) == ["m", *(f"n{number}" for number in range(MOST - 1))]
+    assert list(drawn) == ["m", *(f"n{number}" for number in range(MOST_PLAIN_PANELS - 1))]
     (line,) = drawn["m"].lines
     assert line.get_xydata().tolist() == [[0.0, 2.0], [1.0, 1.0]]
     assert "Not drawn: doubt, empty, n11." in canvas.get_supxlabel()

@@ -119,9 +119,9 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     curves = [line for line in whole.axes[0].lines if len(line.get_xdata()) == 3]
     assert len(curves) == 10 * 20
     assert "Shown: 20 of 40 values of b." in whole.get_supxlabel()
-    monkeypatch.setattr("wavesweep.program.sweep.running.BLOCK", 100)
+    monkeypatch.setattr("wavesweep.program.sweep.running.ROWS_OF_BLOCK", 100)
     for kept in (10**6, 500):
-        monkeypatch.setattr(plots, "IN_MEMORY", kept)
+        monkeypatch.setattr(plots, "ROWS_IN_MEMORY", kept)
         drawn = plots.drawn(table, said.append)
         assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
         pictures = []

@@ -258,7 +258,7 @@ def test_an_edit_is_named_with_its_place_and_what_belongs_there(folder, monkeypa
 
 
 def test_a_package_of_more_bytes_than_any_table_has_is_refused_unread(folder, monkeypatch):
-    monkeypatch.setattr("wavesweep.program.results.package.LARGEST", 100)
+    monkeypatch.setattr("wavesweep.program.results.package.LARGEST_PACKAGE", 100)
     assert "cannot be read as a data package" in verify(folder).differences[0]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._drawing.expressions import FUNCTIONS, Fault, evaluate, exactly, linear, singular, text_of, value_of
-from wavesweep.engine._drawing.parsing import LONGEST, parse
+from wavesweep.engine._drawing.parsing import MOST_TOKENS, parse
 from wavesweep.engine._loops.values import values_of
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
@@ -148,7 +148,7 @@ def test_signs_of_typeset_text_are_told_what_they_stand_for(sign, meant):
 
 
 def test_a_text_too_long_or_too_deep_is_refused():
-    for text in ("+".join(["a"] * LONGEST), "(" * 51 + "a" + ")" * 51, "-" * 51 + "a", "a" + "**a" * 51):
+    for text in ("+".join(["a"] * MOST_TOKENS), "(" * 51 + "a" + ")" * 51, "-" * 51 + "a", "a" + "**a" * 51):
         with pytest.raises(Fault, match="at most"):
             parse(text)
 
@@ -161,7 +161,7 @@ def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
     assert deep(below, "(" * 50 + "a" + ")" * 50) == 1.5
     assert deep(below, "-" * 50 + "a") == 1.5
     assert deep(below, "+".join(["(-a)"] * 60)) == -1.5 * 60
-    assert deep(below, "+".join(["a"] * (LONGEST // 2))) == 1.5 * (LONGEST // 2)
+    assert deep(below, "+".join(["a"] * (MOST_TOKENS // 2))) == 1.5 * (MOST_TOKENS // 2)
 
 
 def test_divisors_roots_and_broken_powers_are_where_a_text_is_not_analytic():

@@ -234,7 +234,7 @@ def test_no_flipped_bit_stops_a_run_or_changes_a_chunk(four, tmp_path, force):
 
 def test_a_file_that_another_program_has_open_is_named_and_restart_begins_anew(four, tmp_path, monkeypatch):
     content, records = four
-    monkeypatch.setattr(checkpoint, "PATIENCE", 0.01)
+    monkeypatch.setattr(checkpoint, "LOCK_SECONDS", 0.01)
     place = tmp_path / "kept.sqlite"
     place.write_bytes(content)
     other = sqlite3.connect(place, isolation_level=None)

@@ -39,7 +39,7 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
     job, store = job_of(mixed), MemoryCheckpoint()
     compute(job, store, HERE)
     for size in (1, 5, 32):
-        monkeypatch.setattr(running, "BLOCK", size)
+        monkeypatch.setattr(running, "ROWS_OF_BLOCK", size)
         same(joined(running.blocks(job, store)), whole)
 
 

@@ -109,7 +109,7 @@ def test_what_fails_in_the_threads_of_dask_is_no_traceback_on_the_terminal(clust
 
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long, monkeypatch, tmp_path):
-    monkeypatch.setattr(clusters, "PATIENCE", 1.0)
+    monkeypatch.setattr(clusters, "SCHEDULER_SECONDS", 1.0)
     with pytest.raises(UsageError, match=r"^scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address") as refused:
@@ -201,7 +201,7 @@ def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tm
     from distributed import LocalCluster
 
     monkeypatch.setattr(clusters, "ALONE", 1.0)
-    monkeypatch.setattr(workers, "LOOK", 0.2)
+    monkeypatch.setattr(workers, "LOOK_AT_POOL", 0.2)
     here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -44,7 +44,7 @@ def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
 def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path, monkeypatch):
     bode = {"frequency_hz": [0.0, 1.0, 10.0], "K_VE": [0.0, 100.0], "K_LM": [1.0, 2.0], "b": [10.0, 20.0, 40.0]}
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode})
-    monkeypatch.setattr(analysis, "TICKS", 20 * 6)  # two curves of three frequencies
+    monkeypatch.setattr(analysis, "RESPONSES_OF_CHUNK", 20 * 6)  # two curves of three frequencies
     told = []
     whole = responses([spec, spec], progress=lambda *counts: told.append(counts)).columns
     assert told[-1] == (36, 36, None)
@@ -75,7 +75,7 @@ def test_many_frequencies_are_cut_into_chunks_of_one_curve(monkeypatch):
     bode = {"frequency_hz": {"start": 0, "stop": 20, "num": 21}, "K_VE": [0.0, 100.0]}
     spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": bode})
     whole = responses([spec]).columns
-    monkeypatch.setattr(analysis, "WIDE", 8)
+    monkeypatch.setattr(analysis, "FREQUENCIES_OF_CHUNK", 8)
     cut = responses([spec]).columns
     same(
         {name: cut[name] for name in ("K_VE", "frequency_hz", "spec")},

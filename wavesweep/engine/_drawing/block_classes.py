@@ -1,7 +1,8 @@
-"""Blocks of blocks: a class `[type.NAME]` is drawn once, and each block of that type becomes its blocks, with other names.
+"""Blocks of blocks: a class `[type.NAME]` is drawn once, and each block of that type becomes its
+blocks, with other names.
 
-In `[block.left] type = "joint"` the block `motor` of the class is `left.motor`, its number `kp` is `left_kp`, and its ports are
-signals `left.PORT`, which wires feed and read like those of any block.
+In `[block.left] type = "joint"` the block `motor` of the class is `left.motor`, its number `kp` is
+`left_kp`, and its ports are signals `left.PORT`, which wires feed and read like those of any block.
 """
 
 import re
@@ -23,7 +24,8 @@ Path = tuple[str, ...]
 
 
 def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
-    """Return the leaves with the blocks of its class in place of each block that has one; add the mistakes of both."""
+    """Return the leaves with the blocks of its class in place of each block that has one; add
+    the mistakes of both."""
     classes = _classes(leaves, mistakes)
     placed = {path: leaf for path, leaf in leaves.items() if path[0] != "type"}
     used = set()
@@ -86,7 +88,8 @@ def _refuse_part(of_class: str, path: Path, leaf: Leaf, mistakes: Mistakes) -> N
 
 
 def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
-    """Return the path at which a block gives each number of its class, by the name that the number has in the block."""
+    """Return the path at which a block gives each number of its class, by the name that the
+    number has in the block."""
     numbers = [
         (path[1], path[3])
         for path in leaves
@@ -114,7 +117,8 @@ def _ascending(runs: list[Any]) -> bool:
 def _in_series(
     name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], mistakes: Mistakes
 ) -> dict[Path, Leaf]:
-    """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay that has taps."""
+    """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay
+    that has taps."""
     keys_of_delay = {
         path[2:]: leaf
         for path, leaf in leaves.items()
@@ -150,7 +154,8 @@ def _in_series(
 
 
 class _Instance:
-    """One block of a class, which takes its own leaves out of the others and puts those of its blocks in."""
+    """One block of a class, which takes its own leaves out of the others and puts those of its
+    blocks in."""
 
     def __init__(
         self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: Mistakes
@@ -207,7 +212,8 @@ class _Instance:
         return self.rest | placed
 
     def placed(self, path: Path, leaf: Leaf) -> Iterator[tuple[Path, Leaf]]:
-        """Yield where a leaf of the class stands in this block, and the leaf, or that which the block itself gives for it."""
+        """Yield where a leaf of the class stands in this block, and the leaf, or that which the
+        block itself gives for it."""
         table, rest = path[0] if path else "", path[1:]
         if table == "numbers" and rest:
             value = self.own.pop(rest[:1], None) if rest[1:] in ((), ("value",)) else None

@@ -1,7 +1,8 @@
 """The blocks that a spec can draw: their keys and ports by type.
 
-Validation and the documents' table derive from this table. `engine._loops.definitions` has the equations by the same names
-and keys; words of firmware are transfer functions (`wavesweep.engine._drawing.drawn_block`).
+Validation and the documents' table derive from this table. `engine._loops.definitions` has the
+equations by the same names and keys; words of firmware are transfer functions
+(`wavesweep.engine._drawing.drawn_block`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,18 +20,20 @@ MOST_LATE, MOST_LOST = 1000, 100  # of the messages of a channel: ticks, and los
 class BlockType:
     """A type of block: its keys by name, its ports, and its meaning.
 
-    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them, and those of the default if
-    the key `axes` does. plant: whether it is
-    continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does
-    where the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and
-    then neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate,
-    unless its order is 0. body: the key of the mass, of a type with a position x and a velocity v. settles: whether it comes
-    to rest by itself, whatever its keys are. limits: keys that say what it does beyond limits, within which it is linear;
-    only the simulation and C read them. moments: outputs that are not held, each with the expression in those that are.
-    either: two keys, of which a block has one. formula: numerator and denominator of the transfer function that a block of
-    firmware is, in descending powers of z - 1, of a biquad of z; empty of other blocks. stepwise: rows of its matrices A and
-    B, then those of C and D, in states that mean the same at every period, if its own do not. The names in both are explained
-    in `wavesweep.engine._drawing.drawn_block`.
+    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them,
+    and those of the default if the key `axes` does. plant: whether it is continuous, and so runs in
+    every tick in any case; "continuous" if only without `discrete = true`. steps: what it does
+    where the steps between its runs vary, run j being h[j] seconds after the one before; empty if
+    it has no such rule, and then neither a proof nor a simulation takes it there. below_half: keys
+    of frequencies below half the block's own rate, unless its order is 0. body: the key of the
+    mass, of a type with a position x and a velocity v. settles: whether it comes to rest by itself,
+    whatever its keys are. limits: keys that say what it does beyond limits, within which it is
+    linear; only the simulation and C read them. moments: outputs that are not held, each with the
+    expression in those that are. either: two keys, of which a block has one. formula: numerator and
+    denominator of the transfer function that a block of firmware is, in descending powers of z - 1,
+    of a biquad of z; empty of other blocks. stepwise: rows of its matrices A and B, then those of C
+    and D, in states that mean the same at every period, if its own do not. The names in both are
+    explained in `wavesweep.engine._drawing.drawn_block`.
     """
 
     keys: Mapping[str, Key]
@@ -116,9 +119,10 @@ _LIMITS = (
 )
 _BEYOND = tuple(key.path for key in _LIMITS)
 
-# In formulas, T is the block's own period (s), ahead the share of a period by which an integral reads ahead, late the share of
-# the last input in a step, tan(pi f T) the prewarped frequency of the bilinear transform. A pid's states are the integral, the
-# last input and the last slope, those of the ends of waves the last position and velocity.
+# In formulas, T is the block's own period (s), ahead the share of a period by which an integral
+# reads ahead, late the share of the last input in a step, tan(pi f T) the prewarped frequency of
+# the bilinear transform. A pid's states are the integral, the last input and the last slope, those
+# of the ends of waves the last position and velocity.
 _P = "(kp + ki*ahead*T)"
 _PID = (
     "1; late*T; 0; (1 - late)*T",
@@ -448,7 +452,8 @@ TYPES = MappingProxyType(
 
 
 def without_rule(blocks: Iterable[Any]) -> list[str]:
-    """Return names and types of those of some drawn blocks that have no rule for steps that vary, see `BlockType.steps`."""
+    """Return names and types of those of some drawn blocks that have no rule for steps that
+    vary, see `BlockType.steps`."""
     return [
         f"{block.name} ({block.type})"
         for block in blocks

@@ -1,8 +1,8 @@
 """A drawing with a complex factor of one of its signals, as a real drawing of twice the size.
 
-A loop whose signal has the factor `re + j im` has states `x + j y`. Real and imaginary part follow the same blocks, and meet at
-the cut alone: there `re x - im y` is read in place of x, and `im x + re y` in place of y. So the eigenvalues are those of the
-complex loop and their conjugates.
+A loop whose signal has the factor `re + j im` has states `x + j y`. Real and imaginary part follow
+the same blocks, and meet at the cut alone: there `re x - im y` is read in place of x, and `im x +
+re y` in place of y. So the eigenvalues are those of the complex loop and their conjugates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,8 @@ from wavesweep.engine._drawing.drawing import Drawing
 from wavesweep.engine._drawing.expressions import Terms, Tree
 from wavesweep.engine._drawing.gain_at_signal import BLOCK
 
-TWIN = " (imaginary)"  # behind the name of a block of the imaginary part: no block of a spec can be called so
+# behind the name of a block of the imaginary part: no block of a spec can be called so
+TWIN = " (imaginary)"
 
 
 def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:

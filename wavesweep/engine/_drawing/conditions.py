@@ -1,4 +1,5 @@
-"""What the numbers of a drawn loop have to fulfil: the ranges of keys, and what keys say together."""
+"""What the numbers of a drawn loop have to fulfil: the ranges of keys, and what keys say
+together."""
 
 from __future__ import annotations
 
@@ -15,8 +16,9 @@ from wavesweep.engine._drawing.mass_matrix import MASS, is_mass
 from wavesweep.engine._keys.checking import SIZES, computable, expectation
 from wavesweep.engine._keys.key import LONGEST_FRAME, Key
 
-NOTHING = 1e-12  # relative to b: a local model does not divide by less
-MOST_STATES = 1200  # of the blocks: a delay of the most steps, and everything else; time grows with their third power
+LEAST_DIVISOR = 1e-12  # relative to b: a local model does not divide by less
+# of the blocks: a delay of the most steps, and everything else; time grows with their third power
+MOST_STATES = 1200
 WRITTEN = 1e-6  # relative: to what a period is rounded that a spec writes in seconds
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
@@ -24,8 +26,9 @@ OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 class Condition:
     """What a number has to fulfil, also that it is `computable`.
 
-    subject, others: path and tree of the number, and of others that it depends on; names: in these trees. holds: whether their
-    values, or arrays of these, fulfil it. expected: the text of what is expected, or a function of the values that gives it.
+    subject, others: path and tree of the number, and of others that it depends on; names: in these
+    trees. holds: whether their values, or arrays of these, fulfil it. expected: the text of what is
+    expected, or a function of the values that gives it.
     """
 
     def __init__(self, holds, expected, subject, *others):
@@ -53,7 +56,8 @@ def conditions(drawing: Drawing) -> tuple[Condition, ...]:
 
 
 def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Condition]:
-    """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the tick's rate."""
+    """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the
+    tick's rate."""
     kind, start, tick, keys = (
         TYPES[block.type],
         f"block.{block.name}.",
@@ -92,7 +96,8 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
     elif "high" in by_name:
         yield Condition(lambda high: high > 0, "a number > 0, as low is -high", by_name["high"])
     if "tracking_s" in by_name:
-        # In a run the integral moves by T/tracking_s of what the output is beyond its limit: by more than that it overshoots.
+        # In a run the integral moves by T/tracking_s of what the output is beyond its limit: by
+        # more than that it overshoots.
         yield Condition(
             lambda seconds, rate, every: seconds * rate / every >= 1 - WRITTEN,
             lambda _, rate, every: (
@@ -113,7 +118,8 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
 def _conditions_of_type(
     block: DrawnBlock, by_name: Mapping[str, tuple[str, Tree]], tick: tuple[str, Tree]
 ) -> Iterator[Condition]:
-    """Yield what the numbers of some types have to fulfil together. by_name, tick: paths and trees of keys and of the rate."""
+    """Yield what the numbers of some types have to fulfil together. by_name, tick: paths and
+    trees of keys and of the rate."""
     start = f"block.{block.name}."
     if block.type == "mass_matrix":
         block_keys = dict(block.keys)
@@ -144,7 +150,7 @@ def _conditions_of_type(
         )
         reads = by_name["B" if explicit else "K"], ("", block.divisor(tick[1])), by_name["b"]
         yield Condition(
-            lambda _, total, b: abs(total) > NOTHING * abs(b),
+            lambda _, total, b: abs(total) > LEAST_DIVISOR * abs(b),
             f"a number with which {total}",
             *reads,
         )
@@ -165,7 +171,8 @@ def _within(key: Key, value):
 
 
 def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-    """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
+    """Yield path, expected and found text for each key that these values do not suit; keys
+    without values are left out."""
     numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
     for condition in conditions(drawing):
         path = condition.path
@@ -185,7 +192,8 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
 
 
 def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] | None:
-    """Return expected and found text if a condition does not hold for these values of what it reads."""
+    """Return expected and found text if a condition does not hold for these values of what it
+    reads."""
     number, expected = values[0], condition.expected
     if number is None:
         return (
@@ -202,7 +210,8 @@ def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] 
 def _size_faults(
     drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[str, int]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the `faults` of too many states, and of a frame that is too long. runs: path of `every` of blocks -> ticks."""
+    """Yield the `faults` of too many states, and of a frame that is too long. runs: path of
+    `every` of blocks -> ticks."""
     states = {block.name: _states(block, numbers) for block in drawing.blocks}
     if (total := sum(states.values())) > MOST_STATES:
         yield (
@@ -217,7 +226,8 @@ def _size_faults(
 
 
 def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
-    """The states of a block as far as its keys say how many there are: coefficients, rows, steps, ticks."""
+    """The states of a block as far as its keys say how many there are: coefficients, rows,
+    steps, ticks."""
     keys = dict(block.core(ONE).keys)
     counts = (
         finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0
@@ -227,7 +237,8 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
 
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-    """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
+    """Yield path, expected and found text for each part of a port's displacement that is known
+    to be no such position."""
     every = {block.name: block.every for block in drawing.blocks if not block.plant}
     numbers = scalars(values)
     velocities = _velocities(drawing)
@@ -240,7 +251,8 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
 
 
 def _no_position(signal: str, force: str, velocities: list[str], runs: float) -> str:
-    """Why a signal is no position that a plant has in every tick; empty if it may be one. runs: ticks between its changes."""
+    """Why a signal is no position that a plant has in every tick; empty if it may be one. runs:
+    ticks between its changes."""
     if signal == force:
         return "the force itself"
     if signal in velocities:
@@ -261,7 +273,8 @@ def _velocities(drawing: Drawing) -> list[str]:
 
 
 def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
-    """Yield the port, its force, and signal and gain of each term of the displacements at the ports."""
+    """Yield the port, its force, and signal and gain of each term of the displacements at the
+    ports."""
     ports = [("hand", drawing.hand), ("environment", drawing.environment)]
     ports += [("hand", (force, terms)) for _, force, terms in drawing.further]
     for side, port in ports:
@@ -272,7 +285,8 @@ def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
 def finite_value(
     tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None
 ) -> float | None:
-    """Return the value of a tree, None if there is no finite one or one of its numbers has none, after a mistake in that.
+    """Return the value of a tree, None if there is no finite one or one of its numbers has none,
+    after a mistake in that.
 
     shared: of trees at the same numbers.
     """

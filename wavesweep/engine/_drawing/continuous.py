@@ -15,7 +15,7 @@ from wavesweep.engine._drawing.expressions import (
 )
 
 Wires = tuple[tuple[str, Terms], ...]
-SAME = 1e-12  # relative, of gains that add up to 0
+CANCELLED_GAINS = 1e-12  # relative, of gains that add up to 0
 
 
 def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
@@ -26,14 +26,17 @@ def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
 def parted(
     tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]
 ) -> tuple[Terms, Terms]:
-    """Return the terms of the wire of a plant that are held over a tick, and those that act continuously.
+    """Return the terms of the wire of a plant that are held over a tick, and those that act
+    continuously.
 
     own: name of the plant. plants: name and type of each one.
 
-    A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x - motor.x)` does, and so does
-    the other half of one that is multiplied out, `ks*link.x - (ks + kp)*motor.x`. What else reads the plant alone is what a
-    controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
-    Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
+    A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x -
+    motor.x)` does, and so does the other half of one that is multiplied out, `ks*link.x - (ks +
+    kp)*motor.x`. What else reads the plant alone is what a controller computes from samples,
+    `-kp*motor.x`. Signals of other blocks and the hand's force are held. Errors: Fault as for
+    `linear`, and if terms in both positions, or both velocities, are left that form no spring or
+    damper.
     """
     wire = linear(tree, signals)
     held: list[tuple[str, Tree]] = []
@@ -63,7 +66,8 @@ def parted(
 def _opposite_pairs(
     alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
 ) -> list[tuple[str, Tree]]:
-    """Take the terms in another plant whose gains are those of terms in this one with the other sign out of both lists."""
+    """Take the terms in another plant whose gains are those of terms in this one with the other
+    sign out of both lists."""
     pairs = []
     for half in list(halves):
         twin = next((term for term in alone if _opposite(half[1], term[1])), None)
@@ -81,7 +85,8 @@ def _springs(
     alone: list[tuple[str, Tree]],
     halves: list[tuple[str, Tree]],
 ) -> list[tuple[str, Tree]]:
-    """Return the terms in a plant alone that are the near ends of springs and dampers, whose far ends are halves.
+    """Return the terms in a plant alone that are the near ends of springs and dampers, whose far
+    ends are halves.
 
     Errors: Fault if the gains of both ends do not add up to 0.
     """
@@ -114,10 +119,11 @@ def _blocks_read(wires: Wires, couplings: Wires, seen: Terms) -> set[str]:
 
 
 def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
-    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
+    """Return wires and couplings in which terms that act on a plant that nothing reads are wires:
+    nothing shows how they act.
 
-    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
-    signals at the hand's port.
+    A block that nothing reads itself does not count as a reader. What such a plant does to itself
+    stays a coupling. seen: signals at the hand's port.
     """
     read, held, continuous = _blocks_read(wires, couplings, seen), {}, []
     for port, terms in couplings:
@@ -161,12 +167,13 @@ def _opposite(one: Tree, other: Tree) -> bool:
 
 
 def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
-    """Whether gains are plain numbers that add up to 0: the force does not change if all moves together."""
+    """Whether gains are plain numbers that add up to 0: the force does not change if all moves
+    together."""
     gains = [gain for _, gain in terms]
     if any(True for gain in gains for _ in names_in(gain)):
         return False
     values = [evaluate(gain, {}) for gain in gains]
-    return bool(abs(sum(values)) <= SAME * sum(map(abs, values)))
+    return bool(abs(sum(values)) <= CANCELLED_GAINS * sum(map(abs, values)))
 
 
 def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:

@@ -12,7 +12,8 @@ from wavesweep.engine._drawing.expressions import Terms, Tree, names_in, value_o
 from wavesweep.engine._keys.key import Key, Names
 
 RATE = "rates.tick_hz"
-# Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path.
+# Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their
+# whole path.
 OF_NUMBERS = "numbers."
 STRUCTURE = (
     "every",
@@ -57,7 +58,8 @@ def path_of_port(side: str, name: str) -> str:
 
 
 def _remembered(function):
-    """Make a property of a drawing, computed once for all that are equal: a compiled loop is asked again and again."""
+    """Make a property of a drawing, computed once for all that are equal: a compiled loop is
+    asked again and again."""
     return property(lru_cache(maxsize=64)(function))
 
 
@@ -65,12 +67,14 @@ def _remembered(function):
 class Drawing:
     """A drawn loop without the values of its numbers.
 
-    numbers: name, unit and description of each. whole: those that have to be whole. wires: input port -> its signals and their
-    gains, held over a tick at a plant. hand: the signal of the hand's force; the displacement, and the force against the hand
-    if it is named, as signals and gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the
-    hand turns, and its force and displacement are a torque and an angle. couplings: as wires, by which plants act on each other
-    continuously. inputs: name, signal and unit of each signal from outside, without the hand's force. outputs: name, terms and
-    unit of each. named: the names in [signals], which `simulate` shows too, and their terms.
+    numbers: name, unit and description of each. whole: those that have to be whole. wires: input
+    port -> its signals and their gains, held over a tick at a plant. hand: the signal of the hand's
+    force; the displacement, and the force against the hand if it is named, as signals and gains.
+    wall: the numbers that are the stiffness and the damping of a wall. turns: whether the hand
+    turns, and its force and displacement are a torque and an angle. couplings: as wires, by which
+    plants act on each other continuously. inputs: name, signal and unit of each signal from
+    outside, without the hand's force. outputs: name, terms and unit of each. named: the names in
+    [signals], which `simulate` shows too, and their terms.
     """
 
     tick_hz: Tree
@@ -115,7 +119,8 @@ class Drawing:
         yield from ((path, gain) for path, summed in terms for _, gain in summed)
 
     def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
-        """Return the drawing in which some numbers are multiples of another one: their values are the factors."""
+        """Return the drawing in which some numbers are multiples of another one: their values
+        are the factors."""
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
             trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
@@ -157,7 +162,8 @@ class Drawing:
 
     @property
     def further(self) -> tuple[tuple[str, str, Terms], ...]:
-        """The further axes of the hand: name of the output, signal of the force, and displacement of each."""
+        """The further axes of the hand: name of the output, signal of the force, and
+        displacement of each."""
         displacements = {
             name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])
         }
@@ -172,7 +178,8 @@ class Drawing:
 
     @property
     def signals(self) -> list[str]:
-        """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and the names in [signals]."""
+        """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and
+        the names in [signals]."""
         ports = (
             f"{block.name}.{port}"
             for side in (1, 0)
@@ -183,7 +190,8 @@ class Drawing:
 
     @_remembered
     def plants(self) -> tuple[Plant, ...]:
-        """The plants that are made of several blocks, which couplings connect, and those that a dead time acts on or reads."""
+        """The plants that are made of several blocks, which couplings connect, and those that a
+        dead time acts on or reads."""
         arriving, sensed = _between_ticks(self)
         plants: list[set[str]] = []
         for coupled in (
@@ -213,10 +221,12 @@ class Drawing:
 
     @_remembered
     def building(self) -> dict[str, tuple[str, ...]]:
-        """Paths of the whole numbers by which dead times decide how the loop is built, each with the dead times that it is of.
+        """Paths of the whole numbers by which dead times decide how the loop is built, each with
+        the dead times that it is of.
 
-        Those of one are its number of ticks. Those of two say whether what the first one brings to a plant has arrived before
-        the second one, or the same, reads the plant; see `wavesweep.engine._loops.dead_time`.
+        Those of one are its number of ticks. Those of two say whether what the first one brings to
+        a plant has arrived before the second one, or the same, reads the plant; see
+        `wavesweep.engine._loops.dead_time`.
         """
         pairs = {
             (early, late)
@@ -252,7 +262,8 @@ class Drawing:
 
     @property
     def apart(self) -> list[DrawnBlock]:
-        """The blocks on which no plant acts continuously, and at most one dead time between two ticks."""
+        """The blocks on which no plant acts continuously, and at most one dead time between two
+        ticks."""
         acted_on = {
             block
             for plant in self.plants
@@ -285,20 +296,23 @@ class Drawing:
 
     @_remembered
     def of_limits(self) -> frozenset[str]:
-        """Paths of the keys that limits of blocks alone read, on which nothing depends within them."""
+        """Paths of the keys that limits of blocks alone read, on which nothing depends within
+        them."""
         trees = (tree for block in self.blocks for _, tree in block.limit_trees())
         return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree)) - self.reads
 
     @_remembered
     def of_losses(self) -> frozenset[str]:
-        """Paths of the keys that probabilities of channels alone read: with all messages in time nothing depends on them."""
+        """Paths of the keys that probabilities of channels alone read: with all messages in time
+        nothing depends on them."""
         shares = {f"block.{block.name}.{key}" for block in self.channels for key in SHARES}
         trees = (tree for path, tree in self.trees() if path not in shares)
         return self.reads - {path_of(name) for tree in trees for name, _ in names_in(tree)}
 
     @_remembered
     def posing(self) -> frozenset[str]:
-        """Paths of the keys that say where a linkage is: those that the key `through` of a block reads."""
+        """Paths of the keys that say where a linkage is: those that the key `through` of a block
+        reads."""
         trees = (
             tree
             for path, tree in self.trees()
@@ -341,7 +355,8 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
 
 
 def _between_ticks(drawing):
-    """Ports of plants with the dead times that arrive there, and outputs of plants with the dead times that read them."""
+    """Ports of plants with the dead times that arrive there, and outputs of plants with the dead
+    times that read them."""
     plants, delays, arriving, sensed = (
         {block.name for block in drawing.blocks if block.plant},
         drawing.dead_times,

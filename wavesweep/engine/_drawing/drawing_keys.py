@@ -1,4 +1,5 @@
-"""Reading the keys of blocks and the expressions of wires; all mistakes are collected, each at its place."""
+"""Reading the keys of blocks and the expressions of wires; all mistakes are collected, each at
+its place."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -48,15 +49,18 @@ NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, nul
 
 
 class KeyReader:
-    """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
+    """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the
+    names that are read.
 
-    axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
-    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks, those from outside and the names in [signals].
-    meanings, extents: of names that stand for expressions, the trees and their extents. ports: inputs and outputs of each
-    block, also of one that has mistakes, unless these hide them; None then. registers: the outputs of those that `prev(...)`
-    reads, and the signal that each remembers. tick_hz: the rate of the tick. periods: of blocks, s. period: what `dt` stands
-    for in the expressions of a block, its own period (s), unless that is the name of a number or a signal. classes: types that
-    a message lists in addition.
+    axes: paths of keys other than numbers that are axes; those that are written as a number are
+    names in trees, and have a value in `own`. numbers: the names in [numbers]. signals: outputs of
+    blocks, those from outside and the names in [signals]. meanings, extents: of names that stand
+    for expressions, the trees and their extents. ports: inputs and outputs of each block, also of
+    one that has mistakes, unless these hide them; None then. registers: the outputs of those that
+    `prev(...)` reads, and the signal that each remembers. tick_hz: the rate of the tick. periods:
+    of blocks, s. period: what `dt` stands for in the expressions of a block, its own period (s),
+    unless that is the name of a number or a signal. classes: types that a message lists in
+    addition.
     """
 
     def __init__(self, source: Place, axes: frozenset[str], classes: tuple[str, ...] = ()) -> None:
@@ -123,7 +127,8 @@ class KeyReader:
         return ("name", path, 0)
 
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
-        """Return the tree of an expression, with the trees that its names stand for in their places."""
+        """Return the tree of an expression, with the trees that its names stand for in their
+        places."""
         try:
             tree = parse(leaf.value)
             check_extent(tree, self.extents)
@@ -149,7 +154,8 @@ class KeyReader:
         return tree
 
     def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
-        """Yield the fault of each name in a tree that is not among these names; signals: whether they may be signals."""
+        """Yield the fault of each name in a tree that is not among these names; signals: whether
+        they may be signals."""
         for name, at in names_in(tree):
             block = name.rpartition(".")[0]
             if name in names or (signals and self.is_hidden(block)):
@@ -197,7 +203,8 @@ class KeyReader:
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
 
-        texts: path and leaf of each name. signals: whether they are linear in signals; otherwise they are numbers.
+        texts: path and leaf of each name. signals: whether they are linear in signals; otherwise
+        they are numbers.
         """
         trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
         rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
@@ -220,7 +227,8 @@ class KeyReader:
     def read_terms(
         self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear
     ) -> _Found | None:
-        """Read an expression that is linear in signals. within: makes the result of its tree and the signals."""
+        """Read an expression that is linear in signals. within: makes the result of its tree and
+        the signals."""
         self.leaves[path] = leaf
         if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
             leaf = Leaf(str(leaf.value), leaf.place)
@@ -234,7 +242,8 @@ class KeyReader:
     def terms_of(
         self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear
     ) -> _Found | None:
-        """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a mistake."""
+        """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a
+        mistake."""
         try:
             return within(tree, self.signals_of(tree))
         except Fault as fault:
@@ -283,7 +292,8 @@ class KeyReader:
     def made_block(
         self, name: str, kind: str, every: Tree, read: dict[str, object]
     ) -> DrawnBlock | None:
-        """Return a block of keys without mistakes; that they do not fit together is one. read: values of the other keys."""
+        """Return a block of keys without mistakes; that they do not fit together is one. read:
+        values of the other keys."""
         path, phase = f"block.{name}", read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
@@ -303,7 +313,8 @@ class KeyReader:
     def with_corrected_names(
         self, path: str, given: Mapping[str, Leaf], keys: Mapping[str, Key]
     ) -> dict[str, Leaf]:
-        """Return the leaves; an unknown key is a mistake and stands for the key that is meant, which then is not missing."""
+        """Return the leaves; an unknown key is a mistake and stands for the key that is meant,
+        which then is not missing."""
         meant = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
@@ -327,7 +338,8 @@ class KeyReader:
         return meant
 
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
-        """Read the value of a key by its type: trees of numbers, a word, true or false, or names of ports."""
+        """Read the value of a key by its type: trees of numbers, a word, true or false, or names
+        of ports."""
         if leaf is None:
             return self.default_of(path, key)
         self.leaves[path], value = leaf, leaf.value
@@ -343,7 +355,8 @@ class KeyReader:
         return self.refuse(leaf, path, "a list of different names", names or "none", of_key=False)
 
     def default_of(self, path: str, key: Key) -> object:
-        """Return the default of a key that is not given, as `read_key` does; if there has to be one, it is a mistake."""
+        """Return the default of a key that is not given, as `read_key` does; if there has to be
+        one, it is a mistake."""
         if key.required:
             expected = {"list": "a list of numbers", "rows": "a list of rows"}.get(
                 key.type
@@ -381,7 +394,8 @@ class KeyReader:
 
 
 def is_name(name: object) -> bool:
-    """Return whether a value is a name of ASCII letters, digits and _ that no program takes for a value."""
+    """Return whether a value is a name of ASCII letters, digits and _ that no program takes for
+    a value."""
     return (
         isinstance(name, str)
         and name.isidentifier()
@@ -396,7 +410,8 @@ def is_dotted(name: str) -> bool:
 
 
 def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
-    """Return key, expected and found text if the limits of a block and what it does at them do not fit together."""
+    """Return key, expected and found text if the limits of a block and what it does at them do
+    not fit together."""
     acts = limits.get("anti_windup", "none")
     need_high = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (
         acts != "none"

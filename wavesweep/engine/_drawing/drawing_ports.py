@@ -1,4 +1,5 @@
-"""Reading [ports] of a drawn loop: the hand, the wall, inputs and outputs, each mistake at its place."""
+"""Reading [ports] of a drawn loop: the hand, the wall, inputs and outputs, each mistake at its
+place."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
@@ -84,7 +85,8 @@ class PortReader(KeyReader):
         return ports
 
     def _refuse_unpaired(self, listed: list[tuple[str, Leaf]], ports: Ports) -> None:
-        """Refuse lists of the hand that do not pair forces and displacements, or that stand beside other ports."""
+        """Refuse lists of the hand that do not pair forces and displacements, or that stand
+        beside other ports."""
         texts = [
             leaf.value
             for _, leaf in listed
@@ -106,7 +108,8 @@ class PortReader(KeyReader):
             )
 
     def with_further(self, ports: Ports) -> Ports:
-        """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
+        """Add the axes of the hand but the first, of lists of forces and displacements, to the
+        inputs and outputs."""
         hand = ports["hand"]
         pairs = [(key, hand[key]) for key in PORTS["hand"][:2] if key in hand]
         listed = [(key, leaf) for key, leaf in pairs if isinstance(leaf.value, list)]
@@ -186,7 +189,8 @@ class PortReader(KeyReader):
         blocks: Iterable[DrawnBlock],
         wires: Mapping[str, Leaf],
     ) -> None:
-        """Add the mistakes of inputs and outputs that have the name of another signal, of which a table would show one."""
+        """Add the mistakes of inputs and outputs that have the name of another signal, of which
+        a table would show one."""
         owners = {
             f"{block.name}.{port}": block
             for block in blocks
@@ -210,7 +214,8 @@ class PortReader(KeyReader):
     def fault_from_outside(
         self, signal: object, what: str = "a signal from outside"
     ) -> tuple[str, str] | None:
-        """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
+        """Return expected and found text of a value that is not a signal from outside that a
+        wire reads. what: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
             return f"{NAME}, for {what}", show(signal)
         if signal in self.numbers:
@@ -228,9 +233,11 @@ class PortReader(KeyReader):
         numbers: Iterable[tuple],
         given: Mapping[str, dict],
     ) -> Iterator[tuple[str, Terms, str]]:
-        """Yield an output for each signal that a table names and [ports] does not declare; see `Drawing.signals`.
+        """Yield an output for each signal that a table names and [ports] does not declare; see
+        `Drawing.signals`.
 
-        Its unit is that of a port with the same signal. Names of no signal are left to `Request.refuse_unknown_ends`.
+        Its unit is that of a port with the same signal. Names of no signal are left to
+        `Request.refuse_unknown_ends`.
         """
         ports = {
             f"{block.name}.{port}": block
@@ -252,7 +259,8 @@ class PortReader(KeyReader):
     def terms_of_signal(
         self, name: str, leaf: Leaf, block: DrawnBlock | None, wires: Mapping[str, Leaf]
     ) -> Terms | None:
-        """Return the terms of a port or of a name in [signals]; None if it is neither. block: whose port it is."""
+        """Return the terms of a port or of a name in [signals]; None if it is neither. block:
+        whose port it is."""
         if block and name in wires:
             self.period = self.periods[block.name]
             terms = self.read_terms(f"wire.{name}", wires[name])
@@ -300,7 +308,8 @@ class PortReader(KeyReader):
 
 
 def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) -> str:
-    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
+    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which
+    the unit of its number shows."""
     if block is None:
         return ""
     mass = dict(block.keys).get("mass", ONE)

@@ -40,9 +40,10 @@ Path = tuple[str, ...]
 class Surroundings:
     """What stands beside a drawing and asks something of it.
 
-    axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
-    name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
-    taken: names that no number may have. free: what a name is that is none of these, in words.
+    axes: paths of keys of blocks that are numbers too, since something varies them. signals: those
+    that are outputs too, by name, with the leaf that asks for each. classes: names of types that
+    blocks could have had in addition, for messages. taken: names that no number may have. free:
+    what a name is that is none of these, in words.
     """
 
     axes: frozenset[str] = frozenset()
@@ -53,7 +54,8 @@ class Surroundings:
 
 
 class ReadDrawing(NamedTuple):
-    """A drawing, None if it has mistakes, the values of its numbers, its leaves by path, and its names."""
+    """A drawing, None if it has mistakes, the values of its numbers, its leaves by path, and its
+    names."""
 
     drawing: Drawing | None
     values: dict[str, float]
@@ -111,7 +113,8 @@ def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
 
 
 def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
-    """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by side."""
+    """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by
+    side."""
     force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
     inputs = [
         leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))
@@ -120,7 +123,8 @@ def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
 
 
 def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]) -> list[str]:
-    """Return the ports of springs that need no wire: velocities without damping, and the second end of those to the ground."""
+    """Return the ports of springs that need no wire: velocities without damping, and the second
+    end of those to the ground."""
     undamped = [
         name
         for name, block in springs.items()
@@ -134,7 +138,8 @@ def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]
 def with_whole_numbers(
     drawing: Drawing, values: dict[str, float]
 ) -> tuple[Drawing, dict[str, float]]:
-    """Return the drawing and the values with whole numbers where these decide how the loop is built."""
+    """Return the drawing and the values with whole numbers where these decide how the loop is
+    built."""
     deciding = {
         name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)
     }
@@ -215,7 +220,8 @@ class _TableReader(PortReader):
     def read_wires(
         self, table: Mapping[str, Leaf], plants: Mapping[str, str]
     ) -> tuple[Wires, Wires]:
-        """Read the wires, and those of them that act continuously. plants: name and type of each one."""
+        """Read the wires, and those of them that act continuously. plants: name and type of each
+        one."""
         read = {port: self.read_wire(port, leaf, plants) for port, leaf in table.items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires = tuple((port, terms[0]) for port, terms in read.items() if terms)
@@ -247,7 +253,8 @@ class _TableReader(PortReader):
         return tuple(numbers), values
 
     def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:
-        """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
+        """Refuse the name of a number, or of one of its keys, that is none. place: of the
+        number."""
         path = path_of(name)
         if name in self.taken:
             self.refuse(place, path, self.free, f"{show(name)}, which one has")
@@ -340,7 +347,8 @@ class _TableReader(PortReader):
         return terms
 
     def refuse_two_meanings(self, tables: Mapping[str, dict], plants: Mapping[str, str]) -> None:
-        """Refuse names of [signals] that act continuously in the wire of one plant, and are held in that of another."""
+        """Refuse names of [signals] that act continuously in the wire of one plant, and are held
+        in that of another."""
         if self.mistakes or not tables["signals"]:
             return
         texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
@@ -386,9 +394,11 @@ class _TableReader(PortReader):
     def _acts_continuously(
         self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]
     ) -> bool | None:
-        """Whether a name of [signals] acts continuously in a wire; None if it cannot be told, or acts through no plant.
+        """Whether a name of [signals] acts continuously in a wire; None if it cannot be told, or
+        acts through no plant.
 
-        trees: of the wire with the name and without it. signals: outputs of plants that the name reads.
+        trees: of the wire with the name and without it. signals: outputs of plants that the name
+        reads.
         """
         with suppress(Fault):  # without the name, the rest may be no spring
             block = port.rpartition(".")[0]
@@ -406,7 +416,8 @@ class _TableReader(PortReader):
         wires: Iterable[tuple[str, Terms]],
         shown: Iterable[Terms | None],
     ) -> tuple[DrawnBlock, ...]:
-        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
+        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs
+        with all that read it.
 
         shown: terms that are read in every tick, in addition to the ports of blocks.
         """
@@ -433,7 +444,8 @@ class _TableReader(PortReader):
         return tuple(registers)
 
     def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
-        """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
+        """Refuse inputs without a wire, and numbers and names of signals that no expression
+        reads."""
         for port in self.inputs:
             if port not in tables["wire"] and port not in self.optional:
                 expected = f'a wire to this input, "{port}" = "..." in [wire]'

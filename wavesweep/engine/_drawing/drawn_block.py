@@ -1,8 +1,8 @@
 """The blocks of a drawn loop, and the plants that blocks make that act on each other continuously.
 
-Blocks of firmware are transfer functions of their own keys, by the formulas of their types, one for each coefficient. Next to
-z = 1, where the poles of slow filters are, coefficients in powers of z cancel; those in powers of z - 1 do not. The simulation
-has laws of its own for the same blocks.
+Blocks of firmware are transfer functions of their own keys, by the formulas of their types, one for
+each coefficient. Next to z = 1, where the poles of slow filters are, coefficients in powers of z
+cancel; those in powers of z - 1 do not. The simulation has laws of its own for the same blocks.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ from wavesweep.engine._drawing.expressions import ONE, Terms, Tree, with_trees
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._keys.key import AHEAD, Key
 
-DELTA = (
-    "delta"  # in place of true as `discrete` of a transfer function: its powers are those of z - 1
-)
+# in place of true as `discrete` of a transfer function: its powers are those of z - 1
+DELTA = "delta"
 # What names in the formulas of `BlockType` stand for, unless they are keys that are given.
 DEFINED = MappingProxyType(
     {
@@ -41,8 +40,8 @@ PORT = ":"  # between the name of a member and its port or state, in the names o
 class DrawnBlock:
     """A block: its keys hold trees of numbers, tuples of these, or words.
 
-    phases: the ticks in which it runs, if it does so several times in `every` ticks. limits: the keys that say what it does
-    beyond limits, see `BlockType.limits`.
+    phases: the ticks in which it runs, if it does so several times in `every` ticks. limits: the
+    keys that say what it does beyond limits, see `BlockType.limits`.
     """
 
     name: str
@@ -82,7 +81,8 @@ class DrawnBlock:
 
     @property
     def in_time(self) -> bool:
-        """Whether it is a channel whose messages are all in time by its own keys, which is a hold."""
+        """Whether it is a channel whose messages are all in time by its own keys, which is a
+        hold."""
         keys = dict(self.keys)
         may_fail = ("late", "lost", "loss", "burst")
         return self.type == "channel" and all(
@@ -90,7 +90,8 @@ class DrawnBlock:
         )
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
-        """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""
+        """The block itself, or of a block of firmware its transfer function; named: in the names
+        of its keys and of T."""
         if self.type == "fir":  # of any length, so that it has no formula
             num = dict(self.keys)["coefficients"]
             den = (ONE, *(("number", 0.0, 0),) * (len(num) - 1))
@@ -109,12 +110,14 @@ class DrawnBlock:
         return replace(self, type="tf", keys=transfer_function(self.type, keys, period), limits=())
 
     def stepwise(self, tick_hz: Tree) -> DrawnBlock:
-        """The block itself, or a state-space model of it if its states would mean something else at another period."""
+        """The block itself, or a state-space model of it if its states would mean something else
+        at another period."""
         keys = stepwise(self.type, self.keys, self.ports, ("/", self.every, tick_hz, 0))
         return replace(self, type="ss", keys=keys, limits=()) if keys else self
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
-        """Yield the name of the key and the tree for each number in the keys, without those of `limits`."""
+        """Yield the name of the key and the tree for each number in the keys, without those of
+        `limits`."""
         yield from (("every", self.every), ("phase", self.phase))
         yield from self._trees(self.keys)
 
@@ -138,10 +141,12 @@ def _trees(kind: str, value: object) -> Iterator[Tree]:
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """Blocks that act on each other continuously: their names and ports as those of one block, which runs in every tick.
+    """Blocks that act on each other continuously: their names and ports as those of one block,
+    which runs in every tick.
 
-    couplings: how they act on each other. arriving: ports, and the dead times whose output arrives there between two
-    ticks. sensed: outputs, and the dead times that read them between two ticks. A single block is a plant too if it has any.
+    couplings: how they act on each other. arriving: ports, and the dead times whose output arrives
+    there between two ticks. sensed: outputs, and the dead times that read them between two ticks. A
+    single block is a plant too if it has any.
     """
 
     members: tuple[DrawnBlock, ...]
@@ -156,7 +161,8 @@ class Plant:
         return "+".join(block.name for block in self.members)
 
     def own(self, name: str) -> str:
-        """The name that the port or state MEMBER.NAME has in the plant: the same, without the member if it is the only one."""
+        """The name that the port or state MEMBER.NAME has in the plant: the same, without the
+        member if it is the only one."""
         return name.replace(".", PORT) if len(self.members) > 1 else name.rpartition(".")[2]
 
     def start(self, member: str) -> str:
@@ -210,7 +216,8 @@ def keys_of_block(kind: str) -> dict[str, Key]:
 def transfer_function(
     kind: str, keys: tuple[tuple[str, object], ...], period: Tree
 ) -> tuple[tuple[str, object], ...]:
-    """Return the keys of the block of type `tf` that a block of firmware is; keys: its own; period: of the block, s."""
+    """Return the keys of the block of type `tf` that a block of firmware is; keys: its own;
+    period: of the block, s."""
     meanings = _meanings(keys, period)
     num, den = (
         tuple(with_trees(parse(text), meanings) for text in texts) for texts in TYPES[kind].formula
@@ -225,9 +232,11 @@ def stepwise(
     ports: tuple[tuple[str, ...], tuple[str, ...]],
     period: Tree,
 ) -> tuple[tuple[str, object], ...]:
-    """Return the keys of a block as one of type `ss` whose states mean the same at every period; none if its own states do.
+    """Return the keys of a block as one of type `ss` whose states mean the same at every period;
+    none if its own states do.
 
-    A trapezium over a step of its own needs the last velocity, which the one state of steps that are all alike has in it.
+    A trapezium over a step of its own needs the last velocity, which the one state of steps that
+    are all alike has in it.
     """
     words, (inputs, outputs) = dict(keys), ports
     if not TYPES[kind].stepwise or not (TYPES[kind].formula or TRAPEZIA in words.values()):

@@ -1,6 +1,8 @@
-"""Arithmetic in numbers and signals as trees: values, texts, gains of signals, and other trees in place of names.
+"""Arithmetic in numbers and signals as trees: values, texts, gains of signals, and other trees in
+place of names.
 
-A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
+A tree is nested tuples (operation, operands, offset in the text), so that it can be compared,
+hashed and sent to workers.
 """
 
 import math
@@ -47,7 +49,8 @@ class Fault(ValueError):
 
 
 def text_of(tree: Tree, least: int = 0) -> str:
-    """Return a text whose tree has the same value. least: rank of operations from which no parentheses are needed."""
+    """Return a text whose tree has the same value. least: rank of operations from which no
+    parentheses are needed."""
     operation, operands = tree[0], tree[1:-1]
     if operation == "name":
         return str(operands[0])
@@ -79,7 +82,8 @@ def sum_of(terms: Terms) -> str:
 
 
 def _unsigned(tree: Tree) -> Tree | None:
-    """Return a product or quotient without the sign of its first factor, which is left out if it is -1; None without one."""
+    """Return a product or quotient without the sign of its first factor, which is left out if it
+    is -1; None without one."""
     operation: str = tree[0]
     first: Tree = tree[1]
     if operation == "negative":
@@ -106,7 +110,8 @@ def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
 def linear(tree: Tree, signals: set[str]) -> Terms:
     """Return the tree as signals times gains; a gain is a tree without signals.
 
-    Errors: Fault if the text is not linear in the signals, or has a term without a signal other than 0.
+    Errors: Fault if the text is not linear in the signals, or has a term without a signal other
+    than 0.
     """
     terms = _linear(tree, signals)
     rest = terms.pop("", None)
@@ -148,7 +153,8 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
 
 
 def _refuse_nonlinear(operation: str, at: int, left: list[str], right: list[str]) -> None:
-    """Raise Fault if an operation is not linear in the signals that its operands, left and right, read."""
+    """Raise Fault if an operation is not linear in the signals that its operands, left and
+    right, read."""
     fault = {
         **dict.fromkeys(
             FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"
@@ -182,9 +188,11 @@ def _without_ones(tree: Tree) -> Tree:
 
 
 class SharedParts:
-    """Values of the parts of trees at the same numbers, so that what trees have in common is computed once.
+    """Values of the parts of trees at the same numbers, so that what trees have in common is
+    computed once.
 
-    Parts are known by their `id`, so the trees must outlive this. lost: where digits are lost, of the parts that lose any.
+    Parts are known by their `id`, so the trees must outlive this. lost: where digits are lost, of
+    the parts that lose any.
     """
 
     def __init__(self) -> None:
@@ -219,10 +227,11 @@ def evaluate(
 ) -> Any:
     """Return the value of a tree without signals.
 
-    numbers: name -> number, or array of numbers, real or complex. library: has the functions of such values, as `math` has
-    them. watch: is called with every operation on two terms and every function, their values and its own. shared: of trees
-    evaluated before, at the same numbers with the same library and watch.
-    Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
+    numbers: name -> number, or array of numbers, real or complex. library: has the functions of
+    such values, as `math` has them. watch: is called with every operation on two terms and every
+    function, their values and its own. shared: of trees evaluated before, at the same numbers with
+    the same library and watch. Errors: those of Python's arithmetic for single numbers, such as
+    ZeroDivisionError.
     """
     return _evaluate(tree, numbers, library, watch, {} if shared is None else shared.values)
 
@@ -234,7 +243,8 @@ def _evaluate(
     watch: Callable[[Tree, Any, Any, Any], None] | None,
     known_values: dict[int, Any],
 ) -> Any:
-    """The value; known_values: those of parts by `id`, since what a name stands for is one part wherever it is read."""
+    """The value; known_values: those of parts by `id`, since what a name stands for is one part
+    wherever it is read."""
     operation = tree[0]
     if operation == "number":
         return tree[1]
@@ -267,7 +277,8 @@ _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": ope
 
 
 def _power(base: Any, exponent: Any, tree: Tree) -> Any:
-    """A small whole exponent is written out, so that it is exact for negative and complex numbers."""
+    """A small whole exponent is written out, so that it is exact for negative and complex
+    numbers."""
     if not (is_constant(tree) and exponent == int(exponent) and abs(exponent) <= EXPANDED):
         return base**exponent
     total, count = 1.0, abs(int(exponent))
@@ -277,9 +288,8 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
 
 
 CANCELLED = 1 / 16  # a sum below this share of its first term has lost digits
-RAISED = (
-    16  # an operation that multiplies the rounding of its first term by more than this loses digits
-)
+# an operation that multiplies the rounding of its first term by more than this loses digits
+RAISED = 16
 SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
 
 
@@ -302,10 +312,11 @@ def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
 
 
 def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> Any:
-    """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
+    """Return the value of a tree without signals, correct to a few roundings of itself, for numbers
+    that are exact.
 
-    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. shared: of trees at the same
-    numbers. Errors: those of `evaluate`.
+    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic.
+    shared: of trees at the same numbers. Errors: those of `evaluate`.
     """
     shared = SharedParts() if shared is None else shared
 
@@ -353,7 +364,8 @@ def _same_or(tree: Tree, made: Tree) -> Tree:
 
 
 def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
-    """Return the tree with the outputs of registers in place of the signals within `prev(...)`, and the signal of each output.
+    """Return the tree with the outputs of registers in place of the signals within `prev(...)`, and
+    the signal of each output.
 
     Errors: Fault if there is neither a signal nor 0 within the parentheses.
     """
@@ -378,7 +390,8 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
 
 
 def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
-    """Return how many parts a tree has and how deep it is, if names stand for trees of such extents."""
+    """Return how many parts a tree has and how deep it is, if names stand for trees of such
+    extents."""
     if tree[0] == "name":
         return of_names.get(tree[1], (1, 1))
     extents = [extent(operand, of_names) for operand in tree[1:-1] if isinstance(operand, tuple)]
@@ -397,10 +410,11 @@ def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
-    """Yield the trees at whose zeros this one is not analytic, and the root or power that may still have a value there.
+    """Yield the trees at whose zeros this one is not analytic, and the root or power that may still
+    have a value there.
 
-    These are divisors, arguments of logarithms and cosines of those of tangents, which leave none, arguments of roots, and
-    bases of powers that are not whole numbers.
+    These are divisors, arguments of logarithms and cosines of those of tangents, which leave none,
+    arguments of roots, and bases of powers that are not whole numbers.
     """
     for operand in tree[1:-1]:
         if isinstance(operand, tuple):
@@ -416,7 +430,8 @@ def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
 
 
 def degree(tree: Tree, number: str) -> float:
-    """Return the degree of the tree as a polynomial in a number; infinite if it is not a polynomial."""
+    """Return the degree of the tree as a polynomial in a number; infinite if it is not a
+    polynomial."""
     if tree[0] in ("number", "name"):
         return int(tree[0] == "name" and tree[1] == number)
     degrees = [degree(operand, number) for operand in tree[1:-1]]
@@ -431,7 +446,8 @@ def degree(tree: Tree, number: str) -> float:
 
 
 def cancelled(tree: Tree) -> Tree:
-    """Return the tree without the factors that a quotient has above and below, such as `b` of `(a*b)/b`."""
+    """Return the tree without the factors that a quotient has above and below, such as `b` of
+    `(a*b)/b`."""
     if tree[0] in ("number", "name"):
         return tree
     tree = _same_or(tree, (tree[0], *map(cancelled, tree[1:-1]), tree[-1]))
@@ -454,14 +470,17 @@ def _over(tree: Tree, factor: str) -> Tree | None:
 
 # In ball arithmetic, where doubles lose digits: terms may be thirty powers of ten apart.
 PRECISIONS = (256, 1024, 4096)  # bits, each tried if the one before leaves the value in doubt
-ENOUGH = 110  # bits of the value, so that its rounding to a double is the only one but once in 2^57 times
-LEAST = 1e-320  # below it a part is 0
+# bits of the value, so that its rounding to a double is the only one but once in 2^57 times
+BITS_OF_VALUE = 110
+LEAST_PART = 1e-320  # below it a part is 0
 
 
 def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | complex:
-    """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN or infinite if it has no value.
+    """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN or
+    infinite if it has no value.
 
-    It is complex if it is not real. A part that is below 1e-320, or cannot be told from 0 with 4096 bits, is 0.
+    It is complex if it is not real. A part that is below 1e-320, or cannot be told from 0 with 4096
+    bits, is 0.
     """
     from flint import acb, ctx
 
@@ -477,7 +496,8 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
             value = evaluate(tree, balls, acb)
             components = value.real, value.imag
             if all(
-                component == 0 or component.rel_accuracy_bits() > ENOUGH for component in components
+                component == 0 or component.rel_accuracy_bits() > BITS_OF_VALUE
+                for component in components
             ):
                 break
     except ZeroDivisionError:
@@ -489,14 +509,15 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
 
 
 def _rounded(ball: Any) -> float:
-    if ball.rel_accuracy_bits() > ENOUGH:
+    if ball.rel_accuracy_bits() > BITS_OF_VALUE:
         return float(ball.mid())
-    return 0.0 if ball.abs_upper() < LEAST else math.nan
+    return 0.0 if ball.abs_upper() < LEAST_PART else math.nan
 
 
 @lru_cache(maxsize=1024)
 def named(tree: Tree) -> Tree:
-    """Return the tree with a name in place of each constant, the constant itself, except for exponents that are constants."""
+    """Return the tree with a name in place of each constant, the constant itself, except for
+    exponents that are constants."""
     if tree[0] == "number":
         return ("name", tree[1], tree[2])
     operands = [named(operand) if isinstance(operand, tuple) else operand for operand in tree[1:-1]]

@@ -9,7 +9,8 @@ BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec c
 
 
 def with_gain(drawing: Drawing, signal: str) -> Drawing:
-    """The drawing with a gain behind a signal, which runs when its block does; all wires read the signal behind it."""
+    """The drawing with a gain behind a signal, which runs when its block does; all wires read
+    the signal behind it."""
     source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
     gain = DrawnBlock(
         BLOCK, "gain", (("k", ("name", GAIN, 0)),), source.every, source.phase, source.phases

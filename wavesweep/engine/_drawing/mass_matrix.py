@@ -1,6 +1,7 @@
 """The block type `mass_matrix`: its matrices as they are at its axes, for numbers of every kind.
 
-With `J = through` a mass m of further coordinates, such as joints and links, is `J' m J` at the axes.
+With `J = through` a mass m of further coordinates, such as joints and links, is `J' m J` at the
+axes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 MATRICES = ("mass", "damping", "stiffness")
 MASS = ("mass", "through")  # the keys that the mass at the axes depends on
 MOST_AXES = 3
-SAME = 1e-12  # relative: entries of a symmetric matrix
+SYMMETRIC = 1e-12  # relative: entries of a symmetric matrix
 
 Rows = list[list[Any]]
 
@@ -36,7 +37,8 @@ def _product(left: Rows, right: Rows) -> Rows:
 
 
 def determinant(rows: Rows, sign: int = -1) -> Any:
-    """Return the determinant; with sign 1 the permanent, which is the size of its terms if the entries are sizes."""
+    """Return the determinant; with sign 1 the permanent, which is the size of its terms if the
+    entries are sizes."""
     if not rows:
         return 1
     terms = (
@@ -58,12 +60,13 @@ def _without(rows: Rows, i: int, j: int) -> Rows:
 
 
 def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
-    """Return whether the mass matrix is symmetric, and positive definite at the axes; entries: of MASS, in order."""
+    """Return whether the mass matrix is symmetric, and positive definite at the axes; entries:
+    of MASS, in order."""
     left = iter(entries)
     matrices = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
     m, M = matrices["mass"], at_axes({**keys, **matrices}, "mass")
     pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
-    good = [abs(a - b) <= SAME * (abs(a) + abs(b)) for a, b in pairs]
+    good = [abs(a - b) <= SYMMETRIC * (abs(a) + abs(b)) for a, b in pairs]
     return reduce(
         operator.and_,
         good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)],

@@ -13,8 +13,10 @@ from collections.abc import Iterator
 from wavesweep.engine._drawing.expressions import FUNCTIONS, PREVIOUS, RANKS, Fault, Tree
 from wavesweep.engine._keys.checking import nearest, show
 
-LONGEST = 400  # tokens
-DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
+MOST_TOKENS = 400  # tokens
+# parentheses, signs and exponents within each other, so that recursion has room wherever it is
+# called from
+DEEPEST_EXPRESSION = 50
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<sign>\*\*|[-+*/()]))",
     re.ASCII,
@@ -37,8 +39,8 @@ MEANT = {
 def parse(text: str) -> Tree:
     """Return the tree of a text. Errors: Fault at the first token that does not fit."""
     tokens = deque(_tokens(text))
-    if len(tokens) > LONGEST:
-        raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
+    if len(tokens) > MOST_TOKENS:
+        raise Fault(0, f"at most {MOST_TOKENS} numbers, names and signs", f"{len(tokens) - 1}")
     tree = _operand(tokens, 1, 0)
     kind, rest, at = tokens.popleft()
     if kind != "end":
@@ -47,11 +49,14 @@ def parse(text: str) -> Tree:
 
 
 def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tree:
-    """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
+    """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses,
+    signs and exponents."""
     kind, text, at = tokens.popleft()
-    if depth > DEEPEST:
+    if depth > DEEPEST_EXPRESSION:
         raise Fault(
-            at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more"
+            at,
+            f"at most {DEEPEST_EXPRESSION} parentheses, signs and exponents within each other",
+            "more",
         )
     tree: Tree
     if kind == "number":

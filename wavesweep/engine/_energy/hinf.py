@@ -1,4 +1,5 @@
-"""The peak of a frequency response, found by level sets: a level just above it is shown to be met at no frequency."""
+"""The peak of a frequency response, found by level sets: a level just above it is shown to be
+met at no frequency."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,8 +8,8 @@ import numpy as np
 
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
 
-# A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are known to some 1e-6, and may
-# miss its peak or take two crossings of a level for one at 0.
+# A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are
+# known to some 1e-6, and may miss its peak or take two crossings of a level for one at 0.
 SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
 CLIMB = np.concatenate(
     [10.0 ** (np.linspace(-1, 1, 21) * width) for width in (0.5, 0.05, 0.005, 5e-4)]
@@ -19,10 +20,12 @@ RAISES = 30  # of the level; it converges after a few
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Peak:
-    """Per loop: the largest value, the angle (rad per frame) where it is taken, and whether no larger one can exist.
+    """Per loop: the largest value, the angle (rad per frame) where it is taken, and whether no
+    larger one can exist.
 
-    certified: at every eigenvalue on the unit circle of the pencil of the level just above, and half-way between
-    neighbouring ones, the response is below that level, but for angles at which it is not known.
+    certified: at every eigenvalue on the unit circle of the pencil of the level just above, and
+    half-way between neighbouring ones, the response is below that level, but for angles at which it
+    is not known.
     """
 
     value: np.ndarray
@@ -40,15 +43,16 @@ def hinf_norm(
 ) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
-    value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
-    largest value so far, is as good as the response that is below it.
+    value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`;
+    anything below the floor, the largest value so far, is as good as the response that is below it.
     angles_at(owner, level): angles at which a level may be met, `(owners, any)` with NaN for none.
-    slack(owner, value): distance of the level that is shown to be out of reach above the value. further:
-    angles that are tried first, the same or others for each loop; the largest value among low ones is then climbed to. enough:
-    values, beyond which the search ends, without a certificate.
-    Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
-    between two neighbouring angles at which a level is met the response is on one side of it, so their middle shows
-    which, and the next level is the value found there. Quadratic convergence: 2 to 5 rounds.
+    slack(owner, value): distance of the level that is shown to be out of reach above the value.
+    further: angles that are tried first, the same or others for each loop; the largest value among
+    low ones is then climbed to. enough: values, beyond which the search ends, without a
+    certificate. Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma,
+    M. Steinbuch, ibid. 14 (1990): between two neighbouring angles at which a level is met the
+    response is on one side of it, so their middle shows which, and the next level is the value
+    found there. Quadratic convergence: 2 to 5 rounds.
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
@@ -92,16 +96,19 @@ def _raise(value, theta, value_at, owners, candidates):
     value[owners[better]], theta[owners[better]] = sampled[better], where[better]
 
 
-# Distance from the unit circle up to which an eigenvalue counts as on it. Two crossings of a level just below a peak nearly
-# meet, and rounding moves them off the circle by its root: by 3e-3 in drawn loops with stiff devices and slow integrators.
-NEAR = 0.05
+# Distance from the unit circle up to which an eigenvalue counts as on it. Two crossings of a level
+# just below a peak nearly meet, and rounding moves them off the circle by its root: by 3e-3 in
+# drawn loops with stiff devices and slow integrators.
+NEAR_CIRCLE = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """Stationarity of an energy balance over some ticks: `x+ = A x - G l+`, `l = Q x + A^T l+`, l the costate.
+    """Stationarity of an energy balance over some ticks: `x+ = A x - G l+`, `l = Q x + A^T l+`, l
+    the costate.
 
-    Arrays `(..., n, n)`; G and Q symmetric. The inputs are gone: each was chosen to make the balance stationary.
+    Arrays `(..., n, n)`; G and Q symmetric. The inputs are gone: each was chosen to make the
+    balance stationary.
     """
 
     A: np.ndarray
@@ -118,7 +125,8 @@ def tick(
 ) -> Element:
     """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
 
-    A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m, m)`, regular.
+    A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m,
+    m)`, regular.
     """
     R = 1 / input_cost if input_cost.shape[-1] == 1 else inverse(input_cost)
     turn = R @ np.swapaxes(cross_cost, -1, -2)
@@ -126,7 +134,8 @@ def tick(
 
 
 def then(first: Element, second: Element) -> Element:
-    """One element after the other (Redheffer's star product): no growing and decaying parts are ever multiplied out."""
+    """One element after the other (Redheffer's star product): no growing and decaying parts are
+    ever multiplied out."""
     n = first.A.shape[-1]
     with np.errstate(
         over="ignore", invalid="ignore"
@@ -145,12 +154,13 @@ def then(first: Element, second: Element) -> Element:
 
 
 def angles(frame: Element) -> np.ndarray:
-    """Angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for eigenvalues off the circle.
+    """Angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for
+    eigenvalues off the circle.
 
-    They are the unit-circle eigenvalues of the symplectic pencil `[A 0; -Q I] - z [I G; 0 A^T]`, by QZ: on an inverted
-    pencil slow filters of high order lose them, and A has no inverse if the loop has delays. Those that rounding may
-    have moved off the circle, up to NEAR, are given too, so the list has more, not fewer, than there are. A frame that
-    overflowed gives NaN alone.
+    They are the unit-circle eigenvalues of the symplectic pencil `[A 0; -Q I] - z [I G; 0 A^T]`, by
+    QZ: on an inverted pencil slow filters of high order lose them, and A has no inverse if the loop
+    has delays. Those that rounding may have moved off the circle, up to NEAR_CIRCLE, are given too,
+    so the list has more, not fewer, than there are. A frame that overflowed gives NaN alone.
     """
     from scipy.linalg.lapack import dggev
 
@@ -165,7 +175,7 @@ def angles(frame: Element) -> np.ndarray:
     for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
         real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
         size = np.hypot(real, imaginary)
-        near = np.abs(size - np.abs(scale)) <= NEAR * size
+        near = np.abs(size - np.abs(scale)) <= NEAR_CIRCLE * size
         result[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]
     return result
 

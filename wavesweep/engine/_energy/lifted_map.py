@@ -1,4 +1,5 @@
-"""Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency, and the pencils of levels."""
+"""Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency,
+and the pencils of levels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,17 +13,17 @@ from wavesweep.engine._monodromy.rounding import balance, measured_frame
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 from wavesweep.engine._state_space import StateSpace
 
-MOST = 500_000  # complex numbers of the points that are computed together
+NUMBERS_AT_ONCE = 500_000  # complex numbers of the points that are computed together
 SWEEPS = 12  # over the states, for their units
-SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
+DAMPING_SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TickMaps:
     """Every kind of tick of some loops, from inputs u to outputs y.
 
-    maps: per kind E `(loops, n, n)` less identity, B `(loops, n, m)`, C `(loops, p, n)` and D `(loops, p, m)`; m and p may
-    differ from kind to kind. kind: of each tick of the frame, `(M,)`.
+    maps: per kind E `(loops, n, n)` less identity, B `(loops, n, m)`, C `(loops, p, n)` and D
+    `(loops, p, m)`; m and p may differ from kind to kind. kind: of each tick of the frame, `(M,)`.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -51,8 +52,8 @@ class TickMaps:
     def in_even_units(self) -> "TickMaps":
         """Return the ticks with states in units that give their entries similar sizes.
 
-        States of a transfer function differ in size like powers of its poles, and so would errors of the eigenvalues of a
-        level's pencil.
+        States of a transfer function differ in size like powers of its poles, and so would errors
+        of the eigenvalues of a level's pencil.
         """
         n = self.maps[0][0].shape[-1]
         sizes = np.zeros((self.loops, n + 1, n + 1))
@@ -68,7 +69,8 @@ class TickMaps:
         )
 
     def pencil(self, owner: np.ndarray, level: np.ndarray) -> Element:
-        """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
+        """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see
+        `hinf`."""
 
         def costs(C, D):
             return (
@@ -80,7 +82,8 @@ class TickMaps:
         return self._frame(owner, costs)
 
     def loss_pencil(self, owner: np.ndarray, square: np.ndarray) -> Element:
-        """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""
+        """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see
+        `hinf`."""
 
         def costs(C, D):
             of_C, of_D = np.swapaxes(C, -1, -2), np.swapaxes(D, -1, -2)
@@ -95,7 +98,8 @@ class TickMaps:
             return in_a_row(self.kind.tolist(), elements, then)
 
     def frame(self, *, measured: bool = True) -> np.ndarray:
-        """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding leaves nothing of it."""
+        """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding
+        leaves nothing of it."""
         changes = [E for E, *_ in self.maps]
         if measured:
             E, growth = measured_frame(self.kind, changes)
@@ -136,7 +140,8 @@ def _flat(matrix, batch):
 
 
 def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
+    """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see
+    `TickMaps`."""
     return closure(
         [E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps])
     )
@@ -179,13 +184,16 @@ class LiftedMap:
 
     @property
     def mean(self) -> np.ndarray:
-        """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the direct terms."""
+        """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the
+        direct terms."""
         return np.diagonal(self.T, axis1=-2, axis2=-1).mean(-1)
 
     def smallest(self, owner: np.ndarray, theta: np.ndarray, noise: float = 0.0) -> np.ndarray:
-        """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles `theta` (rad per frame).
+        """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles
+        `theta` (rad per frame).
 
-        noise: share of the largest one that is added. NaN where the map is not finite. Accuracy: rounding of the largest entry.
+        noise: share of the largest one that is added. NaN where the map is not finite. Accuracy:
+        rounding of the largest entry.
         """
 
         def eigenvalue(H):
@@ -217,7 +225,10 @@ class LiftedMap:
 
     def _measured(self, owner, theta, measure):
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
-        measures, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
+        measures, step = (
+            np.full(owner.size, np.nan),
+            max(1, NUMBERS_AT_ONCE // max(1, self.T[0].size)),
+        )
         for index in (slice(first, first + step) for first in range(0, owner.size, step)):
             H = self.response(owner[index], theta[index])
             good = np.isfinite(H).all((-1, -2))
@@ -226,9 +237,11 @@ class LiftedMap:
 
 
 def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
-    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
+    """Return the damping that loops need, from their ticks and their maps of a frame from
+    displacements to forces.
 
-    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
+    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame;
+    `(loops,)` each.
     """
     return hinf_norm(
         lambda owner, theta, _: np.nan_to_num(
@@ -236,6 +249,6 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
         ),
         lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
         ticks.loops,
-        lambda _, level: SLACK * (1 + np.abs(level)),
+        lambda _, level: DAMPING_SLACK * (1 + np.abs(level)),
         SOFT,
     )

@@ -1,13 +1,15 @@
-"""The H-infinity norm of a loop over a frame of many ticks: found at a few angles, and proved by stored energy.
+"""The H-infinity norm of a loop over a frame of many ticks: found at a few angles, and proved by
+stored energy.
 
-No matrix of all inputs and outputs of a frame is decomposed. A lower bound is the gain of one input (`largest_gains`); an upper
-one is a level g for which the ticks k = 0 .. M - 1 have matrices X_k, `X_M = X_0`, with
+No matrix of all inputs and outputs of a frame is decomposed. A lower bound is the gain of one input
+(`largest_gains`); an upper one is a level g for which the ticks k = 0 .. M - 1 have matrices X_k,
+`X_M = X_0`, with
 
     [X_k - A'X_{k+1}A - C'C   -A'X_{k+1}B - C'D; .   g^2 - D'D - B'X_{k+1}B]   positive definite,
 
-A, B, C, D those of the tick: then `x'X_k x` never grows by more than `g^2 |u|^2 - |y|^2`, so the output of a stable loop has no
-more than g^2 times the energy of its input (the bounded real lemma; for periodic loops S. Bittanti, P. Colaneri, Periodic
-Systems, 2009). No frequency is looked at.
+A, B, C, D those of the tick: then `x'X_k x` never grows by more than `g^2 |u|^2 - |y|^2`, so the
+output of a stable loop has no more than g^2 times the energy of its input (the bounded real lemma;
+for periodic loops S. Bittanti, P. Colaneri, Periodic Systems, 2009). No frequency is looked at.
 """
 
 from typing import NamedTuple
@@ -31,21 +33,21 @@ LOOKS = (
     40,
     60,
 )  # steps of the iteration for a largest gain, after which it is computed
-SETTLED = (
-    1e-13  # relative, by which the last steps of it change the largest of all gains at the most
-)
+# relative, by which the last steps of it change the largest of all gains at the most
+SETTLED_GAIN = 1e-13
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
 EPS = np.finfo(float).eps
 LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
 ASKED = 1.25  # times what rounding may cost the check: an energy loses less than it may
-NEWTON_STEPS = 4  # to energies that return after a frame; it takes one or two
+GAIN_STEPS = 4  # to energies that return after a frame; it takes one or two
 RETURNED = 4.0  # times by what they missed it at first, since rounding is not the same again
 LEAST_ENERGY = 1e-12  # of the largest: that of a state in which nothing is stored, for its unit
-TOGETHER = 2_000_000  # numbers of the points that are computed together
+NUMBERS_AT_ONCE_OF_FRAME = 2_000_000  # numbers of the points that are computed together
 
 
 class Norm(NamedTuple):
-    """Square of the largest gain, its angle (rad per frame), and whether no larger one can exist."""
+    """Square of the largest gain, its angle (rad per frame), and whether no larger one can
+    exist."""
 
     square: float
     theta: float
@@ -55,8 +57,9 @@ class Norm(NamedTuple):
 def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
     """The norm of a single stable loop of many ticks; tolerance: relative, of the square.
 
-    A level just above the largest gain so far is met at the unit-circle eigenvalues of its pencil, and the largest gain is
-    between two of them (see `hinf_norm`); once none is larger, the level is proved.
+    A level just above the largest gain so far is met at the unit-circle eigenvalues of its pencil,
+    and the largest gain is between two of them (see `hinf_norm`); once none is larger, the level is
+    proved.
 
     Accuracy: of the square, the tolerance, or LOOSER times as much next to a limit of stability:
     what rounding costs in each tick is paid for as long as the loop remembers.
@@ -82,13 +85,14 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
 
 
 def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
-    """Return the largest singular value of the map of one loop at each angle, `(points,)`, or a little less.
+    """Return the largest singular value of the map of one loop at each angle, `(points,)`, or a
+    little less.
 
-    By bidiagonalisation (G. Golub, W. Kahan, SIAM J. Numer. Anal. 2, 1965), all angles together: every value on the way is that
-    of an input.
+    By bidiagonalisation (G. Golub, W. Kahan, SIAM J. Numer. Anal. 2, 1965), all angles together:
+    every value on the way is that of an input.
     """
     T, O, G = lifted.T[0], lifted.O[0], lifted.G[0]
-    most = max(1, TOGETHER // (2 * len(T) + len(O[0]) * G.shape[-1]))
+    most = max(1, NUMBERS_AT_ONCE_OF_FRAME // (2 * len(T) + len(O[0]) * G.shape[-1]))
     if theta.size > most:
         parts = np.array_split(theta, -(-theta.size // most))
         return np.concatenate([largest_gains(lifted, part) for part in parts])
@@ -117,7 +121,7 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
                     found,
                     np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0],
                 )
-                if found.max() - before.max() <= SETTLED * found.max():
+                if found.max() - before.max() <= SETTLED_GAIN * found.max():
                     break
             beta = np.linalg.norm(right, axis=-1, keepdims=True)
             beside.append(beta[:, 0])
@@ -167,7 +171,8 @@ def is_above(ticks: TickMaps, square: float) -> bool:
     for kind, tick_map in enumerate(maps):
         matrix, error = _of_lemma(tick_map, square, stored, ticks_of[kind])
         lost = _lost(matrix, error, units[kind])
-        # What is taken off the inputs' part costs the states as much as the inputs they would choose.
+        # What is taken off the inputs' part costs the states as much as the inputs they would
+        # choose.
         chosen = np.abs(solve(matrix[:, n:, n:], matrix[:, n:, :n]))
         of_inputs = np.swapaxes(chosen, -1, -2) @ (lost[:, n:, None] * chosen)
         of_states = lost[:, :n] + _row_sums(of_inputs, units[kind][:n])
@@ -207,7 +212,7 @@ def _energies(maps, kinds, square, asked):
             break
     high, low = -frame.Q, np.zeros_like(frame.Q)
     missed = np.inf
-    for _ in range(NEWTON_STEPS):
+    for _ in range(GAIN_STEPS):
         stored, closed = _over_frame(balances, kinds, high, low)
         missed_before, missed = missed, _unreturned(stored)
         if not EPS < missed < missed_before / 2:
@@ -301,12 +306,14 @@ def _of_lemma(tick_map, square, stored, ticks):
 
 
 def _row_sums(matrix, units):
-    """Sums of rows in these units, which are on the diagonal of a diagonal matrix that bounds a symmetric one."""
+    """Sums of rows in these units, which are on the diagonal of a diagonal matrix that bounds a
+    symmetric one."""
     return (matrix / units).sum(-1) * units
 
 
 def _lost(matrix, error, units):
-    """What is taken off the diagonals of symmetric matrices before they are decomposed, `(ticks, N)`.
+    """What is taken off the diagonals of symmetric matrices before they are decomposed, `(ticks,
+    N)`.
 
     By Gershgorin's theorem, in these units, the sums of their rows of errors are enough for all
     errors. In units in which their diagonal is 1, Cholesky's decomposition shows that they are

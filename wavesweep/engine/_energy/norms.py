@@ -6,22 +6,25 @@ from wavesweep.engine._energy.hinf import Peak, angles, hinf_norm
 from wavesweep.engine._energy.lifted_map import TickMaps
 from wavesweep.engine._energy.long_frames import squared_norm_of_one
 
-MANY = 64  # inputs and outputs of a frame, beyond which no matrix of all of them is decomposed
-TOLERANCE = 1e-10  # relative, of a norm
+# inputs and outputs of a frame, beyond which no matrix of all of them is decomposed
+MOST_DENSE_SIGNALS = 64
+NORM_TOLERANCE = 1e-10  # relative, of a norm
 
 
 def squared_norm(ticks: TickMaps) -> Peak:
-    """The peak of the square of the H-infinity norm of a lifted map; half of TOLERANCE is left for rounding.
+    """The peak of the square of the H-infinity norm of a lifted map; half of NORM_TOLERANCE is left
+    for rounding.
 
-    Frames of many ticks are searched and proved otherwise, one by one; those that this leaves open as all others.
+    Frames of many ticks are searched and proved otherwise, one by one; those that this leaves open
+    as all others.
     """
     wide = min(
         sum(ticks.maps[kind][3].shape[axis] for kind in ticks.kind.tolist()) for axis in (-2, -1)
     )
-    if ticks.kind.size == 1 or wide <= MANY:
+    if ticks.kind.size == 1 or wide <= MOST_DENSE_SIGNALS:
         return _by_responses(ticks)
     norms = [
-        squared_norm_of_one(ticks.at(slice(loop, loop + 1)), TOLERANCE)
+        squared_norm_of_one(ticks.at(slice(loop, loop + 1)), NORM_TOLERANCE)
         for loop in range(ticks.loops)
     ]
     peak = Peak(*(np.array(values) for values in zip(*norms, strict=True)))
@@ -43,5 +46,5 @@ def _by_responses(ticks):
         lambda owner, theta, _: lifted.largest_square(owner, theta),
         lambda owner, square: angles(ticks.loss_pencil(owner, square)),
         ticks.loops,
-        lambda _, square: TOLERANCE * square,
+        lambda _, square: NORM_TOLERANCE * square,
     )

@@ -1,4 +1,5 @@
-"""Checks of values against their keys, and the mistakes of a spec: expected, found, and the nearest known name."""
+"""Checks of values against their keys, and the mistakes of a spec: expected, found, and the
+nearest known name."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping
@@ -15,7 +16,8 @@ LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes
 
 
 class Rejected(ValueError):
-    """A value that a key does not accept, with the text of the mistake; the caller adds its place."""
+    """A value that a key does not accept, with the text of the mistake; the caller adds its
+    place."""
 
     def __init__(self, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
@@ -40,7 +42,8 @@ class Mistakes(list[Mistake]):
         self.append(place.mistake(path, expected, found, suggestion, of_key))
 
     def check(self, key: Key, leaf: Leaf, path: str = "") -> Any:
-        """Return the value of a leaf as the key's own type, or None and add a mistake. path: that of the key by default."""
+        """Return the value of a leaf as the key's own type, or None and add a mistake. path:
+        that of the key by default."""
         try:
             return check(key, leaf.value)
         except Rejected as error:
@@ -57,7 +60,8 @@ class Mistakes(list[Mistake]):
         expected: str = "a list of numbers",
         count: int | None = None,
     ) -> list[Any]:
-        """Return the values of a list that is not empty, each as the key's own type, and add mistakes. count: of the values."""
+        """Return the values of a list that is not empty, each as the key's own type, and add
+        mistakes. count: of the values."""
         if (
             not isinstance(leaf.value, list)
             or not leaf.value
@@ -82,7 +86,8 @@ class Mistakes(list[Mistake]):
         path: str,
         found: str = "an unknown key",
     ) -> bool:
-        """Return whether a name is known; one that is not is a mistake. path: of the key with this name."""
+        """Return whether a name is known; one that is not is a mistake. path: of the key with
+        this name."""
         if name in known:
             return True
         self.refuse(leaf, path, f"one of {', '.join(known)}", found, nearest(name, known))
@@ -91,7 +96,8 @@ class Mistakes(list[Mistake]):
     def read(
         self, keys: Mapping[str, Key], leaves: Mapping[str, Leaf], table: str = ""
     ) -> dict[str, Any]:
-        """Return the values of a table's keys by name; those that are unknown or wrong are left out, and mistakes.
+        """Return the values of a table's keys by name; those that are unknown or wrong are left
+        out, and mistakes.
 
         table: path of the table; its keys have the paths `table.name`.
         """
@@ -106,7 +112,8 @@ class Mistakes(list[Mistake]):
         return values
 
     def in_order(self) -> list[Mistake]:
-        """Return the mistakes by line and column; those without a place keep their order, at the end.
+        """Return the mistakes by line and column; those without a place keep their order, at the
+        end.
 
         Of a value that should be a table, the keys below it are not reported as missing too.
         """
@@ -133,7 +140,8 @@ class Mistakes(list[Mistake]):
 def check(key: Key, value: object) -> float | int | str | bool:
     """Return `value` as the key's own type, or raise `Rejected`.
 
-    A whole number is accepted as a float, and a float without fraction (20.0) as a whole number. A boolean is no number.
+    A whole number is accepted as a float, and a float without fraction (20.0) as a whole number. A
+    boolean is no number.
     """
     if key.type == "string":
         if isinstance(value, str) and (value in key.choices or not key.choices):
@@ -192,12 +200,14 @@ def _number(key: Key, value: object) -> float | int:
 
 
 def computable(number: Any) -> Any:
-    """Return whether a number, or each of an array, is 0 or of a size from which nothing underflows or overflows."""
+    """Return whether a number, or each of an array, is 0 or of a size from which nothing
+    underflows or overflows."""
     return (number == 0) | ((abs(number) >= SMALLEST) & (abs(number) <= LARGEST))
 
 
 def expectation(key: Key, number: float | None = None) -> str:
-    """Describe the values of `key`. If `number` exceeds its upper limit, that limit is named, otherwise the lower one."""
+    """Describe the values of `key`. If `number` exceeds its upper limit, that limit is named,
+    otherwise the lower one."""
     if key.choices:
         return "one of " + ", ".join(map(show, key.choices))
     if key.type in (words := {"string": "a string", "boolean": "true or false", "list": "a list"}):

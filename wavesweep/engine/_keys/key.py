@@ -1,4 +1,5 @@
-"""Keys, which are names of values with type, range, unit and meaning, and values as they are given, each with its place."""
+"""Keys, which are names of values with type, range, unit and meaning, and values as they are
+given, each with its place."""
 
 from __future__ import annotations
 
@@ -16,8 +17,9 @@ Path = tuple[str, ...]
 class Place:
     """Place of a value: at a path of nested tables.
 
-    name: of the source, such as an override as it was typed; empty for a dict. exact: whether the value is as it stands there,
-    so that offsets in it are those of the source. text: of the source, empty for a dict.
+    name: of the source, such as an override as it was typed; empty for a dict. exact: whether the
+    value is as it stands there, so that offsets in it are those of the source. text: of the source,
+    empty for a dict.
     """
 
     name: str = ""
@@ -30,7 +32,8 @@ class Place:
         return self.name
 
     def inside(self, offset: int) -> str:  # noqa: ARG002 - for places in a text
-        """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
+        """Return the prefix of a mistake's line, for the character at that offset of the text
+        that is the value here."""
         return self.location()
 
     def mistake(
@@ -77,7 +80,8 @@ def read_dict(tables: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def plain(value: object) -> object:
-    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy types and other mappings."""
+    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy
+    types and other mappings."""
     if isinstance(value, Mapping):
         return read_dict(value)
     if hasattr(value, "tolist"):
@@ -90,7 +94,8 @@ def plain(value: object) -> object:
 
 
 def split_names(path: Path, depth: int) -> Path:
-    """Return a path with the names below `depth` split at their dots, as those of wires: `"motor.u"` is `motor.u`."""
+    """Return a path with the names below `depth` split at their dots, as those of wires:
+    `"motor.u"` is `motor.u`."""
     return (*path[:depth], *(piece for name in path[depth:] for piece in name.split(".")))
 
 
@@ -125,14 +130,15 @@ FORMULA = ("=", "+", "-", "@")  # how a text begins that a spreadsheet runs
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the key may be absent.
+    """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the
+    key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); in other tables a "list" may
-    hold anything.
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); in
+    other tables a "list" may hold anything.
 
-    Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
-    allowed; `meanings` describes some of them. Limits set by other keys are checked
-    where all values are known.
+    Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are
+    `choices`, no other value is allowed; `meanings` describes some of them. Limits set by other
+    keys are checked where all values are known.
     """
 
     path: str
@@ -146,10 +152,11 @@ class Key:
     choices: tuple[Any, ...] = ()
     required: bool = False
     meanings: Mapping[str, str] = field(default_factory=dict, repr=False)
-    instead: str = (
-        ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
-    )
-    shaping: bool = False  # whether the structure of the loop, or other values and limits, depend on it although it is a number
+    # what is meant by a fraction that the key does not take, or, in quotes, by another word
+    instead: str = ""
+    # whether the structure of the loop, or other values and limits, depend on it although it is a
+    # number
+    shaping: bool = False
 
     @property
     def numeric(self) -> bool:
@@ -158,7 +165,8 @@ class Key:
 
     @property
     def structural(self) -> bool:
-        """Whether more than a number of the loop depends on this one: its structure, or other values and limits."""
+        """Whether more than a number of the loop depends on this one: its structure, or other
+        values and limits."""
         return self.type != "number" or self.shaping
 
     @staticmethod
@@ -199,7 +207,8 @@ class Key:
         meanings: Iterable[str] = (),
         required: bool = False,
     ) -> Key:
-        """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
+        """Return the key of a text; one of several words if there are `meanings` of them, or
+        names alone."""
         described = meanings if isinstance(meanings, Mapping) else {}
         return Key(
             path,
@@ -233,14 +242,16 @@ TURNED = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The keys of a spec by path, the symbols that are short for a path, and the numbers that follow from others."""
+    """The keys of a spec by path, the symbols that are short for a path, and the numbers that
+    follow from others."""
 
     keys: Mapping[str, Key]
     symbols: Mapping[str, str]
     following: frozenset[str] = frozenset()
 
     def find(self, name: str) -> Key | None:
-        """Return the key of a name, which is a symbol (`kp`) or a full path (`numbers.kp`), or None."""
+        """Return the key of a name, which is a symbol (`kp`) or a full path (`numbers.kp`), or
+        None."""
         return self.keys.get(self.symbols.get(name, name))
 
     @property

@@ -12,12 +12,14 @@ WORST_CONDITION = 1e12  # a closed loop beyond it keeps fewer than 4 digits
 def loop_inverse(
     loop: np.ndarray, sizes: np.ndarray, reached: np.ndarray, name: str, ports: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inverse of the return difference of torn ports, its condition number and its determinant.
+    """Return the inverse of the return difference of torn ports, its condition number and its
+    determinant.
 
-    sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that are not zero by structure.
-    Errors: IllPosedLoopError if the condition number shows that the loop is ill-posed. The
-    number is that of the best units, the spectral radius of |L^-1| |L| (Bauer 1963), which the norm of a power overestimates by
-    a small factor: a wave impedance of 1e-9 makes entries of very different sizes and no ill-posed loop.
+    sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that
+    are not zero by structure. Errors: IllPosedLoopError if the condition number shows that the loop
+    is ill-posed. The number is that of the best units, the spectral radius of |L^-1| |L| (Bauer
+    1963), which the norm of a power overestimates by a small factor: a wave impedance of 1e-9 makes
+    entries of very different sizes and no ill-posed loop.
     """
     identity, several = np.eye(len(reached)), len(reached) > 1
     loop = identity - loop

@@ -21,7 +21,8 @@ def frozen(array) -> np.ndarray:
 
 
 def matrix(rows) -> np.ndarray:
-    """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast together."""
+    """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast
+    together."""
     if all(isinstance(entry, int | float) for row in rows for entry in row):
         return np.array(rows, float)
     height, width = len(rows), len(rows[0])
@@ -47,7 +48,8 @@ def block_diagonal(parts) -> np.ndarray:
 
 
 def concatenated(parts, axis: int) -> np.ndarray:
-    """Return matrices side by side (axis -1) or below each other (-2), broadcast over their batches."""
+    """Return matrices side by side (axis -1) or below each other (-2), broadcast over their
+    batches."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in parts))
     return np.concatenate(
         [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in parts], axis
@@ -58,21 +60,22 @@ def concatenated(parts, axis: int) -> np.ndarray:
 class Block:
     """A linear block `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.
 
-    The delta operator (Middleton and Goodwin, 1990) keeps the distance of slow poles from 1 in all its digits: the poles
-    are `1 + eig(E)`. Arrays are `(..., n, n)`, `(..., n, m)`, `(..., p, n)`, `(..., p, m)`, leading axes being a batch.
+    The delta operator (Middleton and Goodwin, 1990) keeps the distance of slow poles from 1 in all
+    its digits: the poles are `1 + eig(E)`. Arrays are `(..., n, n)`, `(..., n, m)`, `(..., p, n)`,
+    `(..., p, m)`, leading axes being a batch.
 
-    inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
-    states: one name per state.
-    condition: factor by which closing its algebraic loops, or modes that turn by whole circles, may have
-    multiplied the rounding of its entries, a number or an array over the batch. pivot: the product of the determinants of these
-    loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
-    D, the sizes of the terms of each entry's sum, in which a closed loop counts for all that rounding of its entries does to
-    it; None if they are not known.
-    at_rest: what the block does while signals do not change, without rounding, as arrays in place of E, B, C and D, or D alone
-    (see `definitions.at_rest`); None if E, B, C and D are all that is known.
-    labels: a readable name per state for messages; by default the block's name and the state's.
-    ring: whether it is a loop of several blocks in itself, and not only a part of one.
-    Errors: ValueError if an array or the labels do not fit the names.
+    inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal
+    `"name.p"`. states: one name per state. condition: factor by which closing its algebraic loops,
+    or modes that turn by whole circles, may have multiplied the rounding of its entries, a number
+    or an array over the batch. pivot: the product of the determinants of these loops' return
+    differences; it is zero where one of them has no solution, and the entries have a pole. terms:
+    for E, B, C and D, the sizes of the terms of each entry's sum, in which a closed loop counts for
+    all that rounding of its entries does to it; None if they are not known. at_rest: what the block
+    does while signals do not change, without rounding, as arrays in place of E, B, C and D, or D
+    alone (see `definitions.at_rest`); None if E, B, C and D are all that is known. labels: a
+    readable name per state for messages; by default the block's name and the state's. ring: whether
+    it is a loop of several blocks in itself, and not only a part of one. Errors: ValueError if an
+    array or the labels do not fit the names.
     """
 
     name: str

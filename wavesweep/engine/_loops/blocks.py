@@ -1,7 +1,9 @@
-"""The blocks that a spec can draw, as doubles: each from its numbers and its own period, in delta form.
+"""The blocks that a spec can draw, as doubles: each from its numbers and its own period, in delta
+form.
 
-What they do is written in `definitions`; here it becomes arrays, exact over a tick for what is continuous, with the sizes of
-terms that cancel. Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of these.
+What they do is written in `definitions`; here it becomes arrays, exact over a tick for what is
+continuous, with the sizes of terms that cancel. Numbers are scalars or arrays over a batch, real or
+complex. Matrices of `ss` are lists of rows of these.
 """
 
 from dataclasses import replace
@@ -15,10 +17,10 @@ from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, d
 from wavesweep.engine._loops import definitions
 from wavesweep.engine._loops.block import Block, matrix, numbers
 from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_rest, with_delays
-from wavesweep.engine._loops.device import LOST, impulse_and_step, motion
+from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
 
-TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
+EXPONENTIAL_TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
 MANY, SPARSE = (
     100,
@@ -34,7 +36,8 @@ LABELS = {  # of the states of a block, for messages
 
 
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
-    """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
+    """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v`
+    (m/s)."""
     m = numbers(mass)
     keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
     d = keys["damping"] / m
@@ -72,7 +75,8 @@ def mass_matrix(name, period, **keys) -> Block:
 
 
 def pivot_of(kind, keys):
-    """What the entries of a continuous block are divided by, which makes poles of them where it is zero."""
+    """What the entries of a continuous block are divided by, which makes poles of them where it
+    is zero."""
     return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
 
 
@@ -111,7 +115,8 @@ def spring(name, period, k, d=0.0) -> Block:
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
-    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact.
+    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs
+    held: exact.
 
     rests: of a discrete one, the parts of the entries of A that rounding has taken.
     """
@@ -134,10 +139,11 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
 def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
 
-    A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
-    coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
-    written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
-    Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
+    A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and
+    nearer to -1, to which its coefficients are taken without rounding: in powers of z, the ticks of
+    a long frame would grow and cancel. Poles that are written as 0 are delays. rests: the parts of
+    the coefficients that rounding has taken. Accuracy: that of the coefficients, whose roots lose
+    digits at high orders; `butterworth` and `ss` do not.
     """
     if discrete and discrete != DELTA:
         of_num, of_den = rests or ([0.0] * len(num), [0.0] * len(den))
@@ -172,7 +178,8 @@ def _trailing_zeros(coefficients):
 
 
 def _discrete_tf(name, num, den, of_num, of_den):
-    """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
+    """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last
+    k coefficients read."""
     k, centre = realisation(den)
     n = len(den) - 1 - k
     padding = [0.0] * (len(den) - len(num))
@@ -190,7 +197,8 @@ def _discrete_tf(name, num, den, of_num, of_den):
     ]
     equations = equations._replace(E=E)
     later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
-    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
+    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the
+    # input.
     rest = None
     if centre == -1 or n:
         numerator_at_one = recentred(1, numerator, of_numerator)
@@ -205,13 +213,15 @@ def _discrete_tf(name, num, den, of_num, of_den):
 
 
 def realisation(den) -> tuple[int, int]:
-    """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1, of the powers of the rest."""
+    """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1,
+    of the powers of the rest."""
     delays = _trailing_zeros(den)
     return delays, -1 if _near_minus_one(den[: len(den) - delays]) else 1
 
 
 def _near_minus_one(den):
-    """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is 1.
+    """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is
+    1.
 
     Only plain numbers decide, since the states of a loop must not change along a sweep.
     """
@@ -223,15 +233,17 @@ def _near_minus_one(den):
 
 
 def _bound_on_roots(sizes):
-    """A bound on the sizes of roots, but for a factor, from those of coefficients of descending powers (Fujiwara 1916)."""
+    """A bound on the sizes of roots, but for a factor, from those of coefficients of descending
+    powers (Fujiwara 1916)."""
     return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
 
 
 def recentred(at, coefficients, rests=None):
-    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
+    again and again.
 
-    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of the sums are kept too (D. E.
-    Knuth, TAOCP 2, 4.2.2, theorem B).
+    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of
+    the sums are kept too (D. E. Knuth, TAOCP 2, 4.2.2, theorem B).
     """
     rests = rests or [0] * len(coefficients)
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
@@ -258,7 +270,8 @@ def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
 
 
 def defined(kind, name, period, **keys) -> Block:
-    """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
+    """A block of a type that `definitions.running` defines, with its keys; see its description
+    in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
     keys = _with_numbers(kind, keys)
     equations = definitions.running(kind, period, keys, np.sqrt)
@@ -295,12 +308,14 @@ class HeldMatrices(NamedTuple):
 
 
 def held(A, B, period, sizes=None):
-    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
+    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in
+    delta form.
 
-    A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B are. If they are given, or if
-    there is something to double, two more arrays are the changes of the results by a rounding of each term of all sums, in
-    roundings; otherwise they are known to a few roundings of themselves. Accuracy: some roundings of
-    each entry for matrices that are not far from normal, unless they turn by much in a period; NaN if they are LOST.
+    A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B
+    are. If they are given, or if there is something to double, two more arrays are the changes of
+    the results by a rounding of each term of all sums, in roundings; otherwise they are known to a
+    few roundings of themselves. Accuracy: some roundings of each entry for matrices that are not
+    far from normal, unless they turn by much in a period; NaN if they are LOST.
     """
     T = numbers(period)[..., None, None]
     A = np.broadcast_arrays(A * T, np.zeros(1))[0]
@@ -335,7 +350,7 @@ def held(A, B, period, sizes=None):
             )
             G = np.where(unfinished, 2 * G + E @ G, G)
             E = np.where(unfinished, 2 * E + E @ E, E)
-            lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
+            lost = np.finfo(float).eps * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
     known = certain[..., None, None]
     return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)
@@ -349,7 +364,7 @@ def _series(A, B):
     force = B
     right_A = _by_entries(A)
     right_B = _by_entries(B)
-    for term in range(1, TERMS):
+    for term in range(1, EXPONENTIAL_TERMS):
         E = E + power
         G = G + force
         force = power @ right_B / (term + 1)
@@ -358,7 +373,8 @@ def _series(A, B):
 
 
 def _by_entries(A):
-    """A matrix, as the entries that are not zero if it has MANY rows with few of these, as chains of masses have."""
+    """A matrix, as the entries that are not zero if it has MANY rows with few of these, as
+    chains of masses have."""
     if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
         return A
     from scipy.sparse import csc_array

@@ -1,8 +1,10 @@
-"""The longest tick of a drawn loop: ticks in which nothing runs and nothing that changes is read are divided out.
+"""The longest tick of a drawn loop: ticks in which nothing runs and nothing that changes is read
+are divided out.
 
-A controller of 20 ms on a tick of 1 ms is the loop that is drawn at 50 Hz: plants are exact between ticks, and what is held
-does not change there. So the frames are the same, of a twentieth of the ticks, and dead times have a twentieth of the states.
-This is for analyses of the loop by itself; forces from outside, responses and simulations have the spec's own tick.
+A controller of 20 ms on a tick of 1 ms is the loop that is drawn at 50 Hz: plants are exact between
+ticks, and what is held does not change there. So the frames are the same, of a twentieth of the
+ticks, and dead times have a twentieth of the states. This is for analyses of the loop by itself;
+forces from outside, responses and simulations have the spec's own tick.
 """
 
 from collections import defaultdict
@@ -21,7 +23,8 @@ RELAYS = (
 
 
 def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
-    """Return the drawing with the longest tick that these loops have in common; values: flat numbers."""
+    """Return the drawing with the longest tick that these loops have in common; values: flat
+    numbers."""
     ticks, relays = _ticks(drawing, scalars(values))
     if ticks <= 1 or _acts_between(drawing, relays):
         return drawing
@@ -50,10 +53,12 @@ def _ticks(drawing, known):
 
 
 def _acts_between(drawing, relays):
-    """Whether something that changes between the ticks at which blocks run acts on plants or dead times there.
+    """Whether something that changes between the ticks at which blocks run acts on plants or dead
+    times there.
 
-    Plants, dead times and relays of these change there. What a dead time makes of signals that are held arrives at plants just
-    when it does, and a dead time reads plants when it does, whatever the tick is: these two do not count.
+    Plants, dead times and relays of these change there. What a dead time makes of signals that are
+    held arrives at plants just when it does, and a dead time reads plants when it does, whatever
+    the tick is: these two do not count.
     """
     plants = {block.name for block in drawing.blocks if block.plant}
     late = set(drawing.dead_times)
@@ -80,7 +85,8 @@ def _over(tree, ticks):
 
 
 def _in_longer(block, ticks, relays):
-    """The block with its times counted in longer ticks; plants, dead times and relays are of every tick."""
+    """The block with its times counted in longer ticks; plants, dead times and relays are of
+    every tick."""
     if block.name in relays:
         delay = block.type == "delay"
         return replace(

@@ -1,13 +1,16 @@
-"""Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is read of them in between.
+"""Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is
+read of them in between.
 
-With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. Of a signal u that is held, u[k-m] acts on a plant in tick
-k until `s T` before its end, and from then on u[k-m+1]. Over the tick that adds
+With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. Of a signal u that is held,
+u[k-m] acts on a plant in tick k until `s T` before its end, and from then on u[k-m+1]. Over the
+tick that adds
 
     int_0^{s T} exp(A t) dt B (u[k-m+1] - u[k-m])
 
-to the plant's states, on which it acts by a port of its own. The output of a plant that is read at the tick k is that of `s T`
-after the tick k - m began. If another dead time arrives there before, `s' T` before the end, it has acted for `(s + s' - 1) T`.
-So m, and which comes first, decide how a loop is built, and s is a number of it like others.
+to the plant's states, on which it acts by a port of its own. The output of a plant that is read at
+the tick k is that of `s T` after the tick k - m began. If another dead time arrives there before,
+`s' T` before the end, it has acted for `(s + s' - 1) T`. So m, and which comes first, decide how a
+loop is built, and s is a number of it like others.
 """
 
 from collections.abc import Iterator, Mapping
@@ -36,20 +39,22 @@ SENSED, NEXT = (
     "sensed",
     "next",
 )  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
-FINEST = 64  # parts of a tick, of which a finer tick is made
-# Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of a decimal of twelve digits.
-ROUNDED = 1e-11
+MOST_PARTS_OF_TICK = 64  # parts of a tick, of which a finer tick is made
+# Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of
+# a decimal of twelve digits.
+WHOLE_TICK = 1e-11
 
 
 def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
-    """Return the whole numbers by which dead times decide how loops are built, by their paths; values: flat, real."""
+    """Return the whole numbers by which dead times decide how loops are built, by their paths;
+    values: flat, real."""
     numbers = scalars(values)
     with np.errstate(all="ignore"):
         rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
         exact, ticks = {}, {}
         for name, tree in drawing.dead_times.items():
             exact[name] = np.asarray(values_of(tree, numbers)).real * rate
-            ticks[name] = np.ceil(exact[name] * (1 - ROUNDED))
+            ticks[name] = np.ceil(exact[name] * (1 - WHOLE_TICK))
     whole = {}
     for path, names in drawing.building.items():
         if len(names) == 1:
@@ -68,7 +73,8 @@ def timing(drawing: Drawing) -> set[str]:
 
 
 def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
-    """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
+    """Return the numbers with those of `structure`, which are the same in all loops of the
+    batch. known: by name."""
     if numbers.keys() >= drawing.building.keys():
         return dict(numbers)
     return {
@@ -77,13 +83,14 @@ def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
 
 
 def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
-    """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it cannot be given so.
+    """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it
+    cannot be given so.
 
     values: of one loop. along: path of a number whose value may change.
 
-    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled for another one, which would
-    happen more often as well, and no dead time for another. Dead times are meant to be simple parts of a tick, from which they
-    differ by rounding.
+    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled
+    for another one, which would happen more often as well, and no dead time for another. Dead times
+    are meant to be simple parts of a tick, from which they differ by rounding.
     """
     if not drawing.dead_times:
         return drawing
@@ -94,15 +101,15 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     exact = {}
     for name, tree in drawing.dead_times.items():
         ticks = value_of(tree, numbers) * rate
-        exact[name] = Fraction(ticks).limit_denominator(FINEST)
-        if abs(exact[name] - ticks) > ROUNDED * max(ticks, 1):
+        exact[name] = Fraction(ticks).limit_denominator(MOST_PARTS_OF_TICK)
+        if abs(exact[name] - ticks) > WHOLE_TICK * max(ticks, 1):
             return None
     finer = lcm(*(ticks.denominator for ticks in exact.values()))
     slower = any(
         value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact
     )
     plants = {block.name for block in drawing.blocks if block.plant}
-    if finer > FINEST or slower or _samples_another(drawing, plants, exact.keys()):
+    if finer > MOST_PARTS_OF_TICK or slower or _samples_another(drawing, plants, exact.keys()):
         return None
     tick_hz = ("*", ("number", float(finer), 0), drawing.tick_hz, 0)
     blocks = tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks)
@@ -110,7 +117,8 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
 
 
 def _at_finer_tick(block, exact, finer):
-    """The block at a tick of which `finer` are one of before. exact: ticks of each dead time, fractions."""
+    """The block at a tick of which `finer` are one of before. exact: ticks of each dead time,
+    fractions."""
     if block.name in exact:
         return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
     if block.plant:
@@ -151,14 +159,15 @@ def shares(
 def breaks(
     drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
 ) -> list[float]:
-    """Return the ends of a number's span and the values within it at which dead times decide anew how the loop is built.
+    """Return the ends of a number's span and the values within it at which dead times decide anew
+    how the loop is built.
 
     values: flat numbers of one loop.
     """
     points = _places(drawing, values, path, span)
     ticks = _ticks(drawing, values, path, points)
     near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
-    ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
+    ticks = np.where(np.abs(ticks - near) <= WHOLE_TICK * np.maximum(near, 1.0), near, ticks)
     crossings = set()  # (dead time, whole number, cell between two points)
     for row, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
         low, high = sorted(ticks[row, at : at + 2])
@@ -172,7 +181,7 @@ def breaks(
             return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
 
         met = sorted(_whole_at(beyond, points[at], points[at + 1]))
-    apart = ROUNDED * (span[1] - span[0])  # values that are nearer are meant to be the same
+    apart = WHOLE_TICK * (span[1] - span[0])  # values that are nearer are meant to be the same
     ends = [span[0]]
     for value in met:
         if ends[-1] + apart < value < span[1] - apart:
@@ -183,7 +192,8 @@ def breaks(
 def pieces_of(
     drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
 ) -> Iterator[tuple[tuple[float, float], dict[str, int]]]:
-    """Yield the parts of a number's span in which the loop is built alike, with the whole numbers by which it is.
+    """Yield the parts of a number's span in which the loop is built alike, with the whole numbers
+    by which it is.
 
     values: flat numbers of one loop.
     """
@@ -196,14 +206,15 @@ def pieces_of(
 
 
 def _whole_at(beyond, low, high):
-    """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass there or meet at an end.
+    """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass
+    there or meet at an end.
 
     beyond: the functions, one for each cell, of an array of values.
     """
     at_low, at_high = beyond(low), beyond(high)
     at_an_end = _nearer(low, high, at_low, at_high)
     passed = at_low * at_high < 0
-    for _ in range(HALVINGS):
+    for _ in range(CELL_HALVINGS):
         middle = (low + high) / 2
         before = (beyond(middle) < 0) == (at_low < 0)
         low, high = np.where(before, middle, low), np.where(before, high, middle)
@@ -215,19 +226,24 @@ def _nearer(low, high, at_low, at_high):
     return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
 
-HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
-POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range tries again
+CELL_HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
+# of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range
+# tries again
+SPAN_POINTS = 4001
 SPREAD = 0.25  # ticks by which a dead time may change between neighbours
 FURTHER = 4000  # points at the most that are added for that
-APART = 4.0  # ratio of the ends of a stretch from which on it is divided at their geometric mean
+# ratio of the ends of a stretch from which on it is divided at their geometric mean
+LOGARITHMIC_RATIO = 4.0
 
 
 def _places(drawing, values, path, span):
-    """Points of a span: even ones, and as many more as it takes until no dead time changes by more than SPREAD between two.
+    """Points of a span: even ones, and as many more as it takes until no dead time changes by more
+    than SPREAD between two.
 
-    How far it changes is enclosed in balls, so that what rises and falls within a step is seen as well.
+    How far it changes is enclosed in balls, so that what rises and falls within a step is seen as
+    well.
     """
-    points = np.linspace(*span, POINTS)
+    points = np.linspace(*span, SPAN_POINTS)
     name, numbers = name_of(path), scalars(values)
     trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
     bent = [tree for tree in trees if degree(tree, name) > 1]
@@ -239,7 +255,9 @@ def _places(drawing, values, path, span):
             continue
         if low + (high - low) / 2 in (low, high):
             continue
-        middle = (low * high) ** 0.5 if 0 < low * APART < high else low + (high - low) / 2
+        middle = (
+            (low * high) ** 0.5 if 0 < low * LOGARITHMIC_RATIO < high else low + (high - low) / 2
+        )
         further.append(middle)
         open_ += [(low, middle), (middle, high)]
     return np.unique(np.concatenate([points, further]))
@@ -259,7 +277,8 @@ def _spread(tree, numbers, name, low, high):
 
 
 def _ticks(drawing, values, path, p):
-    """Dead times in ticks, and sums of two of which the order matters, at values of a number: `(sums, points)`."""
+    """Dead times in ticks, and sums of two of which the order matters, at values of a number:
+    `(sums, points)`."""
     numbers = scalars({**values, path: p})
     rate = values_of(drawing.tick_hz, numbers)
     ratio = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
@@ -271,7 +290,8 @@ def _ticks(drawing, values, path, p):
 def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
     """Return the block of a dead time of so many ticks, m.
 
-    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a plant.
+    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a
+    plant.
     """
     inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
     states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
@@ -298,7 +318,8 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
 def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
     """Return junctions with those at the ports by which dead times act on plants and read them.
 
-    sums: with names of ports of plants. product, factor: the input that a number has become, and what it multiplies.
+    sums: with names of ports of plants. product, factor: the input that a number has become, and
+    what it multiplies.
     """
     sums = dict(sums)
     for plant in plants:
@@ -327,8 +348,8 @@ def with_ports(
 ) -> Block:
     """Return the block of a plant with ports for the dead times that act on it or read it.
 
-    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
-    Accuracy: that of `held`.
+    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time.
+    known: with `structure`. Accuracy: that of `held`.
     """
     A, B = rates
     of_A, of_rate_B = sizes

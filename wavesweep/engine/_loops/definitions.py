@@ -1,8 +1,10 @@
-"""What each type of block does, written once for numbers of every kind: doubles and arrays of them, balls, fractions.
+"""What each type of block does, written once for numbers of every kind: doubles and arrays of them,
+balls, fractions.
 
-A block is `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`, a continuous one `x' = A x + B u`. Matrices are lists of
-rows. The frames of a loop, in doubles and in balls, and its equations at rest follow from these definitions; the simulation
-alone has others, since it is the witness against them. Filters (`filters`) are not here: their entries are not rational.
+A block is `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`, a continuous one `x' = A x +
+B u`. Matrices are lists of rows. The frames of a loop, in doubles and in balls, and its equations
+at rest follow from these definitions; the simulation alone has others, since it is the witness
+against them. Filters (`filters`) are not here: their entries are not rational.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +19,8 @@ Root = Callable[[Any], Any]  # the square root of numbers of a kind
 
 
 class Equations(NamedTuple):
-    """The equations of a block: names of its states, and its matrices; `E` is A of a continuous one."""
+    """The equations of a block: names of its states, and its matrices; `E` is A of a continuous
+    one."""
 
     states: tuple[str, ...]
     E: Rows
@@ -56,8 +59,8 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
         case "impulse":
             return Equations(("s",), [[0]], [[1]], [[1]], [[1]])
         case "avatar":
-            # The state is the start of the step, so that s+ = s + T v in all integrations; a trapezium has half of the last
-            # step in it.
+            # The state is the start of the step, so that s+ = s + T v in all integrations; a
+            # trapezium has half of the last step in it.
             b, r = keys["b"], root(2 * keys["b"])
             speed, read = [r / b, -1 / b], _ahead(T, keys["integration"])
             sent = T / 2 if keys["integration"] == "trapezoidal" else T
@@ -124,10 +127,12 @@ def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
 
 
 def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:
-    """Return what a block does while nothing changes, `0 = E x + B u`, `y = C x + D u`, without rounding.
+    """Return what a block does while nothing changes, `0 = E x + B u`, `y = C x + D u`, without
+    rounding.
 
-    D alone if y follows u whatever the states are. None: what it does in a run is all that is known. For example, a wave comes
-    back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
+    D alone if y follows u whatever the states are. None: what it does in a run is all that is
+    known. For example, a wave comes back from an avatar at rest with the other sign, which its
+    entries in a run show only up to rounding.
     """
     if TYPES[kind].body:
         return StateSpace(
@@ -184,10 +189,12 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
 
 
 def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows, ...]:
-    """Return `at_rest` of a transfer function from coefficients of descending powers of s or z - 1; later: see `with_delays`.
+    """Return `at_rest` of a transfer function from coefficients of descending powers of s or z - 1;
+    later: see `with_delays`.
 
-    The first state does not change, so y is the sum of the states times the numerator's coefficients but the first. A state
-    that is alone may count for ever, if its coefficient is 0; y follows u then.
+    The first state does not change, so y is the sum of the states times the numerator's
+    coefficients but the first. A state that is alone may count for ever, if its coefficient is 0; y
+    follows u then.
     """
     equations = controllable(num, den)
     if not equations.states:
@@ -198,12 +205,14 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
 
 
 def over(num: Sequence, den: Sequence) -> list:
-    """Return coefficients of the numerator, as many as those of the denominator, over the first one of that."""
+    """Return coefficients of the numerator, as many as those of the denominator, over the first
+    one of that."""
     return [0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
 
 
 def controllable(num: Sequence, den: Sequence) -> Equations:
-    """Return a transfer function from coefficients of descending powers; each state but the first integrates the one before."""
+    """Return a transfer function from coefficients of descending powers; each state but the
+    first integrates the one before."""
     n, a, b = len(den) - 1, [coefficient / den[0] for coefficient in den[1:]], over(num, den)
     A = [[-coefficient for coefficient in a]] + [
         [int(i == j) for j in range(n)] for i in range(n - 1)
@@ -215,7 +224,8 @@ def controllable(num: Sequence, den: Sequence) -> Equations:
 
 
 def with_delays(equations: Equations, later: Sequence) -> Equations:
-    """Return a block of one output with delays behind its last state, or behind its input; y adds each times one of `later`."""
+    """Return a block of one output with delays behind its last state, or behind its input; y
+    adds each times one of `later`."""
     n, k = len(equations.states), len(later)
     E = [[*row, *[0] * k] for row in equations.E] + [
         [(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)
@@ -235,5 +245,6 @@ def _static(D):
 
 
 def _ahead(T, method):
-    """The share of a step's velocity that is read in the step itself, in seconds (`AHEAD` in `spec.keys`)."""
+    """The share of a step's velocity that is read in the step itself, in seconds (`AHEAD` in
+    `spec.keys`)."""
     return {"explicit": 0, "implicit": T, "trapezoidal": T / 2}[method]

@@ -10,7 +10,8 @@ from wavesweep.engine._loops.block import matrix, numbers
 def motion(
     s: Any, g: Any, damping: Any, stiffness: Any, mass: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
+    """E and B of the states (v, x) under a force; the signs of damping and stiffness are those
+    of their own forces."""
     E = matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]])
     B = matrix([[s / mass], [g / mass]])
     return E, B
@@ -26,21 +27,23 @@ class ImpulseAndStep(NamedTuple):
 
 
 def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndStep:
-    """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step, with sizes.
+    """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a
+    unit step, with sizes.
 
-    damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
-    rounding of each term of all sums, in roundings; these are missing (None) if there is nothing to double, and then both are
-    known to a few roundings of themselves. After many turns of an oscillation s and g are much smaller than that,
-    and NaN if they are LOST.
-    Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings
-    `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
-    device is overdamped.
+    damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2,
+    and their changes by a rounding of each term of all sums, in roundings; these are missing (None)
+    if there is nothing to double, and then both are known to a few roundings of themselves. After
+    many turns of an oscillation s and g are much smaller than that, and NaN if they are LOST_PHASE.
+    Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings `g2 =
+    g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive
+    terms if the device is overdamped.
     """
     damping, stiffness, period = np.broadcast_arrays(
         *(numbers(a) for a in (damping, stiffness, period))
     )
     reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
-    # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
+    # Each element has its own number of doublings: its bits must not depend on what else is in the
+    # batch.
     doublings = np.where(
         reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0
     ).astype(int)
@@ -74,12 +77,14 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
             s = np.where(unfinished, new_s, s)
             g = np.where(unfinished, new_g, g)
             rounding = np.abs(stiffness) * of_g * np.finfo(float).eps
-            certain &= rounding <= LOST * np.maximum(1, np.abs(stiffness * g))
+            certain &= rounding <= LOST_PHASE * np.maximum(1, np.abs(stiffness * g))
     return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 
 
-LOST = 1e-6  # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest by rounding
-TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
+# relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest
+# by rounding
+LOST_PHASE = 1e-6
+DEVICE_TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 
 def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +96,7 @@ def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.
     s = slope + curve / 2
     g = slope / 2 + curve / 6
     factorial = 2.0
-    for order in range(3, TERMS):
+    for order in range(3, DEVICE_TERMS):
         slope, curve = curve, -damping * curve - stiffness * slope
         factorial *= order
         s = s + curve / factorial

@@ -1,4 +1,5 @@
-"""Where a loop that a spec draws is an analytic function of one of its numbers, and which numbers make no loop."""
+"""Where a loop that a spec draws is an analytic function of one of its numbers, and which
+numbers make no loop."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -17,13 +18,15 @@ from wavesweep.engine.errors import UsageError
 def domain(
     drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
 ) -> tuple[float, float]:
-    """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
+    """The values of a number, about a span, between which all loops are analytic functions of it on
+    the real axis.
 
-    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
+    values: flat numbers, or arrays over the loops of a sweep, of which up to LOOPS_AT_ONCE are
+    examined; see `domains`.
     """
     below, above = -np.inf, np.inf
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
-        rows, _ = _different(values_of_others, MOST)
+        rows, _ = _different(values_of_others, LOOPS_AT_ONCE)
         low, high = _limits(key, guard, root, rows, name_of(path), span)
         below = max(below, low.max())
         above = min(above, high.min())
@@ -33,13 +36,15 @@ def domain(
 def domains(
     drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int
 ):
-    """The values of a number, about a span, between which each loop is an analytic function of it: two arrays, `(size,)`.
+    """The values of a number, about a span, between which each loop is an analytic function of it:
+    two arrays, `(size,)`.
 
-    values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
-    an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the span their
-    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed, and
-    of a cutoff all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if one vanishes
-    within the span.
+    values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the
+    like must not vanish there, but an argument of a root may at a low end of 0, which is then the
+    lowest value (see `bends_at_zero`). Beyond the span their changes of sign are searched for on a
+    grid that is finer near the span; half of the way to the nearest one is allowed, and of a cutoff
+    all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if
+    one vanishes within the span.
     """
     name = name_of(path)
     below = np.full(size, -np.inf)
@@ -47,8 +52,8 @@ def domains(
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
         rows, row = _different(values_of_others)
         lows, highs = [], []
-        for at in range(0, 1 + row.max(initial=0), MOST):
-            block = _rows_of(rows, slice(at, at + MOST))
+        for at in range(0, 1 + row.max(initial=0), LOOPS_AT_ONCE):
+            block = _rows_of(rows, slice(at, at + LOOPS_AT_ONCE))
             low, high = _limits(key, guard, root, block, name, span)
             lows.append(low)
             highs.append(high)
@@ -58,7 +63,8 @@ def domains(
 
 
 def _known_guards(drawing, values, path):
-    """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
+    """Yield the path of a key, a guard that reads the number, the other numbers that it reads,
+    and its root."""
     numbers = scalars({**values, path: 0.0})
     filters = [block for block in drawing.blocks if block.type == "butterworth"]
     none = {
@@ -73,7 +79,8 @@ def _known_guards(drawing, values, path):
 
 
 def _limits(key, guard, root, known, name, span):
-    """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known: other numbers, `(loops, 1)`."""
+    """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known:
+    other numbers, `(loops, 1)`."""
     low, high = span
     to_zero = key.endswith(".cutoff_hz") and guard[0] == "name"  # a filter is smooth there as well
     away = np.geomspace(1e-6, 1e3, 400) * (high - low)
@@ -112,9 +119,11 @@ def _limits(key, guard, root, known, name, span):
 
 @lru_cache(maxsize=256)
 def bends_at_zero(drawing: Drawing, path: str) -> bool:
-    """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to the number.
+    """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to
+    the number.
 
-    The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
+    The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has
+    a double zero there.
     """
     name = name_of(path)
     if any(root for *_, root in _guards_of(drawing, name)):
@@ -125,7 +134,8 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
 def guards_at(
     drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]
 ) -> np.ndarray:
-    """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
+    """What must not vanish for the loops to be analytic in a number, at values of it, real or
+    complex: `(*shape, guards)`."""
     numbers = scalars(values)
     shared = SharedParts()
     guard_values = []
@@ -138,14 +148,16 @@ def guards_at(
 
 
 def _keep_sign(value):
-    """Whether each value has the sign of the first one of its row, and is not 0, `(loops, points)`."""
+    """Whether each value has the sign of the first one of its row, and is not 0, `(loops,
+    points)`."""
     with np.errstate(all="ignore"):
         sign = np.sign(value)
     return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
 
 
 ZOOMS = 12  # towards a least size, each by a factor of ten
-NARROWEST = 40  # roundings of the number: the narrowest cell in which a least size is looked for
+# roundings of the number: the narrowest cell in which a least size is looked for
+NARROWEST_CELL = 40
 VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
 
 
@@ -163,7 +175,7 @@ def _touches_zero(guard, known, name, points):
             other: value[loop] if np.ndim(value) else value for other, value in known.items()
         }
         for _ in range(ZOOMS):
-            narrowest = NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+            narrowest = NARROWEST_CELL * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             wide = high - low > narrowest
             among = np.linspace(low, high, 21, axis=-1)
             size = np.abs(values_of(guard, {**numbers_at, name: among}))
@@ -174,7 +186,7 @@ def _touches_zero(guard, known, name, points):
         return bool((flat <= VANISHED).any())
 
 
-MOST = 1000  # loops that are examined at a time
+LOOPS_AT_ONCE = 1000  # loops that are examined at a time
 
 
 def _different(known, most=None):
@@ -197,7 +209,8 @@ def _rows_of(known, some):
 
 @lru_cache(maxsize=256)
 def _guards_of(drawing, number):
-    """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
+    """The guards that read a number, as path of a key, tree, names of all numbers that it or its
+    root reads, and that root."""
     guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
     guards |= {(tree, None): key for key, tree in divisors(drawing)}
     found = []
@@ -209,7 +222,8 @@ def _guards_of(drawing, number):
 
 
 def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
-    """Yield the path of a key and a tree that the equations of a block divide by, or take a root of."""
+    """Yield the path of a key and a tree that the equations of a block divide by, or take a root
+    of."""
     yield RATE, drawing.tick_hz
     for block in drawing.blocks:
         keys = dict(block.keys)
@@ -227,7 +241,8 @@ def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
 
 
 def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
-    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as
+    for `assembled`."""
     wrong = unsuitable(drawing, values)
     if wrong.any():
         from wavesweep.engine._drawing.conditions import faults
@@ -248,7 +263,8 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
 
 
 def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
-    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    """Return which loops of a batch have a number that a key does not accept, `(loops,)`.
+    values: as for `assembled`."""
     from wavesweep.engine._drawing.conditions import conditions
 
     arrays = {path for path, value in values.items() if np.ndim(value)}

@@ -1,4 +1,5 @@
-"""Digital Butterworth filters from normal-form sections, which are accurate at any order and cutoff."""
+"""Digital Butterworth filters from normal-form sections, which are accurate at any order and
+cutoff."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -10,7 +11,9 @@ import numpy as np
 from wavesweep.engine._loops.block import Block, matrix, numbers
 from wavesweep.engine._state_space import StateSpace
 
-FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
+# roundings that a cutoff's distance from half the rate may lose before the block's condition counts
+# them
+FEW_ROUNDINGS = 64.0
 
 
 def _hypotenuse(a, b):
@@ -21,15 +24,18 @@ DOUBLES = SimpleNamespace(pi=np.pi, sqrt=np.sqrt, sin=np.sin, cos=np.cos, hypot=
 
 
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
-    """Butterworth filter by the bilinear transform with prewarping, as a cascade of normal-form sections.
+    """Butterworth filter by the bilinear transform with prewarping, as a cascade of normal-form
+    sections.
 
-    name: of the block. order: 0 for a plain connection. cutoff_hz (below half the rate), period (s): numbers or arrays.
-    highpass: a high-pass if true, otherwise a low-pass. Port `u` in, `y` out.
-    Each pole pair is the bilinear image of `[[alpha, beta], [-beta, alpha]]`, inputs and outputs balanced, because a
-    transfer function, and even direct-form sections, lose every digit at order 10 and a cutoff of 0.1 % of the rate.
-    Source: A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 7.1; B. Gold, C. Rader 1967 (normal form).
-    Accuracy: response good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half, next to which the
-    cutoff's distance from it has lost digits: the block's condition, and the sizes of its terms, say how many.
+    name: of the block. order: 0 for a plain connection. cutoff_hz (below half the rate), period
+    (s): numbers or arrays. highpass: a high-pass if true, otherwise a low-pass. Port `u` in, `y`
+    out. Each pole pair is the bilinear image of `[[alpha, beta], [-beta, alpha]]`, inputs and
+    outputs balanced, because a transfer function, and even direct-form sections, lose every digit
+    at order 10 and a cutoff of 0.1 % of the rate. Source: A. V. Oppenheim, R. W. Schafer,
+    Discrete-Time Signal Processing, 7.1; B. Gold, C. Rader 1967 (normal form). Accuracy: response
+    good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half, next to
+    which the cutoff's distance from it has lost digits: the block's condition, and the sizes of its
+    terms, say how many.
     """
     plain = isinstance(cutoff_hz, int | float) and isinstance(period, int | float)
     return (_known if plain else _filter)(name, order, cutoff_hz, period, highpass)
@@ -45,9 +51,9 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     filter_ = _assemble(name, [StateSpace(*map(matrix, section)) for section in of_numbers])
     passed = np.full((1, 1), 0.0 if highpass else 1.0)  # of a constant
     filter_ = replace(filter_, at_rest=(passed,))
-    if not np.any(lost > FEW):
+    if not np.any(lost > FEW_ROUNDINGS):
         return filter_
-    lost = np.where(lost > FEW, lost, 1.0)
+    lost = np.where(lost > FEW_ROUNDINGS, lost, 1.0)
     sizes = (
         lost[..., None, None] * np.abs(getattr(filter_, name_of_matrix))
         for name_of_matrix in "EBCD"
@@ -61,7 +67,8 @@ _known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share the
 def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[tuple]:
     """Return the sections of a filter as rows of E, B, C and D, the first nearest to the input.
 
-    warped: `tan(pi cutoff T)`, a number of any kind. library: has pi and sqrt, sin, cos and hypot of numbers of that kind.
+    warped: `tan(pi cutoff T)`, a number of any kind. library: has pi and sqrt, sin, cos and hypot
+    of numbers of that kind.
     """
     pairs = []
     for k in range(1, order // 2 + 1):
@@ -79,7 +86,8 @@ def _single(warped, highpass, library):
 
 
 def _pair(warped, angle, highpass, library):
-    """Second-order section of poles warped*exp(+-j angle), bilinear image of the balanced normal form."""
+    """Second-order section of poles warped*exp(+-j angle), bilinear image of the balanced normal
+    form."""
     alpha = warped * library.cos(angle)
     beta = warped * abs(library.sin(angle))
     if highpass:
@@ -92,7 +100,8 @@ def _pair(warped, angle, highpass, library):
 
 
 def _bilinear(alpha, beta, b, c1, c2, through, library):
-    """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D = through, in delta form."""
+    """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D =
+    through, in delta form."""
     size = (1 - alpha) ** 2 + beta**2
     # (I - A)^-1 = [[p, q], [-q, p]], and E = 2 A (I - A)^-1 = [[real, imag], [-imag, real]]
     p = (1 - alpha) / size

@@ -1,4 +1,5 @@
-"""From a drawn loop to its blocks: numbers put in, twins of it with other numbers, and the names of its port's signals."""
+"""From a drawn loop to its blocks: numbers put in, twins of it with other numbers, and the names
+of its port's signals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -43,9 +44,10 @@ def assembled(
 ) -> MultirateLoop:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
-    out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
-    the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
-    BESIDE. A value that is not finite makes entries that are not finite.
+    out: a number to take out of its place (see `scalar_place`): its product is then the input
+    PRODUCT, and it would multiply the signal FACTOR. beside: a number of the same wire (see
+    `shares_wire`) whose value is 0; it would multiply the signal BESIDE. A value that is not finite
+    makes entries that are not finite.
     """
     known_values = dead_time.built(drawing, numbers_of(values))
     with np.errstate(all="ignore"):
@@ -175,7 +177,8 @@ def _rests(trees, values, known):
 
 
 def _take_out(drawing, placed, sums, known, out):
-    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a gain, in its block."""
+    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a
+    gain, in its block."""
     table, _, place = scalar_place(drawing, out).partition(".")
     block = place.rpartition(".")[0]
     if table == "wire":
@@ -210,7 +213,8 @@ def _take_out(drawing, placed, sums, known, out):
 
 
 def _opened(constant, slope):
-    """A transfer function with the product as an input too, and what the number multiplies as the output `factor`."""
+    """A transfer function with the product as an input too, and what the number multiplies as
+    the output `factor`."""
 
     def wider(E, B, C, D, c, d):
         unit, none = np.ones_like(D), np.zeros_like(D)
@@ -238,8 +242,8 @@ def _parts(gain, known, out):
 
 @lru_cache(maxsize=256)  # a compiled loop is asked again and again
 def scalar_place(drawing: Drawing, number: str) -> str:
-    """The path of the only wire that is not within a plant, of the factor of the only gain, or of the output of the only word
-    of firmware that reads a number, if it is linear in it; else empty.
+    """The path of the only wire that is not within a plant, of the factor of the only gain, or of
+    the output of the only word of firmware that reads a number, if it is linear in it; else empty.
 
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
@@ -265,7 +269,8 @@ def scalar_place(drawing: Drawing, number: str) -> str:
 
 
 def _only_reader(drawing, number, words):
-    """The path of what alone reads a number, other than ports; empty if there is more. words: paths of blocks of firmware."""
+    """The path of what alone reads a number, other than ports; empty if there is more. words:
+    paths of blocks of firmware."""
     readers = set()
     for path in _readers(drawing, number):
         block = path.rpartition(".")[0]
@@ -279,7 +284,8 @@ def _only_reader(drawing, number, words):
 
 
 def _split(drawing, port, number):
-    """Whether a number multiplies what a dead time brings to a plant, or both what it reads of plants and other signals."""
+    """Whether a number multiplies what a dead time brings to a plant, or both what it reads of
+    plants and other signals."""
     signals = [
         signal
         for signal, gain in dict(drawing.wires)[port]
@@ -336,10 +342,11 @@ def _readers(drawing, number):
 def twins(
     drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
 ) -> tuple[MultirateLoop, MultirateLoop]:
-    """Return two loops of a batch, in which drift is searched for, or one loop twice if no number varies.
+    """Return two loops of a batch, in which drift is searched for, or one loop twice if no number
+    varies.
 
-    values: flat numbers, with arrays of those that vary, and that are between the values of these in the two loops. out,
-    beside: numbers to take out, see `assembled`.
+    values: flat numbers, with arrays of those that vary, and that are between the values of these
+    in the two loops. out, beside: numbers to take out, see `assembled`.
     """
     pair = ({path: _between(path, value, salt) for path, value in values.items()} for salt in SALTS)
     return _twins(drawing, *(tuple(side_values.items()) for side_values in pair), out, beside)
@@ -356,7 +363,8 @@ SALTS = "ab"  # of the two loops
 
 
 def scattered(path: str, salt: str = "") -> float:
-    """Return a number from 0 to 1 for a path, another one for other paths and salts, always the same."""
+    """Return a number from 0 to 1 for a path, another one for other paths and salts, always the
+    same."""
     return crc32((salt + path).encode()) / 2**32
 
 
@@ -376,10 +384,12 @@ def _twins(drawing, one, other, out, beside):
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m) and of the force against it.
+    """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m)
+    and of the force against it.
 
-    reaction: empty if none is known; then the impedance is that of the whole port, force over position. others: input and
-    position of each further port, or axis of the hand, of which no reaction is known.
+    reaction: empty if none is known; then the impedance is that of the whole port, force over
+    position. others: input and position of each further port, or axis of the hand, of which no
+    reaction is known.
     """
 
     force: str

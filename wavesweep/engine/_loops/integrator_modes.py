@@ -1,7 +1,9 @@
-"""Loops whose signals do not change: their equations in fractions, and the shifts of states that fulfil them.
+"""Loops whose signals do not change: their equations in fractions, and the shifts of states that
+fulfil them.
 
-The numbers of a spec count as the decimals that they are written as, and numbers of arrays as doubles. Square roots of squares
-are exact; values of other functions count as the doubles that they are, which no sum of others meets by chance.
+The numbers of a spec count as the decimals that they are written as, and numbers of arrays as
+doubles. Square roots of squares are exact; values of other functions count as the doubles that they
+are, which no sum of others meets by chance.
 """
 
 from __future__ import annotations
@@ -27,10 +29,11 @@ from wavesweep.engine._loops.definitions import at_rest, tf_at_rest
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
 
-HIGHEST = 64  # power that is multiplied out
+HIGHEST_POWER = 64  # power that is multiplied out
 NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
-# Types of firmware with sums that may count for ever if no other block reads them: an impulse reads changes of its sum alone,
-# and the integral of a `pi` or `pid`, which are a `tf`, may have no gain. A position is not among them, as its body moves.
+# Types of firmware with sums that may count for ever if no other block reads them: an impulse reads
+# changes of its sum alone, and the integral of a `pi` or `pid`, which are a `tf`, may have no gain.
+# A position is not among them, as its body moves.
 SUMMING = ("impulse", "tf")
 _OPERATIONS = {
     "+": operator.add,
@@ -61,8 +64,8 @@ def root(number: Fraction) -> Fraction:
 def value_in_fractions(
     tree: Tree, known: Mapping[str, Fraction], varied: Collection[str] = ()
 ) -> Fraction:
-    """Return the value of an expression. varied: names of numbers that other loops have other values of; a root of these is
-    nowhere exact, since that of a square is either of two numbers.
+    """Return the value of an expression. varied: names of numbers that other loops have other
+    values of; a root of these is nowhere exact, since that of a square is either of two numbers.
 
     Errors: ArithmeticError or ValueError if it has no value.
     """
@@ -83,7 +86,7 @@ def value_in_fractions(
 
 
 def _power(base: Fraction, exponent: Fraction) -> Fraction:
-    if exponent.denominator != 1 or abs(exponent) > HIGHEST:
+    if exponent.denominator != 1 or abs(exponent) > HIGHEST_POWER:
         raise ArithmeticError("expected a power that is a fraction")
     return base ** int(exponent)
 
@@ -94,7 +97,8 @@ class RestEquations:
     Unknowns are states and input ports. changes: of each state that has an equation of its own, a
     sum that is 0. rows: other sums that are 0: each port less the sum that is connected to it.
     outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that
-    it follows. A block may have more ports than its equations, behind theirs: those by which a number is taken out of it.
+    it follows. A block may have more ports than its equations, behind theirs: those by which a
+    number is taken out of it.
     """
 
     def __init__(self) -> None:
@@ -104,7 +108,8 @@ class RestEquations:
         self.states: dict[str, Sum] = {}
 
     def add(self, start: str, states, ports, parts) -> None:
-        """Add a block. start: what the names of its states and ports begin with. parts: E, B, C and D as rows of fractions."""
+        """Add a block. start: what the names of its states and ports begin with. parts: E, B, C
+        and D as rows of fractions."""
         (inputs, outputs), (E, B, C, D), unit = ports, parts, decimal(1.0)
         names = [start + name for name in (*states, *inputs)]
         self.states |= {name: {name: unit} for name in names[: len(states)]}
@@ -119,7 +124,8 @@ class RestEquations:
         self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
     def follow(self, block: Block, D) -> None:
-        """Add a block whose outputs follow its inputs by D whatever its states are, which settle where its own entries say."""
+        """Add a block whose outputs follow its inputs by D whatever its states are, which settle
+        where its own entries say."""
         n, inputs = len(block.states), [f"{block.name}.{port}" for port in block.inputs]
         E, B = (np.array(_first(matrix)) for matrix in (block.E, block.B))
         settled = np.linalg.solve(E, -B.reshape(n, len(inputs))).tolist() if n else []
@@ -149,13 +155,15 @@ class RestEquations:
                     sums[name] = {state: unit}
 
     def let_count(self, state: str) -> None:
-        """Leave out that a state does not change, if nothing reads it: then it may count for ever."""
+        """Leave out that a state does not change, if nothing reads it: then it may count for
+        ever."""
         others = [row for name, row in self.changes.items() if name != state]
         if not any(state in row for row in (*others, *self.rows)):
             self.changes.pop(state, None)
 
     def null_space(self) -> list[Sum]:
-        """Return independent solutions, of which all others are sums, ports being those of states as far as they can be."""
+        """Return independent solutions, of which all others are sums, ports being those of
+        states as far as they can be."""
         states = [name for name, row in self.states.items() if row.keys() == {name}]
         equations = [*self.changes.values(), *self.rows]
         unknowns = [
@@ -182,7 +190,8 @@ class RestEquations:
         ]
 
     def moving(self) -> list[Sum]:
-        """Return the solutions of `null_space` as what they do to states and to outputs that are held."""
+        """Return the solutions of `null_space` as what they do to states and to outputs that are
+        held."""
         shown = self.states | {f"{port} held": row for port, row in self.outputs.items()}
         return [
             {
@@ -224,7 +233,8 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
 
 
 def _pop_shift(moving: list[Sum], lead: str) -> Sum:
-    """Take the first solution that moves the lead out of the list, and return it with the value 1 there."""
+    """Take the first solution that moves the lead out of the list, and return it with the value
+    1 there."""
     at = next((at for at, candidate in enumerate(moving) if lead in candidate), None)
     if at is None:
         raise ArithmeticError("expected shifts of the same states")
@@ -245,11 +255,11 @@ def shifts(
 ) -> list[dict[str, float]]:
     """Return the independent shifts of states of some blocks that nothing in the loop opposes.
 
-    A shift is a solution with all signals constant and no input: no state changes, and each port is the sum connected to it. A
-    state has the name "block.state", an output that is held "block.port held". Each shift has a lead, a state of its own which
-    is first among its keys, with the value 1; the other shifts do not move that state.
-    names: of the blocks. leads: those of the shifts, if they are known. Errors: ArithmeticError or ValueError where numbers are
-    not known as fractions.
+    A shift is a solution with all signals constant and no input: no state changes, and each port is
+    the sum connected to it. A state has the name "block.state", an output that is held "block.port
+    held". Each shift has a lead, a state of its own which is first among its keys, with the value
+    1; the other shifts do not move that state. names: of the blocks. leads: those of the shifts, if
+    they are known. Errors: ArithmeticError or ValueError where numbers are not known as fractions.
     """
     blocks = [scheduled.block for scheduled in drawn.placed if scheduled.block.name in names]
     rest = drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
@@ -299,7 +309,8 @@ def _add_by_entries(rest, block):
 
 
 def _add_drawn(rest, kind, keys, block):
-    """Add a drawn block with the values of its keys; a type that has no equations at rest by the entries of a run."""
+    """Add a drawn block with the values of its keys; a type that has no equations at rest by the
+    entries of a run."""
     if kind == "butterworth":
         matrices = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
     elif (
@@ -331,7 +342,8 @@ def _add_plant(rest, plant, value, block):
 
 
 def _discrete_tf(num, den, delta, states):
-    """A transfer function in z or z - 1 at rest; the last of its states may be delays (see `blocks.tf`)."""
+    """A transfer function in z or z - 1 at rest; the last of its states may be delays (see
+    `blocks.tf`)."""
     num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
     later = num[n + 1 :]
     above, below = (
@@ -343,7 +355,8 @@ def _discrete_tf(num, den, delta, states):
 
 
 def _of_entries(drawn, blocks) -> RestEquations:
-    """The equations of blocks that are known by their entries alone, as those of loops that are made in Python."""
+    """The equations of blocks that are known by their entries alone, as those of loops that are
+    made in Python."""
     rest = RestEquations()
     for block in blocks:
         _add_by_entries(rest, block)
@@ -369,7 +382,8 @@ def equations_of(
 ) -> RestEquations:
     """Return the equations of blocks of a drawing.
 
-    values: flat numbers. varied: names of those that other loops have other values of. out: a number that is 0, or empty.
+    values: flat numbers. varied: names of those that other loops have other values of. out: a
+    number that is 0, or empty.
     """
     rest, cores = RestEquations(), {block.name: block for block in drawing.cores}
     numbers = {
@@ -411,7 +425,8 @@ def _clock(block):
 
 
 def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
-    """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a tree, in fractions."""
+    """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a
+    tree, in fractions."""
     sensed, inside = (
         {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed},
         drawing.inside,

@@ -16,7 +16,8 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScheduledBlock:
-    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs hold.
+    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs
+    hold.
 
     phase: a tick, or several ticks of the same period.
     """
@@ -56,12 +57,13 @@ def _runs(every, phase, ticks):
 class MultirateLoop:
     """Blocks placed on a common tick, and the loop that they make.
 
-    period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
-    gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
-    run in the same tick see each other's outputs of that tick. exact: gives the equations at rest of some of the blocks in
-    exact numbers (see `equations_of`); None if the entries of the blocks are all that is known. rate: ticks per second (Hz) as
-    it was given, from which 1/period may differ in the last bit; by default 1/period.
-    Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
+    period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that
+    they make: source signal -> gain (a number or an array over the batch); a port is the signal
+    "block.port". inputs: signals from outside. All blocks that run in the same tick see each
+    other's outputs of that tick. exact: gives the equations at rest of some of the blocks in exact
+    numbers (see `equations_of`); None if the entries of the blocks are all that is known. rate:
+    ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by
+    default 1/period. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
     period: object
@@ -82,23 +84,24 @@ class MultirateLoop:
         object.__setattr__(self, "ticks", ticks)
 
     def labels(self) -> dict[str, str]:
-        """Readable labels of the states of blocks and of outputs that are held, by their names in `MarginalModes`."""
+        """Readable labels of the states of blocks and of outputs that are held, by their names
+        in `MarginalModes`."""
         readable_labels = {}
         for scheduled in self.placed:
             block = scheduled.block
             readable = block.labels or [f"{block.name} {state}" for state in block.states]
             for state, label in zip(block.states, readable, strict=True):
                 readable_labels[f"{block.name}.{state}"] = label
-            alone = (
-                len(block.outputs) == 1 and not block.states
-            )  # nothing else of it could be meant
+            # nothing else of it could be meant
+            alone = len(block.outputs) == 1 and not block.states
             for port in block.outputs:
                 output = block.name if alone else f"{block.name} {port}"
                 readable_labels[f"{block.name}.{port} held"] = f"{output} held"
         return readable_labels
 
     def refuse_wrong_names(self) -> None:
-        """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
+        """Raise UsageError for names or junctions that make no loop, or another one than was
+        meant."""
         for faulty, expected in self._wrong_names():
             if faulty:
                 raise UsageError(
@@ -109,7 +112,8 @@ class MultirateLoop:
             raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
 
     def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
-        """Yield the names that are wrong for a reason, perhaps none, and what is expected of them."""
+        """Yield the names that are wrong for a reason, perhaps none, and what is expected of
+        them."""
         blocks = [scheduled.block for scheduled in self.placed]
         names = [block.name for block in blocks]
         ports = _port_names(blocks, "inputs")
@@ -140,7 +144,8 @@ class MultirateLoop:
         return ends
 
     def rings(self) -> list[list[str]]:
-        """The blocks of each algebraic loop, in which what they read depends on what they give; only the largest ones."""
+        """The blocks of each algebraic loop, in which what they read depends on what they give;
+        only the largest ones."""
         rings = [ring for running in self.schedule()[0] for ring in self._rings(running)]
         return [
             ring
@@ -154,7 +159,8 @@ class MultirateLoop:
 
     @contextmanager
     def naming_blocks(self) -> Iterator[None]:
-        """Name the blocks of an algebraic loop that turns out to have no solution. Errors: IllPosedLoopError."""
+        """Name the blocks of an algebraic loop that turns out to have no solution. Errors:
+        IllPosedLoopError."""
         try:
             yield
         except IllPosedLoopError as error:
@@ -196,7 +202,8 @@ class MultirateLoop:
         return reads
 
     def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
-        """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
+        """The same without the blocks of which nothing is read, by a block that remains or as one
+        of the signals `watched`.
 
         A block that is a loop in itself remains.
         """
@@ -216,7 +223,8 @@ class MultirateLoop:
         return self if len(placed) == len(self.placed) else replace(self, placed=tuple(placed))
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
-        """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
+        """The different sets of blocks (indices) that run in a tick, and the number of the set
+        of each tick of the frame."""
         rhythms = tuple((scheduled.every, scheduled.phase) for scheduled in self.placed)
         sets, set_numbers = _schedule(rhythms, self.ticks)
         return list(sets), set_numbers

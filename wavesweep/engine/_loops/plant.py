@@ -1,4 +1,5 @@
-"""Blocks that act on each other continuously, as one block: the rates of change of their states, exact over a held tick."""
+"""Blocks that act on each other continuously, as one block: the rates of change of their states,
+exact over a held tick."""
 
 from collections.abc import Mapping
 from math import prod
@@ -21,16 +22,18 @@ def plant_of(
     known=None,
     shares=None,
 ) -> Block:
-    """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e are held over the period.
+    """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e
+    are held over the period.
 
-    plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values. gains: K, input port -> output ->
-    number or array over the batch. period: s. known, shares: of dead times, see `with_ports`.
+    plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values.
+    gains: K, input port -> output -> number or array over the batch. period: s. known, shares: of
+    dead times, see `with_ports`.
 
         x' = (A + B K M C) x + B (1 + K M D) e,   y = M (C x + D e),   M = (1 - D K)^-1
 
-    Accuracy: that of `held`. `terms` has what a rounding of each term of the sums above does to the entries, since springs and
-    dampers of different signs may cancel.
-    Errors: IllPosedLoopError if the direct terms make a loop without a solution.
+    Accuracy: that of `held`. `terms` has what a rounding of each term of the sums above does to the
+    entries, since springs and dampers of different signs may cancel. Errors: IllPosedLoopError if
+    the direct terms make a loop without a solution.
     """
     rates, sizes, states = [], [], []
     pivots = []
@@ -96,7 +99,8 @@ def _gains(gains, inputs, outputs):
 
 
 def _closed(L, sizes, outputs, name):
-    """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the determinant."""
+    """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the
+    determinant."""
     reached = np.eye(len(outputs), dtype=bool) | np.any(L != 0, axis=tuple(range(L.ndim - 2)))
     for _ in outputs:
         reached = (reached.astype(int) @ reached) > 0

@@ -1,16 +1,19 @@
-"""Whether the numbers of a loop are resolved on a box: polynomials of a small degree, but for next to nothing.
+"""Whether the numbers of a loop are resolved on a box: polynomials of a small degree, but for next
+to nothing.
 
-Proofs take a function of some numbers from its values at nodes and on the rims of ellipses. Such samples say nothing about a
-peak, a pole or a kink that is narrower than they are apart. A loop is built from expressions, and the rest of it (matrix
-exponentials, products of ticks) has no narrow features of its own; so each expression f that reads one of the numbers p is
-enclosed in balls on a larger ellipse about p, of which the sum of the semi-axes is R half widths, with the other numbers
-anywhere in the box. If it is analytic there and within M of its value c in the middle, the terms of its Chebyshev series
-beyond the degree N add up to at most
+Proofs take a function of some numbers from its values at nodes and on the rims of ellipses. Such
+samples say nothing about a peak, a pole or a kink that is narrower than they are apart. A loop is
+built from expressions, and the rest of it (matrix exponentials, products of ticks) has no narrow
+features of its own; so each expression f that reads one of the numbers p is enclosed in balls on a
+larger ellipse about p, of which the sum of the semi-axes is R half widths, with the other numbers
+anywhere in the box. If it is analytic there and within M of its value c in the middle, the terms of
+its Chebyshev series beyond the degree N add up to at most
 
     2 M (rho/R)^(N + 1) / (1 - rho/R)
 
-on an ellipse of rho half widths, and to rho^-(N + 1) of that at real values (L. N. Trefethen, Approximation Theory and
-Approximation Practice, theorem 8.1). A box in which this is not a small part of how much f changes has to be divided.
+on an ellipse of rho half widths, and to rho^-(N + 1) of that at real values (L. N. Trefethen,
+Approximation Theory and Approximation Practice, theorem 8.1). A box in which this is not a small
+part of how much f changes has to be divided.
 """
 
 from __future__ import annotations
@@ -40,24 +43,28 @@ from wavesweep.engine._drawing.expressions import (
 from wavesweep.engine._drawing.mass_matrix import MASS, at_axes, determinant
 from wavesweep.engine._loops.domain import divisors
 
-RHO = 4.25  # sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half widths
+# sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half
+# widths
+RHO = 4.25
 LARGER = 6.0, 9.0  # the same of the ellipses on which expressions are enclosed, one after the other
-DEGREE = 16  # N, as many as there are samples on a rim
-SMALL = (
-    0.3  # part of the change of an expression that the rest of its series may be on the rim of RHO
-)
-NOTHING = 1e-10  # of the expression itself, what counts as no change
+RIM_DEGREE = 16  # N, as many as there are samples on a rim
+# part of the change of an expression that the rest of its series may be on the rim of RHO
+REST_OF_SERIES = 0.3
+NO_CHANGE = 1e-10  # of the expression itself, what counts as no change
 PARTS = 400  # of a box, in which extremes of an expression are looked for
-CLIMBS = 60  # steps towards an extreme
-DEEPEST = 3  # times that a rectangle is halved both ways before an ellipse is given up
+STEPS_TO_EXTREME = 60  # steps towards an extreme
+DEEPEST_RECTANGLE = 3  # times that a rectangle is halved both ways before an ellipse is given up
 COST = 1  # points of a loop that take as long as the balls of one rectangle
-PLACES = np.exp(1j * np.pi * (np.arange(DEGREE // 2) + 0.5) / (DEGREE // 2))
-PLACES = np.concatenate([(RHO * PLACES + 1 / (RHO * PLACES)) / 2, [-1.0, -0.5, 0.0, 0.5, 1.0]])
+RIM_PLACES = np.exp(1j * np.pi * (np.arange(RIM_DEGREE // 2) + 0.5) / (RIM_DEGREE // 2))
+RIM_PLACES = np.concatenate(
+    [(RHO * RIM_PLACES + 1 / (RHO * RIM_PLACES)) / 2, [-1.0, -0.5, 0.0, 0.5, 1.0]]
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """A side t of a box: the number with this path is `offset + scale exp(t)`, or t itself if scale is 0.
+    """A side t of a box: the number with this path is `offset + scale exp(t)`, or t itself if scale
+    is 0.
 
     No expression reads the number without a path.
     """
@@ -70,7 +77,8 @@ class Side:
 class Resolution:
     """The expressions of a loop as functions of the sides of boxes.
 
-    drawing, values: of one loop, flat. sides: of the boxes. used: what was computed so far, in points of a loop.
+    drawing, values: of one loop, flat. sides: of the boxes. used: what was computed so far, in
+    points of a loop.
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side]) -> None:
@@ -81,7 +89,8 @@ class Resolution:
         self.parts = [_BoxedExpression(expression, names, sides, numbers) for expression in bent]
 
     def unresolved(self, box: np.ndarray) -> np.ndarray:
-        """Return along which sides a box `(2, sides)` may have to be divided before it is resolved, a mask `(sides,)`."""
+        """Return along which sides a box `(2, sides)` may have to be divided before it is
+        resolved, a mask `(sides,)`."""
         along = np.zeros(len(self.sides), bool)
         for expression in self.parts:
             before = expression.used
@@ -90,10 +99,11 @@ class Resolution:
         return along
 
     def extremes(self, box: np.ndarray) -> np.ndarray:
-        """Return points of a box, `(points, sides)`, at which an expression is about least or largest: members to try first.
+        """Return points of a box, `(points, sides)`, at which an expression is about least or
+        largest: members to try first.
 
-        The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in a few points; expressions
-        of more than three sides are not looked at.
+        The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in
+        a few points; expressions of more than three sides are not looked at.
         """
         extremes = [np.zeros((0, len(self.sides)))]
         for expression in self.parts:
@@ -127,7 +137,8 @@ def halves(box: np.ndarray, side: int) -> list[np.ndarray]:
 
 
 def to_divide(unresolved: np.ndarray, box: np.ndarray, whole: np.ndarray) -> int:
-    """Return the side along which a box is divided: of those that are not resolved the widest, relative to the whole box."""
+    """Return the side along which a box is divided: of those that are not resolved the widest,
+    relative to the whole box."""
     share = np.ptp(box, 0) / np.where(np.ptp(whole, 0) > 0, np.ptp(whole, 0), 1.0)
     return int(np.argmax(np.where(unresolved, share, -1.0)))
 
@@ -158,7 +169,8 @@ class ResolvedAlong:
         offset: float = 0.0,
         scale: float = 0.0,
     ) -> np.ndarray:
-        """Whether they are, for loops `column` and sides (see `Side`) from low to high, `(n,)` all."""
+        """Whether they are, for loops `column` and sides (see `Side`) from low to high, `(n,)`
+        all."""
         if self.none:
             return np.ones(column.size, bool)
         (drawing, values), resolved = self.loops, []
@@ -178,8 +190,8 @@ class ResolvedAlong:
 class Expression:
     """An expression that is not a polynomial of a small degree in some numbers.
 
-    value(numbers, library, watch): see `evaluate`. reads: the names of the numbers. bent: those among the names asked about in
-    which it is no such polynomial.
+    value(numbers, library, watch): see `evaluate`. reads: the names of the numbers. bent: those
+    among the names asked about in which it is no such polynomial.
     """
 
     value: Callable[..., Any]
@@ -192,9 +204,10 @@ class Expression:
 def expressions(
     drawing: Drawing, names: tuple[str, ...], logarithmic: bool = False
 ) -> tuple[Expression, ...]:
-    """Return the expressions of a drawing that are no polynomials of a small degree in these numbers: its numbers and 1 over
-    its divisors. logarithmic: whether sides are logarithms of numbers, of which powers change faster."""
-    most, names_asked = 4 if logarithmic else DEGREE, {name for name in names if name}
+    """Return the expressions of a drawing that are no polynomials of a small degree in these
+    numbers: its numbers and 1 over its divisors. logarithmic: whether sides are logarithms of
+    numbers, of which powers change faster."""
+    most, names_asked = 4 if logarithmic else RIM_DEGREE, {name for name in names if name}
     trees = {cancelled(tree): None for _, tree in drawing.trees()}
     plain = dict.fromkeys(
         guard
@@ -236,7 +249,8 @@ def _masses(drawing, names_asked) -> Iterator[Expression]:
 
 
 def _inverse_mass(keys, matrices, numbers, library, watch=None):
-    """1 over the determinant of a mass matrix at its axes. matrices: trees of the keys that it is made of."""
+    """1 over the determinant of a mass matrix at its axes. matrices: trees of the keys that it
+    is made of."""
     shared = SharedParts()
     entries = {
         name: [[evaluate(tree, numbers, library, watch, shared) for tree in row] for row in rows]
@@ -263,7 +277,8 @@ class _BoxedExpression:
         }
 
     def unresolved(self, box):
-        """See `Resolution`: all sides along which the expression is bent, since it may be too large for any of them."""
+        """See `Resolution`: all sides along which the expression is bent, since it may be too
+        large for any of them."""
         along, own_box = np.zeros(len(self.sides), bool), box[:, self.own]
         wide = [at for at in self.bent if box[0, at] < box[1, at]]
         # The ellipse about a part is within that about the whole.
@@ -299,9 +314,10 @@ class _BoxedExpression:
             return np.broadcast_to(np.asarray(self.expression.value(numbers, np)), (len(points),))
 
     def climbed(self, at, box, wide, sign):
-        """A point near another one at which the value, times the sign, is larger, as far as steps along the sides lead."""
+        """A point near another one at which the value, times the sign, is larger, as far as
+        steps along the sides lead."""
         step = np.ptp(box, 0)[wide] / 16
-        for _ in range(CLIMBS):
+        for _ in range(STEPS_TO_EXTREME):
             near = np.repeat(at[None], 1 + 2 * len(wide), 0)
             near[1:, wide] += np.concatenate([np.diag(step), -np.diag(step)])
             near = np.clip(near, *box)
@@ -310,7 +326,8 @@ class _BoxedExpression:
         return at
 
     def _samples(self, middle, half, wide):
-        """The value in the middle, and the largest difference from it at places about each side, with others at three each."""
+        """The value in the middle, and the largest difference from it at places about each side,
+        with others at three each."""
         wide_sides = [at for at in self.own if half[at] > 0]
         points = []
         for at in wide:
@@ -320,9 +337,9 @@ class _BoxedExpression:
                 if len(rest) < 4
                 else [(0.0,) * len(rest)]
             ):
-                places = np.repeat(middle[None].astype(complex), PLACES.size, 0)
+                places = np.repeat(middle[None].astype(complex), RIM_PLACES.size, 0)
                 places[:, rest] += np.array(shares) * half[rest]
-                places[:, at] += half[at] * PLACES
+                places[:, at] += half[at] * RIM_PLACES
                 points.append(places)
         value = self.values(np.concatenate([middle[None].astype(complex), *points]))
         with np.errstate(all="ignore"):
@@ -332,18 +349,20 @@ class _BoxedExpression:
         """Whether the rest of the series along a side is small for one of the larger ellipses."""
         from flint import acb, arb
 
-        allowed = SMALL * change + NOTHING * abs(centre)
+        allowed = REST_OF_SERIES * change + NO_CHANGE * abs(centre)
         for larger in LARGER:
             ratio = RHO / larger
-            most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (DEGREE + 1)))
+            most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (RIM_DEGREE + 1)))
             if self._within(at, larger, most, middle, half, acb(complex(centre))):
                 return True
         return False
 
     def _within(self, at, larger, most, middle, half, centre):
-        """Whether an expression is analytic on an ellipse about a side, and within so much of its centre.
+        """Whether an expression is analytic on an ellipse about a side, and within so much of its
+        centre.
 
-        The upper half of the ellipse is covered with rectangles; the lower half is its mirror image.
+        The upper half of the ellipse is covered with rectangles; the lower half is its mirror
+        image.
         """
         from flint import acb
 
@@ -368,7 +387,7 @@ class _BoxedExpression:
                 good = False
             if good:
                 continue
-            if depth == DEEPEST:
+            if depth == DEEPEST_RECTANGLE:
                 return False
             x, y = (left + right) / 2, (bottom + top) / 2
             quarters = product(((left, x), (x, right)), ((bottom, y), (y, top)))

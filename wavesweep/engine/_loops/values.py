@@ -22,11 +22,12 @@ ROUNDED = "(rounded)"  # no number of a spec can have this name
 
 
 def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None = None) -> Any:
-    """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
+    """Return the value of a tree without signals, correct to a few roundings of itself; the numbers
+    are exact.
 
-    numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
-    ball arithmetic, each element from its own numbers alone. A missing value is NaN or infinite. shared: of trees at the same
-    numbers.
+    numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the
+    value is computed again in ball arithmetic, each element from its own numbers alone. A missing
+    value is NaN or infinite. shared: of trees at the same numbers.
     """
     if tree[0] in ("number", "name"):
         return evaluate(tree, numbers)
@@ -47,7 +48,8 @@ def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None
 
 
 def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
-    """Return the part of the value of a tree that rounding has taken; 0 for a number itself, and for complex values."""
+    """Return the part of the value of a tree that rounding has taken; 0 for a number itself, and
+    for complex values."""
     if is_given(tree) or np.iscomplexobj(value):
         return 0.0
     return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
@@ -72,7 +74,8 @@ def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.
 def keys_with(
     block: DrawnBlock, value: Callable[[Tree], Any], count: Callable[[Tree], Any] | None = None
 ) -> dict[str, Any]:
-    """Return the keys of a block with the values of their numbers; value: of a tree; count: of one that is a whole number."""
+    """Return the keys of a block with the values of their numbers; value: of a tree; count: of
+    one that is a whole number."""
     types = TYPES[block.type].keys
 
     def of(kind: str, entry: Any) -> Any:

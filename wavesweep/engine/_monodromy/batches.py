@@ -1,4 +1,5 @@
-"""Work on a batch of matrices in portions that fit into a processor's cache: new memory costs more than the arithmetic."""
+"""Work on a batch of matrices in portions that fit into a processor's cache: new memory costs
+more than the arithmetic."""
 
 from math import prod
 
@@ -14,9 +15,11 @@ MANY, SPARSE = (
 
 
 def product(A, B) -> np.ndarray:
-    """Return `A @ B`, `(..., n, m)`; of many rows with few entries, as those of long delays are, by these entries alone.
+    """Return `A @ B`, `(..., n, m)`; of many rows with few entries, as those of long delays are, by
+    these entries alone.
 
-    Then infinities times zeros are left out. Each matrix is treated by itself, whatever the rest of the batch is.
+    Then infinities times zeros are left out. Each matrix is treated by itself, whatever the rest of
+    the batch is.
     """
     if A.shape[-1] < MANY:
         return A @ B
@@ -38,7 +41,8 @@ def _product(A, B):
 
 
 def sparse(A):
-    """A matrix as those of its entries that are not zero, if it has many rows with few of these; None if it has not."""
+    """A matrix as those of its entries that are not zero, if it has many rows with few of these;
+    None if it has not."""
     if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
         return None
     from scipy.sparse import csr_array
@@ -49,8 +53,8 @@ def sparse(A):
 def in_parts(work, batch, size: int, kind):
     """Return `work(index)` for all of a batch, in one array, a few matrices at a time.
 
-    index: of the first axis, which is that of the result as well. size: of the matrices; kind: type of their numbers.
-    work must treat each matrix by itself, so that the division changes no bit.
+    index: of the first axis, which is that of the result as well. size: of the matrices; kind: type
+    of their numbers. work must treat each matrix by itself, so that the division changes no bit.
     """
     few = max(1, CACHED // max(size * size * np.dtype(kind).itemsize * prod(batch[1:]), 1))
     if not batch or batch[0] <= few:

@@ -1,5 +1,5 @@
-"""A loop cut at one or two numbers of a wire that are scalar gains of its frame: the linear fractional transformation (LFT)
-that the numbers close, as a wall's stiffness and damping do."""
+"""A loop cut at one or two numbers of a wire that are scalar gains of its frame: the linear
+fractional transformation (LFT) that the numbers close, as a wall's stiffness and damping do."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine._loops.block import frozen
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._state_space import StateSpace
 
 FIRST, SECOND = "first", "second"  # the two numbers; of a wall, stiffness and damping
@@ -18,7 +18,8 @@ ERRORS = ("dE", "dB", "dC", "dD")
 
 
 class SignalRows(NamedTuple):
-    """E and B, and the rows of the two signals without their direct terms: x of the first number, v of the second."""
+    """E and B, and the rows of the two signals without their direct terms: x of the first
+    number, v of the second."""
 
     E: np.ndarray
     B: np.ndarray
@@ -30,13 +31,15 @@ class SignalRows(NamedTuple):
 class LinearFractional:
     """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
 
-    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are VELOCITY: the signal that the
-    second number multiplies, G_v; ADVANCE and OFFSET: the one that the first number multiplies is G_x = ADVANCE/w + OFFSET. dE,
-    dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of
-    the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out of E, so it is never
-    rounded. period: of the frame, s (a number or an array over the batch). states: their names. poles_at_one: how many
-    eigenvalues of E are exactly 0 by its pattern, as that of a mass that nothing brakes. uncontrolled: the diagonal blocks of
-    the monodromy matrix less identity that the numbers do not act on, in the block-triangular form of its pattern.
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are
+    VELOCITY: the signal that the second number multiplies, G_v; ADVANCE and OFFSET: the one that
+    the first number multiplies is G_x = ADVANCE/w + OFFSET. dE, dB, dC, dD: bounds on the errors of
+    their entries. integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of the cut
+    loop, as of the position of the whole scene if no spring holds the hand. It is kept out of E, so
+    it is never rounded. period: of the frame, s (a number or an array over the batch). states:
+    their names. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a
+    mass that nothing brakes. uncontrolled: the diagonal blocks of the monodromy matrix less
+    identity that the numbers do not act on, in the block-triangular form of its pattern.
     """
 
     E: np.ndarray
@@ -76,7 +79,8 @@ class LinearFractional:
         return self.remembered("batch", together)
 
     def remembered(self, name: object, make: Callable[[], Any]) -> Any:
-        """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
+        """What `make` gives at the first call with this name: of a compiled loop it is asked for
+        in every call."""
         if name not in self.memo:
             self.memo[name] = make()
         return self.memo[name]
@@ -100,16 +104,19 @@ class LinearFractional:
         return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
 
     def as_batch(self, size: int) -> "LinearFractional":
-        """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
+        """The cut as a batch of `size` loops, all its parts over all of them; a single loop is
+        repeated."""
         if self.batch:
             return self.at(slice(None))
         single = self.at(np.newaxis)
         return single if size == 1 else single.at(np.zeros(size, int))
 
     def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
-        """Return the loop with one number closed and the other open, from the open number's product to its factor.
+        """Return the loop with one number closed and the other open, from the open number's product
+        to its factor.
 
-        along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
+        along: the open number, FIRST or SECOND; fixed: value of the other one, an array that
+        broadcasts with the batch.
         """
         A, B, x, v = self.with_integrator()
         of_x = self.D[..., OFFSET, 0]
@@ -164,10 +171,12 @@ class LinearFractional:
         return errors._replace(x=np.concatenate([errors.x[..., :-1], exact], axis=-1))
 
     def closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
-        """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
+        """Return the monodromy matrix less identity of the loop with the numbers in place, `(...,
+        order, order)`.
 
-        K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator;
-        its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+        K, F: values of the first and the second number, which broadcast with the batch. If K = 0,
+        nothing reads the integrator; its eigenvalue 1 is a drift and is replaced by 0 (a delta of
+        -1).
         """
         with np.errstate(
             over="ignore", invalid="ignore", divide="ignore"
@@ -183,7 +192,8 @@ class LinearFractional:
         return A
 
     def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
-        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to first order."""
+        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to
+        first order."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             K = np.asarray(K, float)[..., None, None]
             F = np.asarray(F, float)[..., None, None]
@@ -200,4 +210,4 @@ class LinearFractional:
             off = K * d_of_x + F * d_of_v
             read = (K * x + F * v) / through
             unsure = (K * dx + F * dv) / through
-            return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))
+            return dE + dB * read + B * (unsure + read * (off / through + SHORT_SUM_ROUNDING))

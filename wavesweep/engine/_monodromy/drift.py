@@ -17,29 +17,33 @@ from wavesweep.engine._monodromy.product import (
     product_with_tight_errors,
 )
 from wavesweep.engine._monodromy.rounding import (
-    ALIKE,
-    ROUNDING,
+    CANCELLED_SUM,
+    SHORT_SUM_ROUNDING,
     balance,
     measured_frame,
     radius_hidden,
 )
 from wavesweep.engine._monodromy.unit_circle import solve
 
-SAME = 1e-12  # relative difference of a factor between two loops below which it does not depend on their numbers
-ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
+# relative difference of a factor between two loops below which it does not depend on their numbers
+SAME_FACTOR = 1e-12
+# error of an entry, in units that give rows and columns similar sizes, from which on its effect is
+# looked for
+ROUGH_ENTRY = 1e-9
 NEGLIGIBLE = 1e-10  # entries up to this share of the largest one in their row may be set to 0
 SOLVED = 1e-6  # of the terms of the equations for a shift: remainders below it are rounding
-ROUNDED = 1e3  # roundings of the largest unknown or right side that any equation may leave
+ROUNDINGS_LEFT = 1e3  # roundings of the largest unknown or right side that any equation may leave
 
 
 @dataclass(frozen=True, slots=True)
 class MarginalModes:
     """The marginal modes of a drawn loop by its structure: what drifts in it.
 
-    states: those of the frame. constant: modes whose shapes are the same for all numbers, as pairs of a lead and the states
-    that move with it by factors, `(lead, ((state, factor), ...))`. varying: leads of modes whose shapes depend on the numbers
-    of the loop. unobserved: states that keep their value, but for what others add to it, and that nothing reads. All are
-    indices into `states`.
+    states: those of the frame. constant: modes whose shapes are the same for all numbers, as pairs
+    of a lead and the states that move with it by factors, `(lead, ((state, factor), ...))`.
+    varying: leads of modes whose shapes depend on the numbers of the loop. unobserved: states that
+    keep their value, but for what others add to it, and that nothing reads. All are indices into
+    `states`.
     """
 
     states: tuple[str, ...]
@@ -62,12 +66,15 @@ class MarginalModes:
     def of(
         drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()
     ) -> "MarginalModes":
-        """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
+        """Find the drift from two drawings of a loop, with different values of all numbers that
+        vary; see `shifts`.
 
-        watched: the outputs with which `Ticks.of` will be called, since these determine which outputs are states that hold.
+        watched: the outputs with which `Ticks.of` will be called, since these determine which
+        outputs are states that hold.
 
-        A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If
-        numbers are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
+        A shift that is the same in both is constant. If it differs, it is eliminated numerically
+        (see `without_drift`). If numbers are not known exactly, no shift is found, and what drifts
+        stays as an eigenvalue next to 1.
         """
         held = drawn.held(watched)
         alive = _alive(drawn, watched)
@@ -95,11 +102,12 @@ class MarginalModes:
         return MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
 
     def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
-        """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source;
-        and which are relative to which, as `MarginalModes.constant`.
+        """Return the ticks with states relative to others: those that a drift moves to its lead,
+        and copies to their source; and which are relative to which, as `MarginalModes.constant`.
 
-        A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does.
-        If both were kept, what they have in common would be cancelled in every tick, and its digits with it.
+        A copy is a state that takes over another one's value at times, as that of a difference or
+        of a sampled position does. If both were kept, what they have in common would be cancelled
+        in every tick, and its digits with it.
         """
         drifting = set()
         for lead, followers in self.constant:
@@ -117,8 +125,8 @@ class MarginalModes:
         return replace(ticks, maps=maps), groups
 
     def closed_frame(self, drawn: MultirateLoop) -> np.ndarray:
-        """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of
-        it.
+        """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where
+        rounding leaves nothing of it.
 
         Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
         """
@@ -127,11 +135,12 @@ class MarginalModes:
         return known_frames(self.removed_from(E), growth)
 
     def frame_with_reliability(self, drawn: MultirateLoop) -> tuple[np.ndarray, np.ndarray]:
-        """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
+        """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see
+        `radius_hidden`)."""
         ticks = Ticks.of(drawn, alone=True, terms=True)
         if len(ticks.states) >= MANY and not (self.leads or self.varying):
             E, bound = _with_norm_of_errors(ticks, self)
-            if (bound <= ROUGH).all():
+            if (bound <= ROUGH_ENTRY).all():
                 return E, np.zeros(bound.shape, bool)
         E, dE = self.frames_with_errors(ticks)
         matrices = (-1, *E.shape[-2:])
@@ -140,7 +149,7 @@ class MarginalModes:
         errors = np.where(finite[..., None, None], dE, 0.0).reshape(matrices)
         units = balance(flat)[1]
         errors_in_units = errors * (units[:, None, :] / units[:, :, None])
-        rough = (errors_in_units > ROUGH).any((-1, -2)) & finite.reshape(-1)
+        rough = (errors_in_units > ROUGH_ENTRY).any((-1, -2)) & finite.reshape(-1)
         rough[rough] = radius_hidden(flat[rough], errors[rough])
         return E, rough.reshape(finite.shape)
 
@@ -151,7 +160,8 @@ class MarginalModes:
     def frames_with_errors(
         self, ticks: Ticks, *, tight: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return `frames_of`, and bounds on the errors of its entries; ticks: with the sizes of their terms.
+        """Return `frames_of`, and bounds on the errors of its entries; ticks: with the sizes of
+        their terms.
 
         tight: whether the bounds are those of `product_with_tight_errors`.
         """
@@ -164,12 +174,14 @@ class MarginalModes:
         return self.removed_from(E), filled(without_drift(E, self, dE), 0.0)
 
     def removed_from(self, E: np.ndarray) -> np.ndarray:
-        """Return frames less identity without the modes, see `without_drift`, filled up to two states, see `filled`."""
+        """Return frames less identity without the modes, see `without_drift`, filled up to two
+        states, see `filled`."""
         return filled(without_drift(E, self))
 
 
 def _shifts_of_both(drawn, twin, alive):
-    """Pairs of a shift in one drawing and in the other; none if the numbers are not known exactly."""
+    """Pairs of a shift in one drawing and in the other; none if the numbers are not known
+    exactly."""
     try:
         first = shifts(drawn, alive)
         second = first
@@ -187,15 +199,17 @@ def _same_shape(shift, other):
         return False
     for name, factor in shift.items():
         largest = max(abs(factor), abs(other[name]))
-        if abs(factor - other[name]) > SAME * largest:
+        if abs(factor - other[name]) > SAME_FACTOR * largest:
             return False
     return True
 
 
 def _alive(drawn, watched):
-    """The blocks that something reads, a hand's port among others, or that a force from outside moves, and what acts on them.
+    """The blocks that something reads, a hand's port among others, or that a force from outside
+    moves, and what acts on them.
 
-    The others only watch them, and nothing comes back, so that they may count what drifts, and change for ever.
+    The others only watch them, and nothing comes back, so that they may count what drifts, and
+    change for ever.
     """
     sources = {}
     for scheduled in drawn.placed:
@@ -240,7 +254,7 @@ def relative_row(
             terms.append(factor * row[..., index])
         terms = np.stack(terms, axis=-1)
         total = terms.sum(-1)
-        rounding = ALIKE * np.abs(terms).sum(-1)
+        rounding = CANCELLED_SUM * np.abs(terms).sum(-1)
         row[..., lead] = np.where(np.abs(total) <= rounding, 0.0, total)
     return row
 
@@ -270,15 +284,17 @@ def _relative_block(block, groups, leads, copies):
 
 
 def _without_rounding(matrix, size):
-    """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide an entry."""
-    rounding = ALIKE * size
+    """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide
+    an entry."""
+    rounding = CANCELLED_SUM * size
     least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
     negligible = (np.abs(matrix) <= rounding) & (rounding <= least)
     return np.where(negligible, 0.0, matrix)
 
 
 def _make_relative(matrices, state, lead, factor, sign, copied):
-    """Make a state relative to its lead in E, B and C of a tick, in place, or in their sizes with the sign -1."""
+    """Make a state relative to its lead in E, B and C of a tick, in place, or in their sizes
+    with the sign -1."""
     E, B, C = matrices
     for matrix in (E, C):
         matrix[..., lead] += factor * matrix[..., state]
@@ -290,7 +306,8 @@ def _make_relative(matrices, state, lead, factor, sign, copied):
 
 
 def _copies(ticks):
-    """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
+    """State -> the states that take over its value in some kind of tick, and keep theirs in all
+    others."""
     n = len(ticks.states)
     rows = [[] for _ in ticks.states]
     for block in ticks.maps:
@@ -312,7 +329,8 @@ def _copies(ticks):
 
 
 def _copied(state, rows):
-    """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a copy cannot have."""
+    """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a
+    copy cannot have."""
     taking_over = None
     for row in rows:
         if row is None:
@@ -331,7 +349,8 @@ def _copied(state, rows):
 
 
 def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
-    """Return matrices whose rows are changes of states, those that leads move being relative to these; sign: 1 for sizes."""
+    """Return matrices whose rows are changes of states, those that leads move being relative to
+    these; sign: 1 for sizes."""
     matrices = tuple(matrix.copy() for matrix in matrices)
     for lead, followers in drift.constant:
         for index, factor in followers:
@@ -342,14 +361,16 @@ def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
 
 
 def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray:
-    """Return the frame's matrix less identity without its marginal modes, `(..., k, k)`; it has all other eigenvalues.
+    """Return the frame's matrix less identity without its marginal modes, `(..., k, k)`; it has all
+    other eigenvalues.
 
     sizes: of errors of E; then those of the result are returned.
 
-    States that a lead moves by constant factors are relative to it. Factors V that depend on the numbers of a loop are found
-    in its frame: with the leads S and the remaining states R, `E_R V = -E_S` by columns, since nothing changes along a shift.
-    The states R then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are used with equal weight, since it depends
-    on the combination that the loop conserves which row is redundant, and a lead need not be in it.
+    States that a lead moves by constant factors are relative to it. Factors V that depend on the
+    numbers of a loop are found in its frame: with the leads S and the remaining states R, `E_R V =
+    -E_S` by columns, since nothing changes along a shift. The states R then follow `E_RR - V E_SR`,
+    which has no eigenvalue 0. All rows are used with equal weight, since it depends on the
+    combination that the loop conserves which row is redundant, and a lead need not be in it.
     """
     index = sorted({*drift.varying, *drift.remaining})
     if len(index) < E.shape[-1]:
@@ -375,8 +396,9 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
 def _errors_without(E, dE, V, leads, rest):
     """Return bounds on the errors of `without_drift`; dE: of E; V: the sizes of the factors.
 
-    To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is solved for V; the solution adds
-    to each column its rounding, relative to the size of the column (Householder).
+    To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is
+    solved for V; the solution adds to each column its rounding, relative to the size of the column
+    (Householder).
     """
     size = np.abs(E[..., rest]).max(-1, keepdims=True)
     size = np.where(size > 0, size, 1.0)
@@ -384,8 +406,8 @@ def _errors_without(E, dE, V, leads, rest):
     S = E[..., leads] / size
     dA = dE[..., rest] / size
     dS = dE[..., leads] / size
-    of_A = rest.size * ROUNDING * np.linalg.norm(A, axis=-2, keepdims=True)
-    of_S = rest.size * ROUNDING * np.linalg.norm(S, axis=-2, keepdims=True)
+    of_A = rest.size * SHORT_SUM_ROUNDING * np.linalg.norm(A, axis=-2, keepdims=True)
+    of_S = rest.size * SHORT_SUM_ROUNDING * np.linalg.norm(S, axis=-2, keepdims=True)
     inverse = np.linalg.pinv(np.nan_to_num(A))
     dV = np.abs(inverse) @ ((dA + of_A) @ V + dS + of_S)
     E_SR = E[..., leads[:, None], rest]
@@ -395,9 +417,11 @@ def _errors_without(E, dE, V, leads, rest):
 
 
 def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
+    """Return the solution of more equations than unknowns that do not contradict each other, each
+    of weight 1.
 
-    NaN if A is not finite, or if they do by more than SOLVED of their terms and the rounding of the solution.
+    NaN if A is not finite, or if they do by more than SOLVED of their terms and the rounding of the
+    solution.
     """
     size = np.abs(A).max(-1, keepdims=True, initial=0)
     with np.errstate(all="ignore"):
@@ -411,7 +435,7 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         terms = (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
         largest_x = np.abs(x).max((-1, -2), initial=0.0, keepdims=True)
         largest_b = np.abs(weighted).max((-1, -2), initial=0.0, keepdims=True)
-        rounding = ROUNDED * np.finfo(float).eps * np.maximum(largest_x, largest_b)
+        rounding = ROUNDINGS_LEFT * np.finfo(float).eps * np.maximum(largest_x, largest_b)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, x, np.nan)
 
@@ -435,7 +459,8 @@ def _with_norm_of_errors(ticks, drift):
 
 
 def filled(E: np.ndarray, diagonal: float = -1.0) -> np.ndarray:
-    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added, each with that diagonal."""
+    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are
+    added, each with that diagonal."""
     missing = 2 - E.shape[-1]
     if missing <= 0:
         return E

@@ -1,20 +1,22 @@
-"""The transfer functions of loops of one input as quotients of polynomials, from one orthogonal reduction of each loop.
+"""The transfer functions of loops of one input as quotients of polynomials, from one orthogonal
+reduction of each loop.
 
-The loops are the last axis of the arrays here, along which a processor adds and multiplies many at a time.
+The loops are the last axis of the arrays here, along which a processor adds and multiplies many at
+a time.
 """
 
 import numpy as np
 
-ROUNDS = 5  # towards units in which entries of a row and of a column are alike
-MOST = 512  # loops at once, for which the recurrence stays in a processor's cache
-STEP = (
-    0.25  # of what would make the largest of them equal, since every state takes its step at once
-)
+BALANCING_ROUNDS = 5  # towards units in which entries of a row and of a column are alike
+LOOPS_IN_CACHE = 512  # loops at once, for which the recurrence stays in a processor's cache
+# of what would make the largest of them equal, since every state takes its step at once
+BALANCING_STEP = 0.25
 
 
 def in_even_units(E, B, C):
-    """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states in which the largest
-    entries of each row and its column are alike, as one matrix [[B, E], [0, C]], `(n + outputs, n + 1, loops)`.
+    """Return loops `(loops, n, n)`, `(loops, n, 1)`, `(loops, outputs, n)` in units of their states
+    in which the largest entries of each row and its column are alike, as one matrix [[B, E], [0,
+    C]], `(n + outputs, n + 1, loops)`.
 
     The units are powers of two, and rough: a fast relative of `balance`.
     """
@@ -28,9 +30,9 @@ def in_even_units(E, B, C):
     with np.errstate(all="ignore"):
         size = np.log2(np.abs(system[:n, 1:], dtype=np.float32))
         size[index, index] = -np.inf
-        for _ in range(ROUNDS):
+        for _ in range(BALANCING_ROUNDS):
             now = size + (units - units[:, None])
-            step = STEP * (now.max(1) - now.max(0))
+            step = BALANCING_STEP * (now.max(1) - now.max(0))
             units += np.where(np.isfinite(step), step, 0)
     units = np.exp2(np.round(units).astype(float))
     system[:, 1:] *= units
@@ -41,10 +43,11 @@ def in_even_units(E, B, C):
 def reduced(system):
     """Return loops [[B, E], [0, C]] in controller-Hessenberg form: H, C and the input's gain.
 
-    H `(n, n, loops)`: upper Hessenberg; what is below its diagonal is 1, its entries above are multiplied by what was there. So
-    is C, and the input acts on the first state alone, by the gain, `(loops,)`. Householder's reflections (C. C. Paige, IEEE
-    Trans. Automat. Control 26, 1981).
-    Accuracy: exact for matrices that differ from the given ones by some roundings of their largest entries.
+    H `(n, n, loops)`: upper Hessenberg; what is below its diagonal is 1, its entries above are
+    multiplied by what was there. So is C, and the input acts on the first state alone, by the gain,
+    `(loops,)`. Householder's reflections (C. C. Paige, IEEE Trans. Automat. Control 26, 1981).
+    Accuracy: exact for matrices that differ from the given ones by some roundings of their largest
+    entries.
     """
     n = system.shape[1] - 1
     system = system.copy()
@@ -69,15 +72,16 @@ def reduced(system):
 
 
 def polynomials(form, w):
-    """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B` times these, for each output.
+    """Return pole polynomials `det(w I - E)`, `(loops, points)`, and with them `C (w I - E)^-1 B`
+    times these, for each output.
 
     form: of `reduced`; w: `(loops, points)`. Hyman's recurrence.
     Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
     """
-    if len(w) > MOST:
+    if len(w) > LOOPS_IN_CACHE:
         values = []
-        for begin in range(0, len(w), MOST):
-            batch = slice(begin, begin + MOST)
+        for begin in range(0, len(w), LOOPS_IN_CACHE):
+            batch = slice(begin, begin + LOOPS_IN_CACHE)
             part = [array[..., batch] for array in form]
             values.append(polynomials(part, w[batch]))
         poles, zeros = zip(*values, strict=True)

@@ -1,4 +1,5 @@
-"""Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
+"""Connection of blocks of one rate through their summing junctions, with every algebraic loop
+closed exactly."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -9,9 +10,8 @@ from wavesweep.engine._loops.algebraic import loop_inverse
 from wavesweep.engine._loops.block import Block, block_diagonal, concatenated, numbers
 from wavesweep.engine._state_space import StateSpace
 
-ROUNDING = (
-    8 * np.finfo(float).eps
-)  # of the terms of a sum, what is left of it when it should be zero
+# of the terms of a sum, what is left of it when it should be zero
+LEFT_OF_ZERO = 8 * np.finfo(float).eps
 
 
 def _side_by_side(systems) -> StateSpace:
@@ -47,15 +47,18 @@ def connect(
     outputs: Sequence[str],
     terms: bool = False,
 ) -> Block:
-    """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
+    """Close every junction among `blocks` and return one block from the signals `inputs` to the
+    signals `outputs`.
 
-    name: of the block. blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs:
-    any signals. terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
-    Errors: IllPosedLoopError if the algebraic loop through the direct terms is singular to working precision.
+    name: of the block. blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs:
+    external signals. outputs: any signals. terms: whether the block has the sizes of the terms of
+    its entries' sums (see `Block`). Errors: IllPosedLoopError if the algebraic loop through the
+    direct terms is singular to working precision.
 
-    With the blocks side by side, `y = C x + D u`, the wires `u = K y + L w` give `(I - K D) u = K C x + L w`. Ports are found
-    in the order in which their direct terms need each other, so that what a port does not depend on is exactly zero in it.
-    Ports that need each other are an algebraic loop, and are found together.
+    With the blocks side by side, `y = C x + D u`, the wires `u = K y + L w` give `(I - K D) u = K C
+    x + L w`. Ports are found in the order in which their direct terms need each other, so that what
+    a port does not depend on is exactly zero in it. Ports that need each other are an algebraic
+    loop, and are found together.
     """
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
     system = _side_by_side(blocks)
@@ -111,7 +114,8 @@ def connect(
 
 
 def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) -> dict:
-    """Return the sums with those of all ports of the blocks, empty for a port that nothing reaches."""
+    """Return the sums with those of all ports of the blocks, empty for a port that nothing
+    reaches."""
     of_ports = {}
     for block in blocks:
         for port in block.inputs:
@@ -120,14 +124,15 @@ def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) 
 
 
 def _without_rounding(matrix, terms):
-    """Return sums of terms, with 0 for rounding: a wall's force may reach the avatar by +1/b and -1/b, which leaves eps/b."""
-    negligible = np.abs(matrix) <= ROUNDING * terms
+    """Return sums of terms, with 0 for rounding: a wall's force may reach the avatar by +1/b and
+    -1/b, which leaves eps/b."""
+    negligible = np.abs(matrix) <= LEFT_OF_ZERO * terms
     return np.where(negligible & np.isfinite(terms), 0.0, matrix)
 
 
 class _Wires(NamedTuple):
-    """Gains of ports as sums of the blocks' outputs, K, and of external inputs, L, and of the signals that are shown as sums of
-    outputs, of external inputs and of ports."""
+    """Gains of ports as sums of the blocks' outputs, K, and of external inputs, L, and of the
+    signals that are shown as sums of outputs, of external inputs and of ports."""
 
     K: np.ndarray
     L: np.ndarray
@@ -159,9 +164,11 @@ def _wires(blocks, ports, sums, inputs, outputs, sizes):
 
 
 class _Ports:
-    """Ports as rows over the states of all blocks and the external inputs, `(..., ports, states + inputs)`.
+    """Ports as rows over the states of all blocks and the external inputs, `(..., ports, states +
+    inputs)`.
 
-    values, sizes: of the rows, and of the terms of their sums. condition, pivot: of the algebraic loops, see `Block`.
+    values, sizes: of the rows, and of the terms of their sums. condition, pivot: of the algebraic
+    loops, see `Block`.
     """
 
     def __init__(self, ports, name, K, L, C, D, sizes):
@@ -216,7 +223,8 @@ class _Ports:
 
 
 def _picked(matrices, rows, columns=slice(None)):
-    """Return some rows and columns, in the order of memory in which a product has the same bits in every batch."""
+    """Return some rows and columns, in the order of memory in which a product has the same bits
+    in every batch."""
     return np.ascontiguousarray(matrices[..., rows, :][..., columns])
 
 
@@ -232,7 +240,8 @@ def _closure(needs):
 
 
 def _closed(system, C, read, through, ports):
-    """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on the external inputs."""
+    """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on
+    the external inputs."""
     n = system.E.shape[-1]
     x = ports[..., :n]
     w = ports[..., n:]
@@ -245,7 +254,8 @@ def _closed(system, C, read, through, ports):
 
 
 def _times(A, B):
-    """Return `A B`, in which an entry that overflows is lost only for what it is multiplied with."""
+    """Return `A B`, in which an entry that overflows is lost only for what it is multiplied
+    with."""
     product = A @ B
     if np.isfinite(product).all():
         return product
@@ -254,7 +264,8 @@ def _times(A, B):
 
 
 def _traced(signal, sums, traced):
-    """Return a signal as gains of outputs of blocks and external inputs; traced: signals whose gains have been found."""
+    """Return a signal as gains of outputs of blocks and external inputs; traced: signals whose
+    gains have been found."""
     if signal not in traced:
         if signal not in sums:
             raise ValueError(f"nothing makes the signal {signal!r}")
@@ -267,7 +278,8 @@ def _traced(signal, sums, traced):
 
 
 def _matrix(rows, columns):
-    """Return gains `(..., rows, columns)` of rows that have them by column; other columns are left out."""
+    """Return gains `(..., rows, columns)` of rows that have them by column; other columns are
+    left out."""
     at = {column: k for k, column in enumerate(columns)}
     gains = {}
     for i, row in enumerate(rows):

@@ -1,4 +1,5 @@
-"""The frame of a loop without a number that is one scalar gain of it, and the cut loop that it makes."""
+"""The frame of a loop without a number that is one scalar gain of it, and the cut loop that it
+makes."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +11,7 @@ from wavesweep.engine._monodromy.cut import ADVANCE, OFFSET, LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
-from wavesweep.engine._monodromy.rounding import ALIKE, ENTRIES
+from wavesweep.engine._monodromy.rounding import CANCELLED_SUM, ENTRY_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._state_space import StateSpace
 
@@ -19,12 +20,15 @@ INVERTED = 1e-6  # by which a matrix times its inverse may be off from 1, where 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenFrame:
-    """The frame of a loop without a number that is one scalar gain of it, in delta form, from the tick in which it is read.
+    """The frame of a loop without a number that is one scalar gain of it, in delta form, from the
+    tick in which it is read.
 
-    ticks: of that frame, with the sizes of their terms. relative: which states are relative to which, see `relative_ticks`.
-    E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a hand's force if there is one two columns more: of a force
-    that is constant over the frame, and of one that grows by 1 with every tick from 0. C, D: rows of signals read and shown,
-    in the first tick; columns of D as those of B. dE, dB, dC, dD: bounds on the errors of their entries. period: s.
+    ticks: of that frame, with the sizes of their terms. relative: which states are relative to
+    which, see `relative_ticks`. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a
+    hand's force if there is one two columns more: of a force that is constant over the frame, and
+    of one that grows by 1 with every tick from 0. C, D: rows of signals read and shown, in the
+    first tick; columns of D as those of B. dE, dB, dC, dD: bounds on the errors of their entries.
+    period: s.
     """
 
     ticks: Ticks
@@ -52,11 +56,12 @@ def open_frame(
 ) -> OpenFrame | None:
     """Return the frame without a number that is one scalar gain of it; None if it is not one.
 
-    drawn: the loop whose last input `force` is the number's product. drift: its drift with the signals watched. read: the
-    signal that the number multiplies, and perhaps the one that another number of the same sum multiplies. The number is one
-    scalar of the frame if the product reaches the loop in a single tick of a frame, or if what it multiplies changes in a
-    single one and is held in between. hand: another input. shown: more signals, which need no state that would hold them.
-    per_loop: see `product_with_errors`.
+    drawn: the loop whose last input `force` is the number's product. drift: its drift with the
+    signals watched. read: the signal that the number multiplies, and perhaps the one that another
+    number of the same sum multiplies. The number is one scalar of the frame if the product reaches
+    the loop in a single tick of a frame, or if what it multiplies changes in a single one and is
+    held in between. hand: another input. shown: more signals, which need no state that would hold
+    them. per_loop: see `product_with_errors`.
     """
     ticks = Ticks.of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
@@ -91,16 +96,18 @@ def open_frame(
         D=_with_moment(head.D[..., inputs]),
         dE=dEB[..., :n],
         dB=dEB[..., n:],
-        dC=ENTRIES * head.terms[2],
-        dD=ENTRIES * _with_moment(head.terms[3][..., inputs]),
+        dC=ENTRY_ROUNDING * head.terms[2],
+        dD=ENTRY_ROUNDING * _with_moment(head.terms[3][..., inputs]),
         period=np.asarray(drawn.period) * drawn.ticks,
     )
 
 
 def _only_tick(ticks, w, read):
-    """The tick in which the frame begins, the only one in which the product reaches the loop or what is read changes.
+    """The tick in which the frame begins, the only one in which the product reaches the loop or
+    what is read changes.
 
-    None if there is none. w: index of the product among the inputs. read: number of signals that are read.
+    None if there is none. w: index of the product among the inputs. read: number of signals that
+    are read.
     """
     reached = [np.any(block.B[..., w]) or np.any(block.D[..., :read, w]) for block in ticks.maps]
     where = np.flatnonzero(np.array(reached)[ticks.kind])
@@ -111,7 +118,8 @@ def _only_tick(ticks, w, read):
 
 
 def _changing(ticks, read):
-    """The kinds of tick in which the first signals change, if they are states that all others hold; otherwise none."""
+    """The kinds of tick in which the first signals change, if they are states that all others
+    hold; otherwise none."""
     rows = [(block.C[..., :read, :], block.D[..., :read, :]) for block in ticks.maps]
     for shown, direct in rows:
         if np.any(direct):
@@ -132,12 +140,14 @@ def _changing(ticks, read):
 
 
 def _alike(a, b, size):
-    """Whether sums of the same terms in another order are equal but for rounding, in all loops; size: of their terms."""
-    return bool((np.abs(a - b) <= ALIKE * size).all())
+    """Whether sums of the same terms in another order are equal but for rounding, in all loops;
+    size: of their terms."""
+    return bool((np.abs(a - b) <= CANCELLED_SUM * size).all())
 
 
 def _with_moment(columns):
-    """Columns of the number's product and perhaps of a hand's force, and then a third for one that is 0 in the first tick."""
+    """Columns of the number's product and perhaps of a hand's force, and then a third for one
+    that is 0 in the first tick."""
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
 
 
@@ -145,11 +155,12 @@ def _with_moment(columns):
 def cut_of(
     frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: bool = False
 ) -> LinearFractional | None:
-    """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented in a cut.
+    """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented
+    in a cut.
 
-    drift: that of the open loop. read: 2 if another number multiplies the second signal in the same sum. conserved: whether the
-    integrator that the number reads remains in the closed loop: then a combination of states, which no number changes, takes
-    its place.
+    drift: that of the open loop. read: 2 if another number multiplies the second signal in the same
+    sum. conserved: whether the integrator that the number reads remains in the closed loop: then a
+    combination of states, which no number changes, takes its place.
     """
     leads = drift.leads
     share = frame.C[..., 0, leads]
@@ -204,10 +215,11 @@ def _with_rows(system, states, lead=None, factor=None):
 
 
 def _without_integrator(cut):
-    """The loop whose integrator s follows the other states, since `s - l x` is conserved, with `l = ADVANCE E^-1`.
+    """The loop whose integrator s follows the other states, since `s - l x` is conserved, with `l =
+    ADVANCE E^-1`.
 
-    None if E has no inverse: then another state or sum of states is conserved too, and which of them is left to the closed loop
-    depends on the number.
+    None if E has no inverse: then another state or sum of states is conserved too, and which of
+    them is left to the closed loop depends on the number.
     """
     back = inverse(cut.E)
     left = np.abs(back @ cut.E - np.eye(cut.E.shape[-1]))
@@ -228,7 +240,8 @@ def _without_integrator(cut):
 
 
 def _acted_on(cut: LinearFractional) -> LinearFractional | None:
-    """Return the loop with the states that the numbers act on, by the triangular form of its pattern; None if it has none."""
+    """Return the loop with the states that the numbers act on, by the triangular form of its
+    pattern; None if it has none."""
     n = cut.E.shape[-1]
     acts = _somewhere(cut.E)
     pattern = np.zeros((n + 1, n + 1), bool)

@@ -1,4 +1,5 @@
-"""Drawn loops without a number that several ticks of a frame may read: closed in the frame, or in each of its ticks."""
+"""Drawn loops without a number that several ticks of a frame may read: closed in the frame, or
+in each of its ticks."""
 
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -13,15 +14,16 @@ from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then
 
 MOST_READINGS = 8  # of the number in a frame, up to which it is closed there
-CANCELS = 16.0  # times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
+# times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
+CANCELS = 16.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenTicks:
     """The ticks of loops cut at a number that may be read several times in a frame.
 
-    ticks: with no inputs, except in those that the number reaches: these go from its product to the signal that it multiplies.
-    frame: all of them in a row, if the number is read only a few times.
+    ticks: with no inputs, except in those that the number reaches: these go from its product to the
+    signal that it multiplies. frame: all of them in a row, if the number is read only a few times.
     """
 
     ticks: Ticks
@@ -31,9 +33,9 @@ class OpenTicks:
     def of(drawn: MultirateLoop, closed: MultirateLoop, product: str, factor: str) -> "OpenTicks":
         """Connect the ticks.
 
-        drawn: with the number's product as an input; closed: with the number in its place, which determines the signals that
-        are held.
-        Errors: IllPosedLoopError for an algebraic loop without a solution.
+        drawn: with the number's product as an input; closed: with the number in its place, which
+        determines the signals that are held. Errors: IllPosedLoopError for an algebraic loop
+        without a solution.
         """
         ticks = Ticks.of(
             drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True
@@ -44,9 +46,11 @@ class OpenTicks:
         return OpenTicks(ticks, frame)
 
     def closed(self, at: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:
-        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together.
+        """Return the ticks of the loops `at` of the batch at values p of the number; at and p
+        broadcast together.
 
-        terms: whether they have the sizes of their terms; the number's loop is as uncertain as its direct term lets it be.
+        terms: whether they have the sizes of their terms; the number's loop is as uncertain as its
+        direct term lets it be.
         """
         with np.errstate(all="ignore"):
             maps = tuple(_closed(block, at, p, terms) for block in self.ticks.maps)
@@ -55,7 +59,8 @@ class OpenTicks:
     def frames(
         self, at: np.ndarray | int, p: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
+        """Return frames less identity `(..., n, n)`, and their pivots and conditions; see
+        `closed` and `Block`."""
         with np.errstate(all="ignore"):
             if self.frame is None:
                 ticks = self.closed(at, p)
@@ -80,7 +85,8 @@ class OpenTicks:
 
 
 class _Closure(NamedTuple):
-    """The gain from the signal that the number multiplies to its product, and the tick's pivot and condition."""
+    """The gain from the signal that the number multiplies to its product, and the tick's pivot
+    and condition."""
 
     gain: np.ndarray
     pivot: np.ndarray
@@ -144,16 +150,19 @@ def _with_gain(E, B, C, at, gain):
 
 
 def _of_loops(matrix, at):
-    """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for them."""
+    """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for
+    them."""
     return matrix[at] if matrix.ndim > 2 else matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _OpenFrame:
-    """Ticks in a row, from what the number's product is at each of its readings to what it multiplies there.
+    """Ticks in a row, from what the number's product is at each of its readings to what it
+    multiplies there.
 
-    E `(..., n, n)` less identity; B `(..., n, readings)`; C `(..., readings, n)`; D `(..., readings, readings)`, how a
-    reading depends on earlier ones (its own direct term is in `_closure`).
+    E `(..., n, n)` less identity; B `(..., n, readings)`; C `(..., readings, n)`; D `(...,
+    readings, readings)`, how a reading depends on earlier ones (its own direct term is in
+    `_closure`).
     """
 
     E: np.ndarray
@@ -167,7 +176,8 @@ class _OpenFrame:
         return in_a_row(ticks.kind.tolist(), maps, _joined)
 
     def closed(self, at, gains) -> tuple[np.ndarray, np.ndarray]:
-        """Return the frames with these gains at the readings, `(readings, ...)`, and which have lost digits as terms cancel.
+        """Return the frames with these gains at the readings, `(readings, ...)`, and which have
+        lost digits as terms cancel.
 
         A reading is known from the state and from those before it, so this is forward substitution.
         """

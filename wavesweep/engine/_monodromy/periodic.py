@@ -19,7 +19,8 @@ from wavesweep.engine._state_space import StateSpace
 class Ticks:
     """Every kind of tick of a drawn loop.
 
-    maps: a block per kind, all with the same states, from the inputs to the outputs. kind: of each tick of the frame, `(M,)`.
+    maps: a block per kind, all with the same states, from the inputs to the outputs. kind: of each
+    tick of the frame, `(M,)`.
     """
 
     maps: tuple[Block, ...]
@@ -32,7 +33,8 @@ class Ticks:
 
     @property
     def facts(self) -> tuple[np.ndarray, np.ndarray]:
-        """The pivot and the condition of the frame, the products of those of its kinds of ticks; see `Block`."""
+        """The pivot and the condition of the frame, the products of those of its kinds of ticks;
+        see `Block`."""
         pivot = reduce(np.multiply, [block.pivot for block in self.maps])
         condition = reduce(np.multiply, [block.condition for block in self.maps])
         return pivot, condition
@@ -49,10 +51,11 @@ class Ticks:
     ) -> "Ticks":
         """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
-        outputs: signals that every tick gives. alone: without the inputs. through: the only input that remains, in the ticks
-        that it reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are
-        read in the drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
-        Errors: IllPosedLoopError for an algebraic loop without a solution.
+        outputs: signals that every tick gives. alone: without the inputs. through: the only input
+        that remains, in the ticks that it reaches, and only these have outputs then. held: the
+        ports that each block holds, if they are not those that are read in the drawing and the
+        outputs. terms: whether the blocks have the sizes of their terms (see `Block`). Errors:
+        IllPosedLoopError for an algebraic loop without a solution.
         """
         sets, kind = drawn.schedule()
         if places is not None:
@@ -111,7 +114,8 @@ def _in_tick(block, runs, held):
 
 
 def _holding(system, rows, runs, forgotten):
-    """Return a system with states for the outputs `rows`; forgotten: of each of them if the block runs."""
+    """Return a system with states for the outputs `rows`; forgotten: of each of them if the
+    block runs."""
     n, m = system.B.shape[-2:]
     p = system.C.shape[-2]
     h = len(rows)
@@ -159,17 +163,19 @@ def frame_of(ticks: Ticks) -> np.ndarray:
 
 
 GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
-LOST = 1e6  # growth beyond which a frame has no digits that are known
+LOST_GROWTH = 1e6  # growth beyond which a frame has no digits that are known
 
 
 def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the growth of stretches of ticks over the frame that they make, `(...)`, 1 or more, in no units of the states.
+    """Return the growth of stretches of ticks over the frame that they make, `(...)`, 1 or more, in
+    no units of the states.
 
     kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
 
-    The product `Q P` of two stretches has an error of a rounding of `|Q| |P|`, which is larger than `Q P` where terms cancel.
-    The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
-    Accuracy: a measure of the digits that are lost, not a bound.
+    The product `Q P` of two stretches has an error of a rounding of `|Q| |P|`, which is larger than
+    `Q P` where terms cancel. The size of each such product (see `size_of`) is compared to that of Q
+    P and to that of the frame, or to 1. Accuracy: a measure of the digits that are lost, not a
+    bound.
     """
 
     def joined(first, second):
@@ -191,9 +197,9 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
     """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
-    if not np.any(growth > LOST):
+    if not np.any(growth > LOST_GROWTH):
         return E
-    known = growth <= LOST
+    known = growth <= LOST_GROWTH
     return np.where(known[..., None, None], E, np.nan)
 
 
@@ -202,7 +208,8 @@ def _with_identity(E):
 
 
 def size_of(matrix) -> np.ndarray:
-    """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
+    """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no
+    units of the states change."""
     squares = np.abs(matrix * matrix.mT)
     return np.sqrt(squares.max((-1, -2), initial=0.0))
 
@@ -210,8 +217,9 @@ def size_of(matrix) -> np.ndarray:
 def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, Any], Any]) -> Any:
     """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
 
-    joined(first, second): one map after the other. All that does not repeat is joined two by two, so that bounds on errors go
-    through few joins: one after the other they would grow with the entries of hundreds of short stretches.
+    joined(first, second): one map after the other. All that does not repeat is joined two by two,
+    so that bounds on errors go through few joins: one after the other they would grow with the
+    entries of hundreds of short stretches.
     """
     row = stretches(kinds, maps, joined)
     while len(row) > 1:
@@ -225,7 +233,8 @@ def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, A
 
 
 def stretches(kinds, maps, joined):
-    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
+    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the
+    rest between them, in a row."""
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
     joined_maps = dict(enumerate(maps))
     for name, (first, second) in pairs:
@@ -235,10 +244,11 @@ def stretches(kinds, maps, joined):
 
 @lru_cache(maxsize=64)
 def _plan(kinds: bytes):
-    """Return names for pairs of neighbours that occur more than once, and the sequence written with them.
+    """Return names for pairs of neighbours that occur more than once, and the sequence written with
+    them.
 
-    The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88, 2000); a run of equal ticks
-    becomes its powers of two, and a pattern that recurs is joined once.
+    The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88,
+    2000); a run of equal ticks becomes its powers of two, and a pattern that recurs is joined once.
     """
     sequence = np.frombuffer(kinds, np.int64).tolist()
     pairs = []
@@ -254,7 +264,8 @@ def _plan(kinds: bytes):
 
 
 def _most_frequent(sequence):
-    """Return the pair of neighbours that occurs most often without overlap, the first of several, and its count."""
+    """Return the pair of neighbours that occurs most often without overlap, the first of
+    several, and its count."""
     counts = {}
     last = {}
     for at, pair in enumerate(pairwise(sequence)):
@@ -282,7 +293,8 @@ def _replaced(sequence, pair, name):
 
 
 def then(first, second):
-    """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten exactly.
+    """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten
+    exactly.
 
     A plain sum would leave a rounding error in place of such a state.
     """
@@ -291,11 +303,13 @@ def then(first, second):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """The change of states over some ticks, less the identity, and the states that the ticks forget.
+    """The change of states over some ticks, less the identity, and the states that the ticks
+    forget.
 
-    E: `(..., n, n)`, or with columns of inputs that are held over the ticks behind it, `(..., n, n + inputs)`. unread: states
-    on whose values before these ticks no state depends after them, each with the loops in which that is so.
-    unset: states whose values after these ticks are zero, in the same way.
+    E: `(..., n, n)`, or with columns of inputs that are held over the ticks behind it, `(..., n, n
+    + inputs)`. unread: states on whose values before these ticks no state depends after them, each
+    with the loops in which that is so. unset: states whose values after these ticks are zero, in
+    the same way.
     """
 
     E: np.ndarray
@@ -304,7 +318,8 @@ class Change:
 
     @staticmethod
     def of(E: np.ndarray) -> "Change":
-        """The change by matrices less identity, `(..., n, n)`, perhaps with columns of inputs behind these of the states."""
+        """The change by matrices less identity, `(..., n, n)`, perhaps with columns of inputs
+        behind these of the states."""
         square = E[..., : E.shape[-2]]
         return Change(E, _forgotten(square), _forgotten(square.mT))
 
@@ -327,7 +342,8 @@ class Change:
 
 
 def _forgotten(E):
-    """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which it is, `(...)`.
+    """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which
+    it is, `(...)`.
 
     Each matrix has its own, since a state may die out in one loop of a batch and not in another.
     """

@@ -1,7 +1,8 @@
 """The product of the ticks of a frame in delta form, with a bound on the error of every entry.
 
-Ticks are maps `x -> (I + E) x + B u`, u being constant over the frame. Their product less identity is computed without forming
-I + E, which keeps the distance of slow poles from 1 in all its digits, and repeated stretches are multiplied once.
+Ticks are maps `x -> (I + E) x + B u`, u being constant over the frame. Their product less identity
+is computed without forming I + E, which keeps the distance of slow poles from 1 in all its digits,
+and repeated stretches are multiplied once.
 """
 
 from collections.abc import Sequence
@@ -12,9 +13,10 @@ import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import in_a_row
-from wavesweep.engine._monodromy.rounding import ENTRIES, ROUNDING
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 
-WIDE = 128  # ticks, or stretches of them, one after the other, over which errors are summed up
+# ticks, or stretches of them, one after the other, over which errors are summed up
+SUMMED_STRETCHES = 128
 
 
 def product_with_errors(
@@ -25,15 +27,17 @@ def product_with_errors(
     ramp: bool = False,
     per_loop: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and bounds on its errors.
+    """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and
+    bounds on its errors.
 
-    kind: of each tick, `(M,)`. changes: per kind, E, or E and behind it the columns of inputs that are held over the frame.
-    ramp: whether the last input becomes one that grows by the one before it with every tick, from 0.
-    An entry that is zero by the ticks' patterns is exactly zero. Overflow gives infinities or NaN without a warning.
-    sizes: per kind, the sizes of the terms of the entries of each tick (running error terms), in the form of the changes.
-    per_loop: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
-    entries of the loops that are multiplied together, which is tight for loops that are alike.
-    Accuracy: to first order in a rounding.
+    kind: of each tick, `(M,)`. changes: per kind, E, or E and behind it the columns of inputs that
+    are held over the frame. ramp: whether the last input becomes one that grows by the one before
+    it with every tick, from 0. An entry that is zero by the ticks' patterns is exactly zero.
+    Overflow gives infinities or NaN without a warning. sizes: per kind, the sizes of the terms of
+    the entries of each tick (running error terms), in the form of the changes. per_loop: whether
+    every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of
+    the largest entries of the loops that are multiplied together, which is tight for loops that are
+    alike. Accuracy: to first order in a rounding.
     """
     over = np.asarray if per_loop else lambda size: size.max(tuple(range(size.ndim - 2)))
     kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
@@ -47,7 +51,7 @@ def product_with_errors(
                 np.broadcast_to(M, (*batch, *M.shape[-2:]))[index] if M.ndim > 2 else M
                 for M in tick
             )
-            ticks.append(((E, 1), *_largest(over, E), ENTRIES * over(size)))
+            ticks.append(((E, 1), *_largest(over, E), ENTRY_ROUNDING * over(size)))
         (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
@@ -60,10 +64,12 @@ def product_with_errors(
 def product_with_norm_of_errors(
     kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], units: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the product that `product_with_errors` returns, and a bound on the norm of its errors, `(...)`.
+    """Return the product that `product_with_errors` returns, and a bound on the norm of its errors,
+    `(...)`.
 
-    It takes a product of matrices where bounds on every entry take four. The norm is the largest sum of a row of sizes, in
-    these units of the states, `(n,)`: the entry (i, j) times u_j/u_i. The entries' bounds are no larger than it.
+    It takes a product of matrices where bounds on every entry take four. The norm is the largest
+    sum of a row of sizes, in these units of the states, `(n,)`: the entry (i, j) times u_j/u_i. The
+    entries' bounds are no larger than it.
     """
     kinds = kind.tolist()
     still = ~pattern_of(kind, changes)
@@ -80,7 +86,7 @@ def product_with_norm_of_errors(
         Q, size_Q, whole_Q, error_Q = second
         E = P + Q
         E += Q @ P
-        rounding = ROUNDING * (size_P + size_Q + size_Q * size_P)
+        rounding = SHORT_SUM_ROUNDING * (size_P + size_Q + size_Q * size_P)
         return E, norm(E), norm(E + np.eye(n)), whole_Q * error_P + error_Q * whole_P + rounding
 
     def of_loops(index):
@@ -88,7 +94,7 @@ def product_with_norm_of_errors(
         for E, size in zip(changes, sizes, strict=True):
             part = np.broadcast_to(E, (*batch, n, n))[index] if E.ndim > 2 else E
             terms = np.broadcast_to(size, (*batch, n, n))[index] if size.ndim > 2 else size
-            ticks.append((part, norm(part), norm(part + np.eye(n)), ENTRIES * norm(terms)))
+            ticks.append((part, norm(part), norm(part + np.eye(n)), ENTRY_ROUNDING * norm(terms)))
         E, _, _, bound[index] = in_a_row(kinds, ticks, joined)
         return E
 
@@ -103,10 +109,10 @@ def product_with_tight_errors(
     """Return what `product_with_errors` does per loop, with bounds hundreds of times as tight.
 
     It takes some ten times as long. In a row of ticks I + E_k, each with an error d_k, let S_k be
-    what is before it, and T_k what is behind it, both less identity. To first order the product
-    is off by the sum of `(I + T_k) (d_k (I + S_k) + r_k)`, r_k being the rounding of this step.
-    So sizes are taken of products whose terms have cancelled, and not anew wherever two stretches
-    are joined. A longer row than WIDE is one of stretches, of which those that repeat are
+    what is before it, and T_k what is behind it, both less identity. To first order the product is
+    off by the sum of `(I + T_k) (d_k (I + S_k) + r_k)`, r_k being the rounding of this step. So
+    sizes are taken of products whose terms have cancelled, and not anew wherever two stretches are
+    joined. A longer row than SUMMED_STRETCHES is one of stretches, of which those that repeat are
     multiplied once.
     """
     kinds, still = tuple(kind.tolist()), ~pattern_of(kind, changes)
@@ -121,7 +127,7 @@ def product_with_tight_errors(
             for matrices in (changes, sizes)
         )
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
-        once = dict(enumerate(zip(ticks, (ENTRIES * size for size in errors), strict=True)))
+        once = dict(enumerate(zip(ticks, (ENTRY_ROUNDING * size for size in errors), strict=True)))
         again, dE = _of_steps(_steps_of(kinds), once)
         return np.stack(np.broadcast_arrays(E, dE + np.abs(E - again)), axis=-3)
 
@@ -132,20 +138,25 @@ def product_with_tight_errors(
 
 @lru_cache(maxsize=64)
 def _steps_of(kinds):
-    """Kinds of ticks as a row of at most WIDE steps, each of which is a kind or again such a row."""
-    if len(kinds) <= WIDE:
+    """Kinds of ticks as a row of at most SUMMED_STRETCHES steps, each of which is a kind or
+    again such a row."""
+    if len(kinds) <= SUMMED_STRETCHES:
         return kinds
     return _narrowed(tuple(_narrowed(tuple(alike)) for _, alike in groupby(kinds)))
 
 
 def _narrowed(steps):
-    while len(steps) > WIDE:
-        steps = tuple(steps[first : first + WIDE] for first in range(0, len(steps), WIDE))
+    while len(steps) > SUMMED_STRETCHES:
+        steps = tuple(
+            steps[first : first + SUMMED_STRETCHES]
+            for first in range(0, len(steps), SUMMED_STRETCHES)
+        )
     return steps
 
 
 def _of_steps(steps, known):
-    """The product of steps and the bound on its error; known: those of steps that were multiplied before."""
+    """The product of steps and the bound on its error; known: those of steps that were
+    multiplied before."""
     if steps not in known:
         known[steps] = _in_sequence([_of_steps(step, known) for step in steps])
     return known[steps]
@@ -161,7 +172,7 @@ def _in_sequence(factors):
     behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
-        own = (error + ROUNDING * size) @ np.abs(eye + ahead) + ROUNDING * (
+        own = (error + SHORT_SUM_ROUNDING * size) @ np.abs(eye + ahead) + SHORT_SUM_ROUNDING * (
             2 * size + np.abs(ahead)
         )
         total = total + np.abs(eye + behind) @ own
@@ -172,7 +183,8 @@ def _in_sequence(factors):
 def pattern_of(
     kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False
 ) -> np.ndarray:
-    """Return which entries of the product of ticks, identity included, may be other than 0 in a loop, `(n, n + inputs)`."""
+    """Return which entries of the product of ticks, identity included, may be other than 0 in a
+    loop, `(n, n + inputs)`."""
     patterns, (n, width) = [], changes[0].shape[-2:]
     for change in changes:
         pattern = (change != -np.eye(n, width)).any(tuple(range(change.ndim - 2)))
@@ -196,8 +208,9 @@ def _pattern(patterns, kinds, n, width):
 
 
 def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
-    """Return the strongly connected components of a pattern `(n, n)`, each as indices in order; what acts comes before what is
-    acted on. In this order a matrix with the pattern is block-triangular, and its eigenvalues are those of the blocks."""
+    """Return the strongly connected components of a pattern `(n, n)`, each as indices in order;
+    what acts comes before what is acted on. In this order a matrix with the pattern is
+    block-triangular, and its eigenvalues are those of the blocks."""
     return [
         np.array(block)
         for block in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))
@@ -228,15 +241,16 @@ def _after(ramp, first, second):
 
 
 def _after_with_errors(ramp, over, first, second):
-    """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
+    """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound
+    on their errors."""
     (P, size_P, whole_P, dP), (Q, size_Q, whole_Q, dQ) = first, second
     both = _after(ramp, P, Q)
     n = size_P.shape[-2]
-    rounding = ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
+    rounding = SHORT_SUM_ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
     dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + rounding
     dE[..., n:] += dQ[..., n:]
     if ramp:
-        dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * size_Q[..., -2])
+        dE[..., -1] += P[1] * (dQ[..., -2] + SHORT_SUM_ROUNDING * size_Q[..., -2])
     return both, *_largest(over, both[0]), dE
 
 

@@ -1,15 +1,17 @@
-"""Loops on a smaller circle: no eigenvalue of a frame M is larger than a radius where the frame M/radius is stable."""
+"""Loops on a smaller circle: no eigenvalue of a frame M is larger than a radius where the frame
+M/radius is stable."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from wavesweep.engine._monodromy.cut import ADVANCE, LinearFractional
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 
 
 def within(E: np.ndarray, radius) -> np.ndarray:
-    """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity; radius: `(...)`, up to 1."""
+    """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity;
+    radius: `(...)`, up to 1."""
     r = np.asarray(radius)[..., None]
     at = np.arange(E.shape[-1])
     diagonal = np.diagonal(E, axis1=-2, axis2=-1)
@@ -27,11 +29,12 @@ def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
     """Return bounds on the errors of the entries of `within`; dE: of those of E."""
     r = np.asarray(radius)[..., None, None]
     with np.errstate(over="ignore", invalid="ignore"):
-        return (dE + ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
+        return (dE + SHORT_SUM_ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
 
 
 def cut_within(cut: LinearFractional, radius) -> LinearFractional:
-    """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the batch.
+    """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the
+    batch.
 
     An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
     """
@@ -40,7 +43,7 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         E, dE = within(E, radius), errors_within(E, dE, radius)
-        B, dB = B / r, (dB + ROUNDING * np.abs(B)) / r
+        B, dB = B / r, (dB + SHORT_SUM_ROUNDING * np.abs(B)) / r
     C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
     uncontrolled = tuple(within(block, radius) for block in cut.uncontrolled)

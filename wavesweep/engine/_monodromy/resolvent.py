@@ -1,9 +1,10 @@
-"""The resolvent `(w I - E)^-1` at points of the circle, `w = z - 1`: of loops of few states by inverses, of one loop of many
-along its delay lines or in triangular form.
+"""The resolvent `(w I - E)^-1` at points of the circle, `w = z - 1`: of loops of few states by
+inverses, of one loop of many along its delay lines or in triangular form.
 
-Each of the three has `reached(columns)`, the states that columns `(..., n, 1)` make, and `row(rows)`, what rows `(..., n)` read
-of them. In long delays most states only take over the value that another state had a frame ago; in states in which a loop is
-diagonal, or triangular, what an input reaches takes few operations at each point.
+Each of the three has `reached(columns)`, the states that columns `(..., n, 1)` make, and
+`row(rows)`, what rows `(..., n)` read of them. In long delays most states only take over the value
+that another state had a frame ago; in states in which a loop is diagonal, or triangular, what an
+input reaches takes few operations at each point.
 """
 
 from dataclasses import dataclass
@@ -18,10 +19,11 @@ from wavesweep.engine._state_space import StateSpace
 
 @dataclass(frozen=True, slots=True)
 class DelayLines:
-    """States of a frame with `z x_i = x_j`, but for terms of the states `solved` and of the input, as those of a delay.
+    """States of a frame with `z x_i = x_j`, but for terms of the states `solved` and of the input,
+    as those of a delay.
 
-    solved: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes
-    over.
+    solved: all other states, which alone have to be solved for. lines: the delayed states, each
+    after the one that it takes over.
     """
 
     solved: np.ndarray
@@ -31,8 +33,8 @@ class DelayLines:
     def of(E) -> "DelayLines":
         """Return the delay lines that all frames less identity of a batch have, `(..., n, n)`.
 
-        The state with the most entries that a delay does not have is solved for, then the next one, and so on; then those that
-        several states take over from.
+        The state with the most entries that a delay does not have is solved for, then the next one,
+        and so on; then those that several states take over from.
         """
         passed = (E + np.eye(E.shape[-1])).reshape(-1, *E.shape[-2:])
         entries, passed_on, delayed = (
@@ -64,18 +66,21 @@ class DelayLines:
         return np.concatenate([*self.lines, np.zeros(0, int)])
 
     def along(self, added, z):
-        """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to `z x_i - x_j`.
+        """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to
+        `z x_i - x_j`.
 
         z: `(..., 1, 1)`.
         """
         return self._summed(added.mT, z, 1).mT
 
     def read(self, out, z):
-        """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the delayed states."""
+        """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the
+        delayed states."""
         return self._summed(out, z, -1)
 
     def _summed(self, inputs, z, step):
-        """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
+        """Sums of what enters lines, or is read of them, up to each of their states, or back
+        from the end; step: 1 or -1."""
         result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
         nonzero = np.flatnonzero(inputs.mT.any(tuple(range(inputs.ndim - 1))))
         if not nonzero.size:
@@ -97,7 +102,8 @@ class DelayLines:
         return [slice(*pair) for pair in pairwise(ends)]
 
     def reached(self, E, B, theta):
-        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`, theta: `(...)`."""
+        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B:
+        `(..., n, 1)`, theta: `(...)`."""
         k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
@@ -113,7 +119,8 @@ class DelayLines:
         return states
 
     def row(self, E, C, theta):
-        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and theta as for `reached`."""
+        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and
+        theta as for `reached`."""
         k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
@@ -127,15 +134,17 @@ class DelayLines:
         return states
 
 
-CLOSE = 1e-9  # of a frame in its eigenvectors, the error up to which these serve
+MODAL_ERROR = 1e-9  # of a frame in its eigenvectors, the error up to which these serve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TriangularForm:
-    """Frames less identity as `u V T V^-1 u^-1`, T diagonal or upper triangular, u units of the states.
+    """Frames less identity as `u V T V^-1 u^-1`, T diagonal or upper triangular, u units of the
+    states.
 
-    T, V, Z: `(loops, n, n)`, complex, Z being what is computed of V^-1. units: `(loops, n)`. error: `(loops,)`, of all solves
-    with T: what they give is that of `T + X`, the Frobenius norm of X being at most so large. diagonal: whether T is.
+    T, V, Z: `(loops, n, n)`, complex, Z being what is computed of V^-1. units: `(loops, n)`. error:
+    `(loops,)`, of all solves with T: what they give is that of `T + X`, the Frobenius norm of X
+    being at most so large. diagonal: whether T is.
     """
 
     T: np.ndarray
@@ -147,21 +156,24 @@ class TriangularForm:
 
     @staticmethod
     def of(E) -> "TriangularForm":
-        """Return the form of each of some loops, `(loops, n, n)`, by eigenvectors, or Schur's if these are nearly dependent.
+        """Return the form of each of some loops, `(loops, n, n)`, by eigenvectors, or Schur's if
+        these are nearly dependent.
 
-        With `E V = V T + R` the frame is `V (T + V^-1 R) V^-1`. If the norm f of `1 - Z V` is below 1/2, that of V^-1 is at
-        most twice that of Z. Z moves the states that are reached and read by f of themselves, and rounding of sums of n terms
-        by as many roundings, times the condition of V.
+        With `E V = V T + R` the frame is `V (T + V^-1 R) V^-1`. If the norm f of `1 - Z V` is below
+        1/2, that of V^-1 is at most twice that of Z. Z moves the states that are reached and read
+        by f of themselves, and rounding of sums of n terms by as many roundings, times the
+        condition of V.
         """
         balanced, units = balance(E)
         T, V, Z, error = _with_error(balanced, *_eigenvectors(balanced))
-        diagonal = bool((error <= CLOSE).all())
+        diagonal = bool((error <= MODAL_ERROR).all())
         if not diagonal:
             T, V, Z, error = _with_error(balanced, *_schur(balanced))
         return TriangularForm(T, V, Z, units, error, diagonal)
 
     def system(self, system: StateSpace) -> StateSpace:
-        """Return these loops in these states; of a diagonal E the diagonal alone, `(loops, 1, n)`."""
+        """Return these loops in these states; of a diagonal E the diagonal alone, `(loops, 1,
+        n)`."""
         B = system.B / self.units[:, :, None]
         C = system.C * self.units[:, None, :]
         return StateSpace(self.frames, self.Z @ B, C @ self.V, system.D)
@@ -172,7 +184,8 @@ class TriangularForm:
         return np.diagonal(self.T, axis1=-2, axis2=-1)[:, None] if self.diagonal else self.T
 
     def reached(self, E, B, theta):
-        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E, B: of `system`. See `DelayLines.reached`."""
+        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E, B: of `system`. See
+        `DelayLines.reached`."""
         return self.solved(E, B[..., 0], on_circle(theta))
 
     def row(self, E, C, theta):
@@ -234,13 +247,16 @@ def _norm(matrices):
     return np.linalg.norm(matrices, axis=(-1, -2))
 
 
-FEW_SOLVED = 12  # states that are no delays, up to which these are eliminated; of more, a triangular form is faster
-MOST = 500_000  # numbers of states, or of what they enter and read, that are computed together
+# states that are no delays, up to which these are eliminated; of more, a triangular form is faster
+FEW_SOLVED = 12
+# numbers of states, or of what they enter and read, that are computed together
+NUMBERS_AT_ONCE = 500_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse:
-    """Of a loop at each point: `matrix`, `(points, n, n)`, there or so near that one refinement corrects for the distance."""
+    """Of a loop at each point: `matrix`, `(points, n, n)`, there or so near that one refinement
+    corrects for the distance."""
 
     matrix: np.ndarray
 
@@ -255,8 +271,9 @@ class Inverse:
 class InLines:
     """Of one loop at several points, with its delays eliminated; see `DelayLines`.
 
-    into, out: what the states `solved` enter of the delayed ones, `(points, delayed, k)`, and read of them, `(points, k,
-    delayed)`. back: the inverse that is left for these states, `(points, k, k)`.
+    into, out: what the states `solved` enter of the delayed ones, `(points, delayed, k)`, and read
+    of them, `(points, k, delayed)`. back: the inverse that is left for these states, `(points, k,
+    k)`.
     """
 
     lines: DelayLines
@@ -294,7 +311,8 @@ class InLines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InForm:
-    """Of one loop at several points, in states in which it is diagonal or triangular; w: `(points,)`."""
+    """Of one loop at several points, in states in which it is diagonal or triangular; w:
+    `(points,)`."""
 
     form: TriangularForm
     w: np.ndarray
@@ -311,7 +329,8 @@ class InForm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyStates:
-    """One loop of many states, of which no inverses are kept: `at` gives its resolvent at up to `most` points together."""
+    """One loop of many states, of which no inverses are kept: `at` gives its resolvent at up to
+    `most` points together."""
 
     E: np.ndarray
     form: DelayLines | TriangularForm
@@ -322,8 +341,10 @@ class ManyStates:
         """E: `(n, n)`."""
         lines = DelayLines.of(E)
         if lines.solved.size <= FEW_SOLVED:
-            return ManyStates(E, lines, max(1, MOST // (len(E) * (1 + lines.solved.size))))
-        return ManyStates(E, TriangularForm.of(E[None]), max(1, MOST // len(E)))
+            return ManyStates(
+                E, lines, max(1, NUMBERS_AT_ONCE // (len(E) * (1 + lines.solved.size)))
+            )
+        return ManyStates(E, TriangularForm.of(E[None]), max(1, NUMBERS_AT_ONCE // len(E)))
 
     def at(self, w) -> InLines | InForm:
         """w: `(points,)`."""

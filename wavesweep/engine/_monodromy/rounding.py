@@ -1,7 +1,7 @@
 """The rounding of the terms of every tick, and the digits of a frame that it takes.
 
-If terms cancel within a tick, as the impedance of a wave line does that passes all on at once, the entries that are left
-have lost digits, and show no sign of it.
+If terms cancel within a tick, as the impedance of a wave line does that passes all on at once, the
+entries that are left have lost digits, and show no sign of it.
 """
 
 import numpy as np
@@ -10,16 +10,16 @@ from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import GROWING, Change, growth_of, in_a_row, size_of
 from wavesweep.engine._monodromy.unit_circle import inverse
 
-ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
-ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
-ALIKE = (
-    64 * np.finfo(float).eps
-)  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
+# of a short sum of products, relative to the sum of their sizes
+SHORT_SUM_ROUNDING = 2 * np.finfo(float).eps
+ENTRY_ROUNDING = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
+# of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
+CANCELLED_SUM = 64 * np.finfo(float).eps
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING = 3  # sweeps
 UNEVEN, MORE = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
-NEAREST = 4  # number of eigenvalues that are examined
+EIGENVALUES_EXAMINED = 4  # number of eigenvalues that are examined
 
 
 def both(
@@ -34,7 +34,7 @@ def both(
     eye = np.eye(a.shape[-1])
     size_a = np.abs(a)
     size_b = np.abs(b)
-    rounding = ROUNDING * (size_a + size_b + size_b @ size_a)
+    rounding = SHORT_SUM_ROUNDING * (size_a + size_b + size_b @ size_a)
     error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + rounding
     return a + b + b @ a, error
 
@@ -42,9 +42,10 @@ def both(
 def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
     """Return the frame less identity and its growth, `(...)` (see `growth_of`).
 
-    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`.
-    Accuracy: growth is a measure of the digits that are lost, and not a bound. It is given as 1 where the products of the
-    largest entries in many loops of a batch are no larger than GROWING, which is quick to see.
+    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`. Accuracy: growth
+    is a measure of the digits that are lost, and not a bound. It is given as 1 where the products
+    of the largest entries in many loops of a batch are no larger than GROWING, which is quick to
+    see.
     """
     kinds = kind.tolist()
     batch = np.broadcast_shapes(*(change.shape[:-2] for change in changes))
@@ -82,10 +83,11 @@ def _largest(E):
 
 @np.errstate(all="ignore")
 def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndarray]:
-    """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
+    """Return E in units of the states that give its rows and columns similar sizes, and these units
+    (Osborne 1960).
 
-    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
-    by u_j/u_i. sweeps: number of passes over all states.
+    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j)
+    of any matrix is multiplied by u_j/u_i. sweeps: number of passes over all states.
     """
     size = np.abs(E)
     units = np.ones(E.shape[:-1])
@@ -110,10 +112,12 @@ def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndar
 
 
 def uneven_units(sizes):
-    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
+    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not
+    UNEVEN, or no units help.
 
-    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
-    by powers of its poles; entries of a frame that grows are large in any units.
+    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each
+    other, whose sizes differ by powers of its poles; entries of a frame that grows are large in any
+    units.
     """
     units = np.ones(sizes.shape[:-1])
     largest = np.abs(sizes).max((1, 2), initial=0.0)
@@ -126,11 +130,13 @@ def uneven_units(sizes):
 
 
 def may_have(E, dE, points) -> np.ndarray:
-    """Return whether a matrix within dE of `I + E` may have one of these eigenvalues, `(matrices,)`.
+    """Return whether a matrix within dE of `I + E` may have one of these eigenvalues,
+    `(matrices,)`.
 
-    E, dE: `(matrices, n, n)`; points: eigenvalues less 1, `(matrices, points)`. None has z if the spectral radius of
-    `|(z - 1 - E)^-1| dE` is less than 1 (S. M. Rump, Linear Algebra Appl. 278, 1998), which no units of the states change.
-    It is at most the largest growth of a component of a positive vector (L. Collatz, Math. Z. 48, 1942), which settles most.
+    E, dE: `(matrices, n, n)`; points: eigenvalues less 1, `(matrices, points)`. None has z if the
+    spectral radius of `|(z - 1 - E)^-1| dE` is less than 1 (S. M. Rump, Linear Algebra Appl. 278,
+    1998), which no units of the states change. It is at most the largest growth of a component of a
+    positive vector (L. Collatz, Math. Z. 48, 1942), which settles most.
     """
     with np.errstate(all="ignore"):
         resolvent = inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])
@@ -146,13 +152,15 @@ def may_have(E, dE, points) -> np.ndarray:
 
 
 def at_angles_of(delta, radius, rank) -> np.ndarray:
-    """Return points less 1 on circles of a radius, `(matrices, NEAREST)`, at the angles of some eigenvalues `1 + delta`.
+    """Return points less 1 on circles of a radius, `(matrices, EIGENVALUES_EXAMINED)`, at the
+    angles of some eigenvalues `1 + delta`.
 
-    rank: of each eigenvalue, the least of which are chosen, one of a conjugate pair; radius: `(matrices,)` or a number.
+    rank: of each eigenvalue, the least of which are chosen, one of a conjugate pair; radius:
+    `(matrices,)` or a number.
     """
     one_of_a_pair = np.where(delta.imag < 0, np.inf, rank)
     order = np.argsort(one_of_a_pair, axis=-1)
-    chosen = np.take_along_axis(delta, order[:, :NEAREST], axis=-1)
+    chosen = np.take_along_axis(delta, order[:, :EIGENVALUES_EXAMINED], axis=-1)
     z = 1 + chosen
     size = np.where(z == 0, 1.0, np.abs(z))
     ray = np.where(z == 0, 1.0, z / size)
@@ -161,7 +169,8 @@ def at_angles_of(delta, radius, rank) -> np.ndarray:
 
 
 def radius_hidden(E, dE) -> np.ndarray:
-    """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other side of 1, within dE of E."""
+    """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other
+    side of 1, within dE of E."""
     shape = E.shape[:-2]
     n = E.shape[-1]
     dE = np.broadcast_to(dE, E.shape).reshape(-1, n, n)

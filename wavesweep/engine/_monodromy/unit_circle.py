@@ -30,7 +30,8 @@ def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def inverse(A: np.ndarray) -> np.ndarray:
-    """Return the inverses of a batch of matrices; that of an exactly singular matrix is huge, not an error (see `solve`)."""
+    """Return the inverses of a batch of matrices; that of an exactly singular matrix is huge,
+    not an error (see `solve`)."""
     try:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:

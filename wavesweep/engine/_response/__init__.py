@@ -1,1 +1,2 @@
-"""The response that the hand feels: transmitted admittance and impedance, and the worst case over the aliases."""
+"""The response that the hand feels: transmitted admittance and impedance, and the worst case
+over the aliases."""

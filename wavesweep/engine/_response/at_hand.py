@@ -41,7 +41,8 @@ def ports_of_batch(
 
 
 def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
-    """The port of loops of one rate: the hand's or, if a route names an input and an output, that between them."""
+    """The port of loops of one rate: the hand's or, if a route names an input and an output,
+    that between them."""
     if route:
         source, signal = (
             next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]),

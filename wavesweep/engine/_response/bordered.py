@@ -5,25 +5,27 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.engine._loops.block import concatenated
-from wavesweep.engine._monodromy.rounding import ENTRIES
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING
 from wavesweep.engine._response.circle import Circle
 from wavesweep.engine._response.linear_systems import LinearSystem, solved
 from wavesweep.engine._state_space import StateSpace
 
-MOST = (
-    2**20
-)  # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are computed
+# entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are
+# computed
+FRAME_ENTRIES_AT_ONCE = 2**20
 
 
 class Bordered:
-    """The response from one system that holds both the fast states at the hand's frequency and the frame's states.
+    """The response from one system that holds both the fast states at the hand's frequency and the
+    frame's states.
 
-    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start. The fast
-    states are those that change in the most frequent kind of tick, with the matrices E and C. The equations are
-    `w Y = E Y + q` and `o = C Y + r`, q and r being what other states and other ticks add, `M Y = s X + t` (Y is the component
-    of the fast states at w) and, of the other states, those of the frame. Together they are equivalent to `(w - E) X = g` of
-    the frame. If a mode of the fast side has an alias at w, it costs no digit of Y, even if it has little or no damping;
-    neither does a mode at w itself.
+    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X
+    at its start. The fast states are those that change in the most frequent kind of tick, with the
+    matrices E and C. The equations are `w Y = E Y + q` and `o = C Y + r`, q and r being what other
+    states and other ticks add, `M Y = s X + t` (Y is the component of the fast states at w) and, of
+    the other states, those of the frame. Together they are equivalent to `(w - E) X = g` of the
+    frame. If a mode of the fast side has an alias at w, it costs no digit of Y, even if it has
+    little or no damping; neither does a mode at w itself.
     """
 
     def __init__(self, port, over_frame, sums_of):
@@ -38,8 +40,8 @@ class Bordered:
         among_fast = self.fast[:, None], self.fast
         self.C = C[..., self.fast]
         self.E = E[..., *among_fast]
-        self.dC = ENTRIES * of_C[..., self.fast]
-        self.dE = ENTRIES * of_E[..., *among_fast]
+        self.dC = ENTRY_ROUNDING * of_C[..., self.fast]
+        self.dE = ENTRY_ROUNDING * of_E[..., *among_fast]
         maps, sizes = [], []
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             rows = self._outputs(tick, port.maps[common], -1.0)
@@ -58,7 +60,8 @@ class Bordered:
                 self.place = np.flatnonzero(self.fast == where[0])[0]
 
     def _outputs(self, tick, common, sign):
-        """Return the map of a tick from the force to what it adds to the outputs and the fast states, and to these states."""
+        """Return the map of a tick from the force to what it adds to the outputs and the fast
+        states, and to these states."""
         E, B, C, D = tick
         outputs = C + 0 * common.C[..., :1]
         outputs[..., self.fast] += sign * common.C[..., self.fast]
@@ -73,7 +76,8 @@ class Bordered:
         return StateSpace(E, B, rows, columns)
 
     def outputs(self, points: Circle):
-        """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds on their errors."""
+        """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds
+        on their errors."""
         X, dX = solved(*self._system(points))
         value = X[..., : self.outputs_of_port, 0]
         error = dX[..., : self.outputs_of_port, 0]
@@ -89,8 +93,9 @@ class Bordered:
         shape = (*sums.driven.shape[:-2], points.frequency.size, size, size)
         A = np.zeros(shape, complex)
         dA = np.zeros(shape)
-        # Columns of the outputs o, of the component Y of the fast states at w, and of the state X of the frame. Rows of o, of
-        # Y, of what makes that component, and of the slow states of the frame.
+        # Columns of the outputs o, of the component Y of the fast states at w, and of the state X
+        # of the frame. Rows of o, of Y, of what makes that component, and of the slow states of the
+        # frame.
         o, Y, X = slice(0, p), slice(p, p + f), slice(p + f, None)
         component, slow = slice(p + f, p + 2 * f), slice(p + 2 * f, None)
         A[..., : p + f, X] = _at_points(-sums.rows[..., : p + f, :, :] / M)
@@ -128,9 +133,12 @@ class Bordered:
 
 
 def fits(port) -> bool:
-    """Whether what the system needs to know of a frame has at most MOST entries for a loop."""
+    """Whether what the system needs to know of a frame has at most FRAME_ENTRIES_AT_ONCE entries
+    for a loop."""
     E, _, C, _ = port.maps[int(np.bincount(port.kind).argmax())]
-    return (C.shape[-2] + 2 * np.count_nonzero(_changing(E))) * port.kind.size * E.shape[-1] <= MOST
+    return (C.shape[-2] + 2 * np.count_nonzero(_changing(E))) * port.kind.size * E.shape[
+        -1
+    ] <= FRAME_ENTRIES_AT_ONCE
 
 
 def _changing(E):

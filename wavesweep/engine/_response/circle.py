@@ -8,10 +8,11 @@ from wavesweep.engine._monodromy.unit_circle import on_circle
 
 
 class Circle:
-    """Frequencies (Hz) as points on the circles of a tick and of a frame of `ratio` ticks; rate: ticks per second.
+    """Frequencies (Hz) as points on the circles of a tick and of a frame of `ratio` ticks; rate:
+    ticks per second.
 
-    The angle per tick is kept in three parts whose multiples are exact: a frequency next to a multiple of the slow rate has an
-    angle per frame next to 0, and all its digits are needed.
+    The angle per tick is kept in three parts whose multiples are exact: a frequency next to a
+    multiple of the slow rate has an angle per frame next to 0, and all its digits are needed.
     """
 
     def __init__(self, frequency, rate: float, ratio: int):
@@ -23,7 +24,8 @@ class Circle:
         self.rest = ((frequency - product) - error) / rate
 
     def at(self, index) -> "Circle":
-        """Return some of the frequencies; the object itself if `index` is a slice of all of them."""
+        """Return some of the frequencies; the object itself if `index` is a slice of all of
+        them."""
         if isinstance(index, slice) and index.start == 0 and index.stop >= self.frequency.size:
             return self
         return Circle(self.frequency[index], self.rate, self.ratio)

@@ -1,4 +1,5 @@
-"""Velocities that an encoder gives, from a mass's displacement in a tick, where a difference of positions would cancel."""
+"""Velocities that an encoder gives, from a mass's displacement in a tick, where a difference of
+positions would cancel."""
 
 from dataclasses import replace
 
@@ -14,10 +15,12 @@ DISPLACEMENT = "displacement"  # the output that a mass gets
 def with_displacements(
     drawn: MultirateLoop, drift: MarginalModes
 ) -> tuple[MultirateLoop, MarginalModes]:
-    """Return the drawing, and its drift, with the differences of positions of masses as delays of their displacements.
+    """Return the drawing, and its drift, with the differences of positions of masses as delays of
+    their displacements.
 
-    A block whose state only keeps the position x of a mass, and whose output is `c (x[k] - x[k-1])`, is one with the state
-    `c (x[k] - x[k-1])`, which no drift moves. All runs in every tick. The states keep their names.
+    A block whose state only keeps the position x of a mass, and whose output is `c (x[k] -
+    x[k-1])`, is one with the state `c (x[k] - x[k-1])`, which no drift moves. All runs in every
+    tick. The states keep their names.
     """
     placed, sums = {scheduled.block.name: scheduled for scheduled in drawn.placed}, dict(drawn.sums)
     leads, gone = {drift.states[lead] for lead in drift.leads}, set()

@@ -1,28 +1,31 @@
-"""Worst-case gain: the largest singular value of the lifted map from the hand's forces of a frame to its positions."""
+"""Worst-case gain: the largest singular value of the lifted map from the hand's forces of a
+frame to its positions."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.linear_systems import solved
-from wavesweep.engine._response.static import LOST
+from wavesweep.engine._response.static import LOST_DIGITS
 from wavesweep.engine._response.steady import respond
 
-DENSE = 64  # ticks up to which singular values of the full matrix are quicker
-STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
-FEWEST = 8  # steps before it may stop, since the process may rest at another singular value first
-SETTLED = 1e-13  # relative change below which a singular value has settled
-BLOCK = 2_000_000  # entries of one batch of matrices
+DENSE_TICKS = 64  # ticks up to which singular values of the full matrix are quicker
+LANCZOS_STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
+# steps before it may stop, since the process may rest at another singular value first
+LEAST_LANCZOS_STEPS = 8
+SETTLED_SINGULAR_VALUE = 1e-13  # relative change below which a singular value has settled
+BATCH_ENTRIES = 2_000_000  # entries of one batch of matrices
 
 
 def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """Return the worst-case gain (m/N) of loops as a function of frequencies `(points,)` (Hz), prepared once.
+    """Return the worst-case gain (m/N) of loops as a function of frequencies `(points,)` (Hz),
+    prepared once.
 
-    The function returns the gain and a bound on its relative error, `(..., points)` each. The value is NaN, with an error of 0,
-    if it is unbounded; both are NaN if the value is not known. A loop that is the same in every tick mixes no images: its gain
-    is the size of its admittance.
+    The function returns the gain and a bound on its relative error, `(..., points)` each. The value
+    is NaN, with an error of 0, if it is unbounded; both are NaN if the value is not known. A loop
+    that is the same in every tick mixes no images: its gain is the size of its admittance.
     """
     if loop.frame.ticks > 1:
         return Gain(loop)
@@ -37,9 +40,10 @@ def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
 class Gain:
     """The worst-case gain of loops, see `gain_of`.
 
-    The map is `T + O (w - E)^-1 G`: T gives the positions at the beginning of the ticks for forces of the same frame, G the
-    state that the forces leave, and O the positions for that state; only the closed loop has poles in it. The part through the
-    state is a matrix no larger than the state between two with orthonormal columns, `O = left corner` and `G = entry right'`.
+    The map is `T + O (w - E)^-1 G`: T gives the positions at the beginning of the ticks for forces
+    of the same frame, G the state that the forces leave, and O the positions for that state; only
+    the closed loop has poles in it. The part through the state is a matrix no larger than the state
+    between two with orthonormal columns, `O = left corner` and `G = entry right'`.
     """
 
     def __init__(self, loop: Lifted):
@@ -53,18 +57,19 @@ class Gain:
             self.left, self.corner = np.linalg.qr(O)
             self.right, entry = np.linalg.qr(G.mT)
             self.entry = entry.mT[..., None, :, :]
-            factoring = (
-                2 * self.n * ROUNDING
-            )  # of a column's length, what is lost by factors in its place
+            # of a column's length, what is lost by factors in its place
+            factoring = 2 * self.n * SHORT_SUM_ROUNDING
             self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
             of_entry = factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1))
             self.of_entry = of_entry[..., None, :, None]
             self.of_map = norm_of_errors(self.frame)
 
     def __call__(self, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a bound on its error.
+        """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a
+        bound on its error.
 
-        Accuracy: as bounded, except beyond 64 ticks, where Lanczos' process ends at changes of 1e-13.
+        Accuracy: as bounded, except beyond 64 ticks, where Lanczos' process ends at changes of
+        1e-13.
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, float))
         ticks = self.frame.ticks
@@ -72,20 +77,21 @@ class Gain:
         gain = np.full((*self.lost.shape, frequency.size), np.nan)
         relative = np.zeros((*self.lost.shape, frequency.size))
         bounded = np.flatnonzero(~unbounded)
-        each = ticks * (ticks if ticks <= DENSE else self.n)
-        width = max(1, BLOCK // (max(1, self.lost.size) * each))
+        each = ticks * (ticks if ticks <= DENSE_TICKS else self.n)
+        width = max(1, BATCH_ENTRIES // (max(1, self.lost.size) * each))
         with np.errstate(all="ignore"):
             for start in range(0, bounded.size, width):
                 index = bounded[start : start + width]
                 value, error = self._at(self.loop.circle(frequency[index]).frame)
-                off = error / value + self.n * ROUNDING
-                good = (off < LOST) & ~self.lost[..., None]
+                off = error / value + self.n * SHORT_SUM_ROUNDING
+                good = (off < LOST_DIGITS) & ~self.lost[..., None]
                 gain[..., index] = np.where(good, value, np.nan)
                 relative[..., index] = np.where(good, off, np.nan)
         return gain, np.where(self.lost[..., None], np.nan, relative)
 
     def _at(self, w):
-        """Return the largest singular value at each point of the frame's circle, and a bound on its error (m/N)."""
+        """Return the largest singular value at each point of the frame's circle, and a bound on
+        its error (m/N)."""
         E, dE = self.frame.E
         n = self.n
         w = w[:, None, None]
@@ -98,12 +104,12 @@ class Gain:
         size_X = np.abs(X)
         O = self.size[..., None, :, :]
         dO = self.dO[..., None, :, :]
-        error = norm_of_product(O, dX) + norm_of_product(dO + n * ROUNDING * O, size_X)
+        error = norm_of_product(O, dX) + norm_of_product(dO + n * SHORT_SUM_ROUNDING * O, size_X)
         error = error + (self.of_O * size_X).sum((-1, -2)) + self.of_map[..., None]
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
-        if self.frame.ticks <= DENSE:
+        if self.frame.ticks <= DENSE_TICKS:
             right = self.right.mT[..., None, :, :]
             H = self.left[..., None, :, :] @ core @ right
             H += self.frame.impulse_map()[..., None, :, :]
@@ -113,7 +119,8 @@ class Gain:
         return np.where(finite, value, np.nan), error
 
     def _lanczos(self, core):
-        """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once."""
+        """Return the largest singular value by Golub-Kahan-Lanczos with full
+        reorthogonalisation, all points at once."""
         shape = core.shape[:-2]
         ticks = self.frame.ticks
         loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
@@ -139,12 +146,14 @@ class Gain:
         basis = []
         band = []
         settled = np.zeros(len(core), bool)  # a point that has settled keeps its value
-        for step in range(min(STEPS, ticks)):
+        for step in range(min(LANCZOS_STEPS, ticks)):
             v = v / _norm(v)
             basis.append(v)
             band.append(apply(v, back=False))
             value = _largest_singular_value(np.stack(band, axis=-1))
-            still = (np.abs(value - best) <= SETTLED * value) & (step >= FEWEST)
+            still = (np.abs(value - best) <= SETTLED_SINGULAR_VALUE * value) & (
+                step >= LEAST_LANCZOS_STEPS
+            )
             best = np.where(settled, best, value)
             settled = settled | still
             if settled.all():
@@ -166,9 +175,11 @@ def _norm(v):
 
 
 def applied(frame: Stretch, v, loop, *, adjoint: bool):
-    """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint: the transposed map.
+    """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint:
+    the transposed map.
 
-    loop: that of each vector. What the forces of one half of a long frame do in the other goes through the state.
+    loop: that of each vector. What the forces of one half of a long frame do in the other goes
+    through the state.
     """
     if frame.impulse:
         H = _of_loops(frame.impulse[0], loop)
@@ -195,13 +206,14 @@ def _of_loops(matrices, loop):
 
 
 def norm_of_errors(frame: Stretch) -> np.ndarray:
-    """Return the Frobenius norm of the errors of the map from a frame's forces to its positions, `(...)`."""
+    """Return the Frobenius norm of the errors of the map from a frame's forces to its positions,
+    `(...)`."""
     if frame.impulse:
         return np.sqrt((frame.impulse[1] ** 2).sum((-2, -1)))
     O, dO = (rows[..., -1, :, :] for rows in frame.second.observability)
     G, dG = frame.first.controllability
     size = np.abs(G)
-    across = norm_of_product(dO, size) + norm_of_product(np.abs(O), dG + ROUNDING * size)
+    across = norm_of_product(dO, size) + norm_of_product(np.abs(O), dG + SHORT_SUM_ROUNDING * size)
     return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
 
 

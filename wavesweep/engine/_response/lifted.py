@@ -1,4 +1,5 @@
-"""Loops over a frame: what each tick shows of the state at the frame's start, and what its force leaves, with errors."""
+"""Loops over a frame: what each tick shows of the state at the frame's start, and what its force
+leaves, with errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -8,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, then
-from wavesweep.engine._monodromy.rounding import ENTRIES, ROUNDING, both
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING, both
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.bordered import Bordered
 from wavesweep.engine._response.bounded_sums import joined, long_sum, plus, times
@@ -18,18 +19,20 @@ from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._state_space import StateSpace
 
 LEAF = 64  # ticks up to which the outputs for forces of the same stretch are kept as a matrix
-HUGE = 1e100  # entries whose squares are next to overflow
+NEXT_TO_OVERFLOW = 1e100  # entries whose squares are next to overflow
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
     """Some ticks in a row; all arrays come as pairs with bounds on the errors of their entries.
 
-    E `(..., n, n)`: the change of the state. observability `(..., p, ticks, n)`: the outputs in each tick for the state before
-    the first. controllability `(..., n, ticks)`: what the force of each tick adds to the state after the last. For forces of
-    the same stretch: forced `(..., p, ticks)` has the sums of outputs over equal numbers of ticks since a force, and impulse
-    `(..., ticks, ticks)` the last output in each tick. A stretch of more than LEAF ticks has two halves, `first` and `second`,
-    in place of these. state_index, rows: which of their states and outputs it has, if not all.
+    E `(..., n, n)`: the change of the state. observability `(..., p, ticks, n)`: the outputs in
+    each tick for the state before the first. controllability `(..., n, ticks)`: what the force of
+    each tick adds to the state after the last. For forces of the same stretch: forced `(..., p,
+    ticks)` has the sums of outputs over equal numbers of ticks since a force, and impulse `(...,
+    ticks, ticks)` the last output in each tick. A stretch of more than LEAF ticks has two halves,
+    `first` and `second`, in place of these. state_index, rows: which of their states and outputs it
+    has, if not all.
     """
 
     E: tuple
@@ -49,7 +52,7 @@ class Stretch:
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             pairs = []
             for matrix, size in zip(tick, terms, strict=True):
-                pairs.append(np.broadcast_arrays(matrix, ENTRIES * size))
+                pairs.append(np.broadcast_arrays(matrix, ENTRY_ROUNDING * size))
             E, B, C, D = pairs
             observability = [rows[..., None, :] for rows in C]
             last = [rows[..., -1:, :] for rows in D]
@@ -80,21 +83,24 @@ class Stretch:
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sums over the ticks of the sizes of `observability`, `(..., p, n)`, and of `controllability`, `(..., n, 1)`."""
+        """Sums over the ticks of the sizes of `observability`, `(..., p, n)`, and of
+        `controllability`, `(..., n, 1)`."""
         return np.abs(self.observability[0]).sum(-2), np.abs(self.controllability[0]).sum(
             -1, keepdims=True
         )
 
     @cached_property
     def forced_size(self) -> np.ndarray:
-        """Sum of the sizes of the terms of the outputs for forces of the same stretch, `(..., p)`."""
+        """Sum of the sizes of the terms of the outputs for forces of the same stretch, `(...,
+        p)`."""
         if self.forced:
             return np.abs(self.forced[0]).sum(-1)
         across = (self.second.sizes[0] @ self.first.sizes[1])[..., 0]
         return (self.first.forced_size + self.second.forced_size + across)[..., self.rows]
 
     def impulse_map(self, index: int = 0) -> np.ndarray:
-        """Return the map from all forces to the last output in each tick, for the state 0; index: 1 for its errors."""
+        """Return the map from all forces to the last output in each tick, for the state 0;
+        index: 1 for its errors."""
         if self.impulse:
             return self.impulse[index]
         return _triangular(
@@ -150,12 +156,13 @@ def _padded(pair, count):
 
 
 def _over_lags(later):
-    """Return sums over equal numbers of ticks between a force in the first stretch, and an output in the second.
+    """Return sums over equal numbers of ticks between a force in the first stretch, and an output
+    in the second.
 
     later: a pair of `(..., second, first)`. Their ticks together are the length of the result.
     """
     pair = []
-    for impulse in (later[0], later[1] + ROUNDING * np.abs(later[0])):
+    for impulse in (later[0], later[1] + SHORT_SUM_ROUNDING * np.abs(later[0])):
         batch, (second, first) = impulse.shape[:-2], impulse.shape[-2:]
         wide = np.zeros(
             (*batch, second, first + second)
@@ -169,10 +176,12 @@ def _over_lags(later):
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """A stretch under the force z^i in tick i: the outputs' sums over its ticks, each times z^-i, are `rows X + forced`.
+    """A stretch under the force z^i in tick i: the outputs' sums over its ticks, each times z^-i,
+    are `rows X + forced`.
 
-    rows `(..., p, points, n)`; forced `(..., p, points)`; driven `(..., n, points)`: what the force adds to the state. Each is
-    followed by a bound on its error, drows `(..., p, n)`, dforced `(..., p, points)`, ddriven `(..., n, 1)`.
+    rows `(..., p, points, n)`; forced `(..., p, points)`; driven `(..., n, points)`: what the force
+    adds to the state. Each is followed by a bound on its error, drows `(..., p, n)`, dforced `(...,
+    p, points)`, ddriven `(..., n, 1)`.
     """
 
     rows: np.ndarray
@@ -184,7 +193,8 @@ class Sums:
 
     @staticmethod
     def of(stretch: Stretch, points, memo: dict | None = None) -> "Sums":
-        """Return the sums at these points of the circle (see `Circle`); memo: those of its halves, by identity."""
+        """Return the sums at these points of the circle (see `Circle`); memo: those of its
+        halves, by identity."""
         memo = {} if memo is None else memo
         if id(stretch) not in memo:
             memo[id(stretch)] = (
@@ -218,8 +228,8 @@ def _of_halves(stretch, points, memo):
     eye = np.eye(first.E[0].shape[-1])
     before = eye + first.E[0]
     after = eye + second.E[0]
-    dbefore = first.E[1] + ROUNDING * np.abs(before)
-    dafter = second.E[1] + ROUNDING * np.abs(after)
+    dbefore = first.E[1] + SHORT_SUM_ROUNDING * np.abs(before)
+    dafter = second.E[1] + SHORT_SUM_ROUNDING * np.abs(after)
     size = second.sizes[0]
     most = first.sizes[1]
     turn = points.turn(first.ticks)
@@ -228,12 +238,14 @@ def _of_halves(stretch, points, memo):
     rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
     drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
     forced = a.forced + b.forced + back * carried
-    dforced = a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + ROUNDING * most)
+    dforced = (
+        a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + SHORT_SUM_ROUNDING * most)
+    )
     driven = after @ a.driven + turn * b.driven
     ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ most
     states = slice(None) if stretch.state_index is None else stretch.state_index
     outputs = stretch.rows
-    of_rows, of_driven = (ROUNDING * sizes for sizes in stretch.sizes)
+    of_rows, of_driven = (SHORT_SUM_ROUNDING * sizes for sizes in stretch.sizes)
     return Sums(
         rows=rows[..., outputs, :, states],
         drows=drows[..., outputs, states] + of_rows,
@@ -248,8 +260,9 @@ def _of_halves(stretch, points, memo):
 class Lifted:
     """Loops over a frame, ready for any frequency.
 
-    with_position: their ticks in a row, with the outputs of the port and the position at the beginning of each tick. frame: the
-    same without the position and all that only this depends on. lost: which loops overflow in it, and are left at 0.
+    with_position: their ticks in a row, with the outputs of the port and the position at the
+    beginning of each tick. frame: the same without the position and all that only this depends on.
+    lost: which loops overflow in it, and are left at 0.
     """
 
     port: Port
@@ -289,9 +302,10 @@ class Lifted:
 
     @cached_property
     def of_positions(self) -> "tuple[Stretch, np.ndarray]":
-        """The frame with the position as its only output, and which loops have numbers there whose squares overflow."""
+        """The frame with the position as its only output, and which loops have numbers there
+        whose squares overflow."""
         frame = self.with_position.showing(slice(self.port.outputs, None))
-        huge = ~_all(frame, lambda entries: np.abs(entries) < HUGE) & ~self.lost
+        huge = ~_all(frame, lambda entries: np.abs(entries) < NEXT_TO_OVERFLOW) & ~self.lost
         if huge.any():
             frame = Stretch.of(_with_position(_without(self.port, huge | self.lost))).showing(
                 slice(self.port.outputs, None)
@@ -299,7 +313,8 @@ class Lifted:
         return frame, huge | self.lost
 
     def stable_for_sure(self) -> np.ndarray:
-        """Return which loops are stable whatever rounding does, `(...)`, by Gershgorin's discs about their eigenvalues."""
+        """Return which loops are stable whatever rounding does, `(...)`, by Gershgorin's discs
+        about their eigenvalues."""
         n = self.port.maps[0][0].shape[-1]
         E, dE = (matrix[..., :n, :n] for matrix in self.with_position.E)
         with np.errstate(all="ignore"):
@@ -340,7 +355,8 @@ def _without(port, lost):
 
 
 def _with_position(port):
-    """Return the port with the position at the beginning of each tick as a further output, a state more if it drifts."""
+    """Return the port with the position at the beginning of each tick as a further output, a
+    state more if it drifts."""
     maps = tuple(_tick_with_position(tick, port.position) for tick in port.maps)
     row = None if port.position is None else np.abs(port.position)
     return replace(
@@ -370,10 +386,11 @@ def _tick_with_position(tick, position):
 
 
 def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
-    """Return one loop over a frame, from the forces of its ticks (N) to the displacements in them (m).
+    """Return one loop over a frame, from the forces of its ticks (N) to the displacements in them
+    (m).
 
-    ticks: in a frame, if the loop's own is a single one. positions: to those at the starts of the ticks instead; one that
-    drifts is then among the states.
+    ticks: in a frame, if the loop's own is a single one. positions: to those at the starts of the
+    ticks instead; one that drifts is then among the states.
     """
     port, row = (_with_position(port), slice(-1, None)) if positions else (port, slice(1))
     maps, sizes = (
@@ -390,9 +407,11 @@ def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
 def held_over_frame(
     drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]
 ) -> tuple[np.ndarray, ...]:
-    """Return A, B, C and D of one loop from frame to frame, of the states that the signals depend on.
+    """Return A, B, C and D of one loop from frame to frame, of the states that the signals depend
+    on.
 
-    inputs: from outside, each held over the whole frame. signals: as the first tick of a frame shows them.
+    inputs: from outside, each held over the whole frame. signals: as the first tick of a frame
+    shows them.
     """
     ticks = Ticks.of(drawn, signals)
     columns = [ticks.maps[0].inputs.index(name) for name in inputs]

@@ -4,14 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import solve
 
-CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
+INVERSE_ERROR = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 
 
 class LinearSystem(NamedTuple):
-    """`A X = b`, `(..., n, n)` and `(..., n, k)`, with bounds dA and db on the errors of the entries."""
+    """`A X = b`, `(..., n, n)` and `(..., n, k)`, with bounds dA and db on the errors of the
+    entries."""
 
     A: np.ndarray
     dA: np.ndarray
@@ -22,11 +23,12 @@ class LinearSystem(NamedTuple):
 def solved(
     A: np.ndarray, dA: np.ndarray, b: np.ndarray, db: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
+    """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db:
+    bounds on the errors of A and b.
 
-    Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward
-    error small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`. The bound is infinite if the
-    inverse is not accurate enough.
+    Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined,
+    which makes the backward error small in every entry (Skeel 1980); the bound is `|A^-1|
+    (|residual| + dA |X| + db)`. The bound is infinite if the inverse is not accurate enough.
     """
     column = 1 / _largest(A, -2)  # factors that give A a largest entry of 1 in each row and column
     row = 1 / _largest(A * column[..., None, :], -1)
@@ -43,10 +45,13 @@ def solved(
     for _ in range(2):
         X = X + inverse @ (b - S @ X)
     left = (
-        np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
+        np.abs(b - S @ X)
+        + (SHORT_SUM_ROUNDING * np.abs(S) + unsure) @ np.abs(X)
+        + SHORT_SUM_ROUNDING * np.abs(b)
+        + db
     )
     off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
-    error = np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
+    error = np.where(off <= INVERSE_ERROR, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
     return X * column[..., None], error * column[..., None]
 
 

@@ -4,18 +4,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import solve
-from wavesweep.engine._response.linear_systems import CLOSE
+from wavesweep.engine._response.linear_systems import INVERSE_ERROR
 
-NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
+MODAL_NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
 
 
 class ModalSolution(NamedTuple):
     """X of `(w - E) X = b`, `(..., n, points)`, and three measures of its accuracy.
 
-    unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of the
-    inverse.
+    unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on
+    the relative error of the inverse.
     """
 
     X: np.ndarray
@@ -25,7 +25,8 @@ class ModalSolution(NamedTuple):
 
 
 class Modal:
-    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is known.
+    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is
+    known.
 
     E `(..., n, n)`; error: bounds on the errors of its entries.
     """
@@ -49,15 +50,16 @@ class Modal:
         left = b - w * X + E @ X
         size = np.abs(X)
         terms = np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)
-        unsure = np.abs(left) + ROUNDING * terms + self.error @ size + db
+        unsure = np.abs(left) + SHORT_SUM_ROUNDING * terms + self.error @ size + db
         gain = np.abs(factor)
         off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
         return ModalSolution(X, unsure, gain, off)
 
     def bound(self, unsure, gain, off):
-        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
+        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see
+        `solve`."""
         bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
-        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+        return np.where(off <= INVERSE_ERROR, bound * (1 + 2 * off), np.inf)
 
     def careful_bound(self, w, unsure, gain, off):
         """Return a bound on the error of X from the inverse itself, in which modes cancel.
@@ -70,6 +72,6 @@ class Modal:
         vectors = self.vectors[..., None, :, :]
         into = self.into[..., None, :, :]
         inverse = (vectors * factor) @ into
-        noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
+        noise = MODAL_NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
         bound = (np.abs(inverse) @ unsure + noise)[..., 0].mT
-        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+        return np.where(off <= INVERSE_ERROR, bound * (1 + 2 * off), np.inf)

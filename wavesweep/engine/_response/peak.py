@@ -1,4 +1,5 @@
-"""The largest output of a periodic loop under an input that is only known to be bounded: its peak gain, the l1 norm."""
+"""The largest output of a periodic loop under an input that is only known to be bounded: its
+peak gain, the l1 norm."""
 
 from __future__ import annotations
 
@@ -10,9 +11,9 @@ from wavesweep.engine._response.lifted import Stretch
 from wavesweep.engine._response.port import Port
 from wavesweep.engine._state_space import StateSpace
 
-MOST_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
-ENTRIES = 50_000  # of maps over several frames that are summed together
-WORK = 2e9  # multiplications, up to which the sum goes on
+MOST_MAPPED_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
+MAP_ENTRIES_AT_ONCE = 50_000  # of maps over several frames that are summed together
+MULTIPLICATIONS = 2e9  # multiplications, up to which the sum goes on
 SETTLED, KNOWN = (
     1e-6,
     1e-2,
@@ -20,8 +21,9 @@ SETTLED, KNOWN = (
 
 
 class PeakGain(NamedTuple):
-    """gain: at least the largest output under any input between -1 and 1, and more by `excess` at most. step: the largest
-    output, at any time, after an input that is 0 before some tick and 1 from there on."""
+    """gain: at least the largest output under any input between -1 and 1, and more by `excess`
+    at most. step: the largest output, at any time, after an input that is 0 before some tick and
+    1 from there on."""
 
     gain: float
     excess: float
@@ -29,19 +31,22 @@ class PeakGain(NamedTuple):
 
 
 def l1_norm(port: Port) -> PeakGain | None:
-    """Return the peak gain of one loop from the input to the first output of its port; see `port_between`.
+    """Return the peak gain of one loop from the input to the first output of its port; see
+    `port_between`.
 
-    With the frame `x' = A x + G u`, `y = O x + T u` the output in tick i of a frame is at most the sum over all ticks before of
-    `|T|` and `|O A^q G|` in its row, and an input whose signs are those of the row comes as near as one likes (Dahleh and
-    Diaz-Bobillo, Control of Uncertain Systems, 1995, chapter 3; lifted for a periodic loop). The frames that are not summed are
-    bounded by powers of one that comes after those that are. None if the loop is not stable, settles too slowly for the work
-    that is allowed, or has a drift that may move the output for good.
+    With the frame `x' = A x + G u`, `y = O x + T u` the output in tick i of a frame is at most the
+    sum over all ticks before of `|T|` and `|O A^q G|` in its row, and an input whose signs are
+    those of the row comes as near as one likes (Dahleh and Diaz-Bobillo, Control of Uncertain
+    Systems, 1995, chapter 3; lifted for a periodic loop). The frames that are not summed are
+    bounded by powers of one that comes after those that are. None if the loop is not stable,
+    settles too slowly for the work that is allowed, or has a drift that may move the output for
+    good.
 
     Accuracy: rounding, and `excess`.
     """
     if not any(matrix.any() for tick in port.maps for matrix in (tick.B, tick.D)):
         return PeakGain(0.0, 0.0, 0.0)
-    if port.kind.size > MOST_TICKS or port.outputs > 1:
+    if port.kind.size > MOST_MAPPED_TICKS or port.outputs > 1:
         return None
     with np.errstate(all="ignore"):
         frame = Stretch.of(port).showing(slice(0, 1))
@@ -60,7 +65,7 @@ def _summed(E, G, O, T):
         return PeakGain(float(row.max()), 0.0, float(step))
     if not (np.abs(1 + np.linalg.eigvals(E)) < 1).all():
         return None
-    once = max(1, min(ENTRIES // ticks**2, 1024))  # frames that are summed together
+    once = max(1, min(MAP_ENTRIES_AT_ONCE // ticks**2, 1024))  # frames that are summed together
     A = np.eye(n) + E
     rows = [O]
     for _ in range(once - 1):
@@ -69,7 +74,7 @@ def _summed(E, G, O, T):
     far = np.linalg.matrix_power(A, once)
     power = np.eye(n)
     shown = np.zeros_like(O)
-    for _ in range(max(1, int(WORK / (rows.shape[0] * (n + 4) * ticks)))):
+    for _ in range(max(1, int(MULTIPLICATIONS / (rows.shape[0] * (n + 4) * ticks)))):
         later = rows @ power
         maps = (later @ G).reshape(once, ticks, ticks)
         row = row + np.abs(maps).sum((0, -1))
@@ -90,7 +95,8 @@ def _summed(E, G, O, T):
 
 
 def _rest(shown, power, into):
-    """The largest sum of all later frames: with `|A^(r + s Q)| <= |A^r| |A^Q|^s` they are a series of powers of `|A^Q|`."""
+    """The largest sum of all later frames: with `|A^(r + s Q)| <= |A^r| |A^Q|^s` they are a
+    series of powers of `|A^Q|`."""
     try:
         series = np.linalg.inv(np.eye(len(power)) - power)
     except np.linalg.LinAlgError:

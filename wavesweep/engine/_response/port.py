@@ -9,13 +9,13 @@ from wavesweep.engine._loops.from_drawing import Ports
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
-from wavesweep.engine._monodromy.rounding import ENTRIES, ROUNDING
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.encoder import with_displacements
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.errors import UsageError
 
-STILL = 1e-9  # of the terms of a shift: a movement below it is rounding
+NO_SHIFT = 1e-9  # of the terms of a shift: a movement below it is rounding
 
 
 class NoPositionError(UsageError):
@@ -24,17 +24,20 @@ class NoPositionError(UsageError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Port:
-    """The port of loops, a map per kind of tick. States that drift are left out, and the remaining ones are relative to them.
+    """The port of loops, a map per kind of tick. States that drift are left out, and the remaining
+    ones are relative to them.
 
-    Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift,
-    the change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(...,
-    outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick of
-    the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs
-    of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a
-    constant force does in the end, if the structure decides it (see `static`). between: the first output is a signal itself
-    and not a displacement; see `port_between`. Of several ports or axes the maps go from all forces to all displacements,
-    position has a row for each also if all drift, and drifts is the number of ways in which they do so; moves: by how much
-    each shift moves the position.
+    Each map goes from the force to the displacement in the tick and the force against it. If the
+    latter moves with a drift, the change of that share of it in the tick is a third output. E
+    `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
+    sizes: for each map, those of the terms of its entries' sums. kind: of each tick of the frame.
+    period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks
+    between two runs of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ
+    in its last bit. rest: gives what a constant force does in the end, if the structure decides it
+    (see `static`). between: the first output is a signal itself and not a displacement; see
+    `port_between`. Of several ports or axes the maps go from all forces to all displacements,
+    position has a row for each also if all drift, and drifts is the number of ways in which they do
+    so; moves: by how much each shift moves the position.
     """
 
     maps: tuple[StateSpace, ...]
@@ -61,14 +64,15 @@ class Port:
 
     @property
     def held(self) -> np.ndarray:
-        """The directions in which no shift moves the position, `(axes, directions)`, orthogonal columns.
+        """The directions in which no shift moves the position, `(axes, directions)`, orthogonal
+        columns.
 
         Errors: UsageError if they are not the same in all loops.
         """
         if not self.drifts:
             return np.eye(self.axes)
         first = self.moves.reshape(-1, *self.moves.shape[-2:])[0]
-        if np.abs(self.moves - first).max() > STILL * np.abs(first).max():
+        if np.abs(self.moves - first).max() > NO_SHIFT * np.abs(first).max():
             raise UsageError(
                 "expected a hand that is held in the same directions for all values of the number"
             )
@@ -85,7 +89,8 @@ class Port:
         return long_sum(self.kind.size)
 
     def some(self, index: np.ndarray) -> "Port":
-        """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers or truth values."""
+        """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers
+        or truth values."""
 
         def chosen(matrix):
             if matrix is None or matrix.ndim < 3:
@@ -122,8 +127,8 @@ def _among(states, tick):
 def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     """Return the port of the loops at the hand.
 
-    The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
-    Errors: NoPositionError if it is not.
+    The displacement of a tick is the difference of two positions, so the position has to be a state
+    alone: that of a plant. Errors: NoPositionError if it is not.
     """
     drawn, drift = with_displacements(drawn, drift)
     ticks = Ticks.of(drawn, ports.signals, terms=True)
@@ -151,7 +156,7 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     moving = shifts.move(reads)
     position = None if moving and not ports.others else reads[..., shifts.remaining]
     moves = shifts.share_of(reads)
-    drifts = int(np.linalg.matrix_rank(moves, rtol=STILL).max()) if moving else 0
+    drifts = int(np.linalg.matrix_rank(moves, rtol=NO_SHIFT).max()) if moving else 0
     timing = _timing(drawn)
     return Port(maps, sizes, ticks.kind, position=position, **timing, drifts=drifts, moves=moves)
 
@@ -159,8 +164,9 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
     """Return the port between an external input and any signal.
 
-    The first output is the signal in each tick. If it moves with a drift, that share of it is left out there, and the change of
-    the share in the tick is a second output. drift: with the signal watched.
+    The first output is the signal in each tick. If it moves with a drift, that share of it is left
+    out there, and the change of the share in the tick is a second output. drift: with the signal
+    watched.
     """
     drawn, drift = with_displacements(drawn, drift)
     ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
@@ -174,15 +180,17 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: Marginal
 
 
 def _relative_maps(ticks, columns, shifts, drifting, outputs):
-    """Return the map of each kind of tick with states relative to the leads, and the sizes of its terms.
+    """Return the map of each kind of tick with states relative to the leads, and the sizes of its
+    terms.
 
-    columns: of the inputs. drifting: rows of a signal whose share that drifts becomes a further output, or None. outputs(tick,
-    absolute): pairs of rows of C and D of the other outputs, of a tick or of the sizes of its terms.
+    columns: of the inputs. drifting: rows of a signal whose share that drifts becomes a further
+    output, or None. outputs(tick, absolute): pairs of rows of C and D of the other outputs, of a
+    tick or of the sizes of its terms.
     """
     share = None
     if drifting is not None and shifts.move(drifting):
         share = shifts.share_of(drifting)
-        size = np.abs(share) + np.abs(drifting) @ shifts.dN / ENTRIES
+        size = np.abs(share) + np.abs(drifting) @ shifts.dN / ENTRY_ROUNDING
     maps, sizes = [], []
     for tick in ticks.maps:
         E, B, C, D = tick.E, tick.B, tick.C, tick.D
@@ -210,9 +218,11 @@ def _timing(drawn):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shifts:
-    """What drifts in loops: states `leads`, each of which moves others by factors, so that no tick changes anything.
+    """What drifts in loops: states `leads`, each of which moves others by factors, so that no tick
+    changes anything.
 
-    remaining: the other states. N `(..., n, leads)`: the factors, 0 in the rows of all leads; dN: bounds on their errors.
+    remaining: the other states. N `(..., n, leads)`: the factors, 0 in the rows of all leads; dN:
+    bounds on their errors.
     """
 
     leads: list[int]
@@ -254,13 +264,14 @@ class _Shifts:
     def move(self, reads) -> bool:
         """Return whether a shift moves a signal at all."""
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
-        rounding = STILL * size + np.abs(reads) @ self.dN
+        rounding = NO_SHIFT * size + np.abs(reads) @ self.dN
         return bool((np.abs(self.share_of(reads)) > rounding).any())
 
     def relative(self, steps, rows, of=()):
         """Return the map of a tick with the states relative to the leads.
 
-        steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes of their terms.
+        steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes
+        of their terms.
         """
         E, B = steps
         if self.leads:
@@ -268,7 +279,7 @@ class _Shifts:
             E = E + sign * (N @ E[..., self.leads, :])
             B = B + sign * (N @ B[..., self.leads, :])
         if self.leads and of:  # errors of the factors, as sizes of terms
-            vague = self.dN / ENTRIES
+            vague = self.dN / ENTRY_ROUNDING
             E = E + vague @ np.abs(of[0][..., self.leads, :])
             B = B + vague @ np.abs(of[1][..., self.leads, :])
         C, D = zip(*rows, strict=True)
@@ -279,9 +290,11 @@ class _Shifts:
 
 
 def _best_leads(ticks, reads, leads, states):
-    """Return leads of the same shifts: a state that the position reads, if there is one, or one whose own changes are small.
+    """Return leads of the same shifts: a state that the position reads, if there is one, or one
+    whose own changes are small.
 
-    Errors of the factors count as much as the lead changes in a tick. Beside the position, differences of it are exact.
+    Errors of the factors count as much as the lead changes in a tick. Beside the position,
+    differences of it are exact.
     """
     followers = [state for state in states if state not in leads]
     V, _ = _fixed(ticks, followers, leads)
@@ -303,10 +316,11 @@ def _best_leads(ticks, reads, leads, states):
 
 
 def _fixed(ticks, followers, leads):
-    """Return the factors V `(..., followers, leads)` of shifts that depend on a loop's numbers, and bounds on their errors.
+    """Return the factors V `(..., followers, leads)` of shifts that depend on a loop's numbers, and
+    bounds on their errors.
 
-    They are the least-squares solution of `E_followers V = -E_leads`, the equations of all ticks together, which do not
-    contradict each other; a factor that is nothing but rounding is 0.
+    They are the least-squares solution of `E_followers V = -E_leads`, the equations of all ticks
+    together, which do not contradict each other; a factor that is nothing but rounding is 0.
     """
     E = _one_above_the_other([tick.E for tick in ticks.maps])
     sizes = _one_above_the_other([tick.terms[0] for tick in ticks.maps])
@@ -316,14 +330,14 @@ def _fixed(ticks, followers, leads):
     E = np.where(np.isfinite(E), E, 0.0) * weight
     sizes = np.where(np.isfinite(sizes), sizes, 0.0) * weight
     A, b = E[..., followers], -E[..., leads]
-    dA = ENTRIES * sizes[..., followers] + ROUNDING * np.abs(A)
+    dA = ENTRY_ROUNDING * sizes[..., followers] + SHORT_SUM_ROUNDING * np.abs(A)
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)
     inverse = column.mT * np.linalg.pinv(A * column)
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)
-    left = np.abs(b - A @ V) + dA @ np.abs(V) + ENTRIES * sizes[..., leads]
+    left = np.abs(b - A @ V) + dA @ np.abs(V) + ENTRY_ROUNDING * sizes[..., leads]
     dV = np.abs(inverse) @ left
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
@@ -336,7 +350,8 @@ def _one_above_the_other(matrices):
 
 
 def reached(start, reads) -> np.ndarray:
-    """Return the indices of the states `start`, a mask `(n,)`, and those that they depend on; reads: on which, `(n, n)`."""
+    """Return the indices of the states `start`, a mask `(n,)`, and those that they depend on;
+    reads: on which, `(n, n)`."""
     while not np.array_equal(start | reads[start].any(0), start):
         start = start | reads[start].any(0)
     return np.flatnonzero(start)

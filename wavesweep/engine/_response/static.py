@@ -9,14 +9,17 @@ from wavesweep.engine._response.bounded_sums import ordered_product
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.linear_systems import solved
 
-STEP = 1e-30  # of z, for slopes
-STILL = 1e-9  # of the terms of a displacement: below it the displacement is rounding
-NOTHING = 1e-11  # of the hand's force, or of the terms of a position: a value that may be rounding below it counts as zero
-LOST = 0.1  # relative error beyond which a number has no correct digit
+SLOPE_STEP = 1e-30  # of z, for slopes
+NO_DISPLACEMENT = 1e-9  # of the terms of a displacement: below it the displacement is rounding
+# of the hand's force, or of the terms of a position: a value that may be rounding below it counts
+# as zero
+ZERO_OF_TERMS = 1e-11
+LOST_DIGITS = 0.1  # relative error beyond which a number has no correct digit
 
 
 class Response(NamedTuple):
-    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative errors.
+    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative
+    errors.
 
     NaN: not known; with an error of 0 the number is known to have no bound.
     """
@@ -28,9 +31,11 @@ class Response(NamedTuple):
 
 
 def at_port(outputs, step):
-    """Return position and force against the hand, `(..., 2, points)`, from the outputs of a port (see `Port`).
+    """Return position and force against the hand, `(..., 2, points)`, from the outputs of a port
+    (see `Port`).
 
-    step: `z - 1` of the tick, or its size if the outputs are errors. Without a force, that is the hand's own, 1 N.
+    step: `z - 1` of the tick, or its size if the outputs are errors. Without a force, that is the
+    hand's own, 1 N.
     """
     quantities = np.empty((*outputs.shape[:-2], 2, outputs.shape[-1]), outputs.dtype)
     quantities[..., 0, :] = outputs[..., 0, :] / step
@@ -41,18 +46,20 @@ def at_port(outputs, step):
 
 
 def at_signal(outputs, step):
-    """Return the signal, `(..., 1, points)`, from the outputs of a port between an input and it; step: see `at_port`."""
+    """Return the signal, `(..., 1, points)`, from the outputs of a port between an input and it;
+    step: see `at_port`."""
     signal = outputs[..., :1, :] + 0 * step
     return signal + outputs[..., 1:2, :] / step if outputs.shape[-2] > 1 else signal
 
 
 def relative_response(quantities, error) -> Response:
-    """Return admittance, impedance and their relative errors; a number without a correct digit is NaN.
+    """Return admittance, impedance and their relative errors; a number without a correct digit is
+    NaN.
 
     quantities, error: position and force, `(..., 2, points)`.
     """
     relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * np.finfo(float).eps
-    relative = np.where(relative < LOST, relative, np.nan)
+    relative = np.where(relative < LOST_DIGITS, relative, np.nan)
     position, force = quantities[..., 0, :], quantities[..., 1, :]
     of_position, of_force = relative[..., 0, :], relative[..., 1, :]
     admittance = np.where(np.isnan(of_position), np.nan, position)
@@ -66,20 +73,22 @@ def relative_response(quantities, error) -> Response:
 
 
 class _AtRest:
-    """The point z = 1 of the circle, with a complex step for slopes (W. Squire, G. Trapp, SIAM Rev. 40, 1998)."""
+    """The point z = 1 of the circle, with a complex step for slopes (W. Squire, G. Trapp, SIAM
+    Rev. 40, 1998)."""
 
     def turn(self, count):
-        return np.array([1 + 1j * STEP * count])
+        return np.array([1 + 1j * SLOPE_STEP * count])
 
     def ladder(self, count):
-        return 1 + 1j * STEP * np.arange(count)[:, None]
+        return 1 + 1j * SLOPE_STEP * np.arange(count)[:, None]
 
 
 @dataclass(frozen=True, slots=True)
 class AtRest:
     """What a constant force of the hand does in the end, `(...)` or for all loops of one structure.
 
-    going: it moves the position without end. silent: no force reaches the hand. rigid: it does not move the position at all.
+    going: it moves the position without end. silent: no force reaches the hand. rigid: it does not
+    move the position at all.
     """
 
     going: np.ndarray
@@ -88,14 +97,16 @@ class AtRest:
 
 
 def dcgain(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
-    """Return position (m) and force against the hand (N) at rest under 1 N, and bounds on their errors, `(2, ...)` each.
+    """Return position (m) and force against the hand (N) at rest under 1 N, and bounds on their
+    errors, `(2, ...)` each.
 
-    Of loops whose position moves on these are the changes in a tick. Also returned is what the force does in the end: it
-    follows from the structure if the port knows it, or else from the bounds on errors.
+    Of loops whose position moves on these are the changes in a tick. Also returned is what the
+    force does in the end: it follows from the structure if the port knows it, or else from the
+    bounds on errors.
 
-    With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of the outputs of a frame are
-    expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A change within a tick vanishes with w, and its slope is the
-    quantity that has changed.
+    With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of
+    the outputs of a frame are expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A
+    change within a tick vanishes with w, and its slope is the quantity that has changed.
     """
     outputs = _limits(loop)
     changes = outputs[0].value  # of the position in a tick
@@ -120,10 +131,10 @@ def dcgain(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
         position = np.where(_is_nothing(moving), position, np.nan)  # it may be going
     else:
         stays = _is_nothing(moving)
-        going = np.abs(changes.value) > changes.error + STILL * changes.size
-        no_force = _is_nothing(force) & (force[1] <= NOTHING) & (len(outputs) > 1)
+        going = np.abs(changes.value) > changes.error + NO_DISPLACEMENT * changes.size
+        no_force = _is_nothing(force) & (force[1] <= ZERO_OF_TERMS) & (len(outputs) > 1)
         silent = np.where(going, _is_nothing(moved), no_force)
-        no_position = _is_nothing(position) & (position[1] <= NOTHING * outputs[0].slope.size)
+        no_position = _is_nothing(position) & (position[1] <= ZERO_OF_TERMS * outputs[0].slope.size)
         rest = AtRest(going, silent, ~going & stays & no_position)
         position[1] = np.where(stays, position[1], np.nan)  # it may be going
         force[1] = np.where(_is_nothing(moved), force[1], np.nan)
@@ -147,10 +158,12 @@ def _is_sure(pair):
 
 
 def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
-    """Return the limit of a response between an input and a signal towards 0 Hz, `(...)`, and its relative error.
+    """Return the limit of a response between an input and a signal towards 0 Hz, `(...)`, and its
+    relative error.
 
-    NaN: no limit exists, as for a signal that a constant input moves without end, or it is not known. The error of a number
-    that does not exist is 0, and so is that of a response that is nothing but rounding, as of one that an integrator removes.
+    NaN: no limit exists, as for a signal that a constant input moves without end, or it is not
+    known. The error of a number that does not exist is 0, and so is that of a response that is
+    nothing but rounding, as of one that an integrator removes.
     """
     outputs = _limits(loop)
     limit, error, terms = outputs[0].value
@@ -160,12 +173,12 @@ def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
         limit = limit + slope.value
         error = error + slope.error
         terms = terms + slope.size
-        going = np.abs(change.value) > change.error + STILL * change.size
+        going = np.abs(change.value) > change.error + NO_DISPLACEMENT * change.size
         error = np.where(going | _is_nothing(change), error, np.nan)
-    nothing = _is_nothing((limit, error)) & (error <= NOTHING * terms)
+    nothing = _is_nothing((limit, error)) & (error <= ZERO_OF_TERMS * terms)
     relative = error / np.abs(limit) + 4 * np.finfo(float).eps
     relative = np.where(nothing | going, 0.0, relative)
-    relative = np.where((relative < LOST) & ~loop.lost, relative, np.nan)
+    relative = np.where((relative < LOST_DIGITS) & ~loop.lost, relative, np.nan)
     limit = np.where(going | np.isnan(relative), np.nan, limit)
     return np.where(nothing, 0.0, limit), relative
 
@@ -220,7 +233,7 @@ def _limits(loop) -> list[_Limit]:
 
 def _with_slope(array):
     """The value at z = 1, and the slope there, of what was computed at `_AtRest`."""
-    return array.real, array.imag / STEP
+    return array.real, array.imag / SLOPE_STEP
 
 
 def _column(A, dA, right, of_right):

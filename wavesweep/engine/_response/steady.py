@@ -1,15 +1,16 @@
-"""Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds on its errors."""
+"""Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds
+on its errors."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bordered import fits
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.static import (
-    LOST,
-    NOTHING,
+    LOST_DIGITS,
+    ZERO_OF_TERMS,
     Response,
     at_port,
     at_signal,
@@ -19,15 +20,14 @@ from wavesweep.engine._response.static import (
 )
 from wavesweep.engine.rows import different
 
-GOOD = (
-    1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
-)
-EXTRAPOLATED = (
-    85 / 45
-)  # the sum of the sizes of the weights by which an extrapolation adds up three values
-LOW = 2e-4  # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
-TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
-BLOCK = 200_000  # entries of one batch of matrices
+# relative error up to which the modes are believed; beyond it the larger system is solved
+GOOD = 1e-9
+# the sum of the sizes of the weights by which an extrapolation adds up three values
+EXTRAPOLATED = 85 / 45
+# of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
+LOW = 2e-4
+RESPONSES_AT_ONCE = 2_000_000  # numbers of loops, states and frequencies at a time
+BATCH_OF_RESPONSES = 200_000  # entries of one batch of matrices
 
 
 def respond(
@@ -35,13 +35,14 @@ def respond(
 ) -> Response:
     """Return transmitted admittance and impedance with bounds on their relative errors.
 
-    frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not computed again in a
-    slower way.
+    frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number
+    is not computed again in a slower way.
 
-    The force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`, and both results are its components at w itself. The state at
-    the start of a frame solves `(w - E) X = g`, with the loop closed and without what drifts, so that no pole of an open loop
-    enters. It is found through the modes of E; if these cancel too far, from a larger system (see `Bordered`).
-    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
+    The force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`, and both results are its components
+    at w itself. The state at the start of a frame solves `(w - E) X = g`, with the loop closed and
+    without what drifts, so that no pole of an open loop enters. It is found through the modes of E;
+    if these cancel too far, from a larger system (see `Bordered`). Accuracy: as bounded, from the
+    residual of the solution, the errors of all entries and the size of the inverse.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     still = frequency == 0
@@ -62,19 +63,21 @@ def respond(
 
 
 def _portions(loop, columns):
-    """The columns of frequencies, some at a time, as many as keep arrays of loops, states and frequencies small."""
-    width = max(1, TERMS // max(1, loop.weight))
+    """The columns of frequencies, some at a time, as many as keep arrays of loops, states and
+    frequencies small."""
+    width = max(1, RESPONSES_AT_ONCE // max(1, loop.weight))
     return (columns[start : start + width] for start in range(0, columns.size, width))
 
 
 def transfer(
     loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the response of a signal to an input, `(..., points)`, and bounds on its relative errors; see `port_between`.
+    """Return the response of a signal to an input, `(..., points)`, and bounds on its relative
+    errors; see `port_between`.
 
-    loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and NaN as there. The component
-    is that at the input's own frequency, of the signal as each tick shows it. A path that is held over the frame has none at
-    multiples of the frame's rate.
+    loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and
+    NaN as there. The component is that at the input's own frequency, of the signal as each tick
+    shows it. A path that is held over the frame has none at multiples of the frame's rate.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     still = frequency == 0
@@ -91,11 +94,13 @@ def transfer(
             quantities, errors = _quantities(loop, points, good)
             signal = quantities[..., 0, :]
             error = errors[..., 0, :]
-            none = (np.abs(signal) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
+            none = (
+                (np.abs(signal) <= error) & (error <= ZERO_OF_TERMS * terms) & (points.frame == 0)
+            )
             signal = np.where(none, 0.0, signal)
             error = np.where(none, 0.0, error)
             relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * np.finfo(float).eps
-            relative = np.where(relative < LOST, relative, np.nan)
+            relative = np.where(relative < LOST_DIGITS, relative, np.nan)
             unsure[..., at] = relative
             value[..., at] = np.where(np.isnan(relative), np.nan, signal)
         if still.any():
@@ -106,14 +111,15 @@ def transfer(
 
 
 def static_response(loop: Lifted) -> Response:
-    """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative errors, `(...)` each.
+    """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative
+    errors, `(...)` each.
 
-    NaN: it does not exist, or is not known. If a constant force moves the position without end, there is no admittance. If it
-    does not move it at all in the end, as a position that an integrator holds, the admittance is 0, and there is no impedance;
-    or it is not known, if the force against the hand vanishes with the position. The error of a number that does not exist
-    is 0.
-    Accuracy: the smaller one of a bound and of the distance to an extrapolation from low frequencies, which shares no formula
-    with the limit.
+    NaN: it does not exist, or is not known. If a constant force moves the position without end,
+    there is no admittance. If it does not move it at all in the end, as a position that an
+    integrator holds, the admittance is 0, and there is no impedance; or it is not known, if the
+    force against the hand vanishes with the position. The error of a number that does not exist is
+    0. Accuracy: the smaller one of a bound and of the distance to an extrapolation from low
+    frequencies, which shares no formula with the limit.
     """
     with np.errstate(all="ignore"):
         (position, force), (of_position, of_force), rest = dcgain(loop)
@@ -134,7 +140,7 @@ def static_response(loop: Lifted) -> Response:
                 low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
         error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
-        known = error < LOST
+        known = error < LOST_DIGITS
         limits = np.where(known, limits, np.nan)
         error = np.where(known, error, np.nan)
         admittance, impedance = limits
@@ -142,7 +148,8 @@ def static_response(loop: Lifted) -> Response:
         # A constant force moves the position without end: there is no admittance.
         admittance = np.where(rest.going, np.nan, admittance)
         of_admittance = np.where(rest.going, 0.0, of_admittance)
-        # It does not move it at all: the admittance is 0, and there is no impedance if a force is known to come.
+        # It does not move it at all: the admittance is 0, and there is no impedance if a force is
+        # known to come.
         no_impedance = np.where(np.abs(force) > of_force, 0.0, np.nan)
         admittance = np.where(rest.rigid, 0.0, admittance)
         of_admittance = np.where(rest.rigid, 0.0, of_admittance)
@@ -153,13 +160,15 @@ def static_response(loop: Lifted) -> Response:
 
 
 def _from_low_frequencies(loop, limits):
-    """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by frequencies f, f/2 and f/4.
+    """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by
+    frequencies f, f/2 and f/4.
 
     Their real parts are even in f.
     """
     poles = np.abs(loop.modal.poles)
     slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
-    # Powers of four, and one for each loop, so that a result does not depend on the batch that the loop is in.
+    # Powers of four, and one for each loop, so that a result does not depend on the batch that the
+    # loop is in.
     level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for power in different(level):
@@ -184,7 +193,7 @@ def _responses(loop, points, good):
     quantities, error = _quantities(loop, points, good)
     force = quantities[..., 1, :]
     of_force = error[..., 1, :]
-    small = (np.abs(force) <= of_force) & (of_force <= NOTHING)
+    small = (np.abs(force) <= of_force) & (of_force <= ZERO_OF_TERMS)
     none = small & (points.frame == 0)  # as of one that is held over the frame
     quantities[..., 1, :] = np.where(none, 0.0, force)
     error[..., 1, :] = np.where(none, 0.0, of_force)
@@ -192,7 +201,8 @@ def _responses(loop, points, good):
 
 
 def _quantities(loop, points, good):
-    """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
+    """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop
+    that is lost."""
     quantities, error, again = _by_modes(loop, points)
     ways = [again]
     if fits(loop.port):
@@ -201,7 +211,7 @@ def _quantities(loop, points, good):
     for improve in ways:
         doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
         columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-        width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
+        width = max(1, BATCH_OF_RESPONSES // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
         for start in range(0, columns.size, width):
             index = columns[start : start + width]
             step = points.tick[index]
@@ -220,7 +230,8 @@ def _reading(loop):
 
 
 def _by_modes(loop, points):
-    """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on errors, and a function.
+    """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on
+    errors, and a function.
 
     The function returns the outputs at some of the points again, with a better bound.
     """
@@ -231,8 +242,10 @@ def _by_modes(loop, points):
     states = X.mT[..., None, :, :]
     size = np.abs(sums.rows)
     outputs = ((sums.rows * states).sum(-1) + sums.forced) / ticks
-    rounding = (size * (ROUNDING * np.abs(states))).sum(-1)
-    rest = rounding + sums.drows @ np.abs(X) + sums.dforced + ROUNDING * np.abs(sums.forced)
+    rounding = (size * (SHORT_SUM_ROUNDING * np.abs(states))).sum(-1)
+    rest = (
+        rounding + sums.drows @ np.abs(X) + sums.dforced + SHORT_SUM_ROUNDING * np.abs(sums.forced)
+    )
 
     def error(of_states, index):
         """The bound on errors of the outputs, from that on errors of the states."""

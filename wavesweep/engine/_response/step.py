@@ -1,18 +1,19 @@
-"""Step responses of a signal to an input, tick by tick, with a bound on each sample and on all that follow the last one."""
+"""Step responses of a signal to an input, tick by tick, with a bound on each sample and on all
+that follow the last one."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._response.steady import transfer
 from wavesweep.engine.errors import UsageError
 
-MOST_TICKS = 2000  # of a frame
-MOST = 8_000_000  # samples times states
+MOST_STEP_TICKS = 2000  # of a frame
+MOST_SAMPLED_STATES = 8_000_000  # samples times states
 REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
 HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
 LONGER = 1.4  # times the time to settle: the end of what is worth showing
@@ -25,11 +26,12 @@ BAND, LOW, HIGH = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """The response of a signal to an input that is 0 before the time 0 and 1 from then on, as each tick shows it.
+    """The response of a signal to an input that is 0 before the time 0 and 1 from then on, as each
+    tick shows it.
 
-    time_s, value: `(samples,)`, of whole frames. period: of a tick, s. frame: ticks of a frame. final: the mean of the samples
-    in the end. error: a bound on the error of each sample and of `final`. tail: how far any later sample may be from
-    that of the same tick in the last frame.
+    time_s, value: `(samples,)`, of whole frames. period: of a tick, s. frame: ticks of a frame.
+    final: the mean of the samples in the end. error: a bound on the error of each sample and of
+    `final`. tail: how far any later sample may be from that of the same tick in the last frame.
     """
 
     time_s: np.ndarray
@@ -42,12 +44,14 @@ class Step:
 
     @property
     def known(self) -> bool:
-        """Whether the final value is known and is not 0, so that times and overshoot are shares of it."""
+        """Whether the final value is known and is not 0, so that times and overshoot are shares
+        of it."""
         return abs(self.final) > 2 * self.error
 
     @property
     def settling_s(self) -> float:
-        """Time from which all samples are within 2 % of the final value; NaN if that is not known."""
+        """Time from which all samples are within 2 % of the final value; NaN if that is not
+        known."""
         far = np.abs(self.value - self.final) + 2 * self.error > BAND * abs(self.final)
         last = np.abs(self.value[-self.frame :] - self.final).max() + 2 * self.error + self.tail
         if not (self.known and last <= BAND * abs(self.final)):
@@ -56,14 +60,16 @@ class Step:
 
     @property
     def overshoot(self) -> float:
-        """How far the largest sample is beyond the final value, as a share of that, and at least 0; NaN if it is not known."""
+        """How far the largest sample is beyond the final value, as a share of that, and at least
+        0; NaN if it is not known."""
         beyond = (self.value / self.final - 1) if self.known else np.array([np.nan])
         last = beyond[-self.frame :].max() + self.tail / max(abs(self.final), 1e-300)
         return max(0.0, float(beyond.max())) if last <= max(beyond.max(), 10 * REST) else np.nan
 
     @property
     def peak_s(self) -> float:
-        """Time of the sample that is farthest beyond the final value, or from 0 if that is not known."""
+        """Time of the sample that is farthest beyond the final value, or from 0 if that is not
+        known."""
         away = self.value * np.sign(self.final) if self.known else np.abs(self.value)
         return float(self.time_s[np.argmax(away)])
 
@@ -85,7 +91,8 @@ class Step:
 
     @property
     def rise_s(self) -> tuple[float, float]:
-        """Times of the first samples that reach 10 % and 90 % of the final value; NaN if they are not known."""
+        """Times of the first samples that reach 10 % and 90 % of the final value; NaN if they
+        are not known."""
         if not self.known:
             return np.nan, np.nan
         return self._first_at(LOW), self._first_at(HIGH)
@@ -96,22 +103,24 @@ class Step:
         return float(self.time_s[at[0]]) if at.size else np.nan
 
 
-def step_of(port: Port, most: int = MOST) -> Step:
-    """Return the step response of a single loop, given by its port between an input and a signal (see `port_between`).
+def step_of(port: Port, most: int = MOST_SAMPLED_STATES) -> Step:
+    """Return the step response of a single loop, given by its port between an input and a signal
+    (see `port_between`).
 
-    The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n more frames follow from A^n. In
-    units in which no state exceeds 1, a power A^n of a size q < 1/2 shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`.
-    So a change d of the states between the last two frames moves no later sample by more than `S |d|`, and a residual r of the
+    The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n
+    more frames follow from A^n. In units in which no state exceeds 1, a power A^n of a size q < 1/2
+    shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`. So a change d of the states between
+    the last two frames moves no later sample by more than `S |d|`, and a residual r of the
     recursion, which has the rounding and the errors of A and g, no sample by more than `S |r|`.
-    Errors: UsageError for a loop that is not stable, or that does not come to rest within `most` samples times states, and for
-    a signal that a constant input moves without end.
-    Accuracy: as bounded; the bounds themselves are computed to first order.
+    Errors: UsageError for a loop that is not stable, or that does not come to rest within `most`
+    samples times states, and for a signal that a constant input moves without end. Accuracy: as
+    bounded; the bounds themselves are computed to first order.
     """
     loop = Lifted.of(port)
     ticks = port.kind.size
-    if port.outputs > 1 or ticks > MOST_TICKS or loop.lost.any():
+    if port.outputs > 1 or ticks > MOST_STEP_TICKS or loop.lost.any():
         fault = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
-        expected = f"a signal that comes to rest, in frames of at most {MOST_TICKS} ticks"
+        expected = f"a signal that comes to rest, in frames of at most {MOST_STEP_TICKS} ticks"
         raise UsageError(f"step: expected {expected}, found {fault}")
     frame = Stretch.of(port)
     rough = long_sum(ticks)
@@ -152,10 +161,10 @@ def step_of(port: Port, most: int = MOST) -> Step:
     later = np.vstack([X[1:], after])
     steps = X @ E.T + g
     terms = np.abs(X) @ np.abs(E).T + np.abs(g)
-    rounding = ROUNDING * (np.abs(later) + np.abs(X) + terms)
+    rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
     residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
-    of_C = dC + ROUNDING * np.abs(C)
-    read = np.abs(X) @ of_C.T + dD + ROUNDING * np.abs(D)
+    of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
+    read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
     error = gain * float((residual / unit).max(initial=0.0)) + float(read.max())
     final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
     if np.isnan(of_final * final):

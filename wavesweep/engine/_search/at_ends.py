@@ -1,7 +1,9 @@
-"""What is there at the ends of intervals that are found: the lines of a spectrum, and what is asked of a port.
+"""What is there at the ends of intervals that are found: the lines of a spectrum, and what is asked
+of a port.
 
-These are passes of their own over the ends of the loops of a batch. p: the ends low and high, `(2, n)`. omega: of the
-oscillation that starts there (rad/s). place: of the loop of each pair in the batch, `(n,)`.
+These are passes of their own over the ends of the loops of a batch. p: the ends low and high, `(2,
+n)`. omega: of the oscillation that starts there (rad/s). place: of the loop of each pair in the
+batch, `(n,)`.
 """
 
 from collections.abc import Callable
@@ -13,20 +15,20 @@ import numpy as np
 from wavesweep.engine._drawing.drawing import name_of
 from wavesweep.engine._loops.dead_time import timing
 from wavesweep.engine._search.lines_of_loops import lines_in_loops, strongest_in_cut
-from wavesweep.engine._search.open_loops import TINY, FindPort, Opened
+from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO, FindPort, Opened
 from wavesweep.engine._search.question import Question
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 
-BATCH = 256  # modes that are followed through their frames at once
+MODES_AT_ONCE = 256  # modes that are followed through their frames at once
 
 
 @dataclass(frozen=True, slots=True)
 class AtPort:
     """What is computed of a port of loops at the ends of intervals.
 
-    fields: of the records, for the low and the high ends. find_port: see `open_loops`. values: what is written there, a
-    function of the arguments of `lines_at_ends`.
+    fields: of the records, for the low and the high ends. find_port: see `open_loops`. values: what
+    is written there, a function of the arguments of `lines_at_ends`.
     """
 
     fields: tuple[str, str]
@@ -35,7 +37,8 @@ class AtPort:
 
 
 def buildable(loops: Loops, along: str) -> Loops:
-    """The loops at any value of the number: without the whole numbers of ticks of dead times, which follow from it."""
+    """The loops at any value of the number: without the whole numbers of ticks of dead times,
+    which follow from it."""
     building = loops.drawing.building if name_of(along) in timing(loops.drawing) else ()
     return Loops(
         loops.drawing, {path: v for path, v in loops.values.items() if path not in building}
@@ -45,7 +48,8 @@ def buildable(loops: Loops, along: str) -> Loops:
 def lines_at_ends(
     question: Question, loops: Loops, opened: Opened | None, place, p, omega
 ) -> np.ndarray:
-    """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN where no mode starts.
+    """The strongest line (Hz) of the oscillation that starts at each end, `(2, n)`; NaN where no
+    mode starts.
 
     Ends that a gain sets have an omega with a minus. opened: the loops without the number.
     """
@@ -57,11 +61,13 @@ def lines_at_ends(
         return lines
     strongest, few = (
         omega / (2 * np.pi),
-        1 if name_of(question.along) in timing(loops.drawing) else BATCH,
+        1 if name_of(question.along) in timing(loops.drawing) else MODES_AT_ONCE,
     )
     for batch in (slice(first, first + few) for first in range(0, place.size, few)):
         varied = buildable(loops, question.along).some(place[batch])
-        varied = varied.changed({question.along: np.where(p[batch] == 0, TINY, p[batch])})
+        varied = varied.changed(
+            {question.along: np.where(p[batch] == 0, IN_PLACE_OF_ZERO, p[batch])}
+        )
         with suppress(IllPosedLoopError):
             drawn = varied.drawn()
             period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[batch].shape)

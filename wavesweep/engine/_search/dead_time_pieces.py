@@ -1,7 +1,8 @@
-"""Pieces of a range, where the number is a time that loops are built with: dead times of other whole ticks are other loops.
+"""Pieces of a range, where the number is a time that loops are built with: dead times of other
+whole ticks are other loops.
 
-Applies if the number is in the timing of the drawing. Within a piece the loops are built alike, so that what is proved of each
-piece holds up to both of its ends, and the pieces cover the range.
+Applies if the number is in the timing of the drawing. Within a piece the loops are built alike, so
+that what is proved of each piece holds up to both of its ends, and the pieces cover the range.
 """
 
 from dataclasses import replace
@@ -49,10 +50,12 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 def about(
     question: Question, loop: Loops, value: float, work: float, rest: Rest
 ) -> tuple[np.ndarray, tuple[float, float]]:
-    """The intervals of a single loop about a value of the number as records, and the part of the range that was searched.
+    """The intervals of a single loop about a value of the number as records, and the part of the
+    range that was searched.
 
-    It grows piece by piece, the nearest first, until the interval of the value has both of its ends, or the work is spent:
-    a piece with n states takes LEAST_WORK + n n. It is counted, so that the result does not depend on the machine.
+    It grows piece by piece, the nearest first, until the interval of the value has both of its
+    ends, or the work is spent: a piece with n states takes LEAST_WORK + n n. It is counted, so that
+    the result does not depend on the machine.
     """
     ends = loop.breaks(question.along, question.span)
     place = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)

@@ -1,8 +1,9 @@
-"""Dominance of the diagonal of frames along any number, with ball arithmetic where doubles leave a doubt.
+"""Dominance of the diagonal of frames along any number, with ball arithmetic where doubles leave a
+doubt.
 
-Applies always. Frames are interpolated on panels of the number with a bound on the error; eigenvalues are held off the unit
-circle by discs about the diagonal in eigenvectors of a place nearby. Stretches in doubt are asked of balls, if there is a
-prover.
+Applies always. Frames are interpolated on panels of the number with a bound on the error;
+eigenvalues are held off the unit circle by discs about the diagonal in eigenvectors of a place
+nearby. Stretches in doubt are asked of balls, if there is a prover.
 """
 
 from dataclasses import replace
@@ -53,7 +54,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
 
 
 def _drifts_at_zero_alone(question, loops):
-    """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1 where the number is 0."""
+    """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1
+    where the number is 0."""
 
     held, free = (
         loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0)
@@ -62,7 +64,8 @@ def _drifts_at_zero_alone(question, loops):
 
 
 def _meeting_one_at_zero(span, intervals):
-    """Intervals that end at 0 with an eigenvalue 1; an end is there if it is as near as ends are promised."""
+    """Intervals that end at 0 with an eigenvalue 1; an end is there if it is as near as ends are
+    promised."""
     from wavesweep.engine._stability.crossings import SLIVER
 
     nothing, changes = SLIVER * (span[1] - span[0]), {}

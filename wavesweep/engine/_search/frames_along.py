@@ -15,7 +15,7 @@ from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine._search.lines_of_loops import lines_of_each
-from wavesweep.engine._search.open_loops import TINY
+from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO
 from wavesweep.engine._search.question import Question
 from wavesweep.engine._stability.intervals import Intervals
 from wavesweep.engine._stability.sampled_frames import Frames
@@ -28,10 +28,11 @@ from wavesweep.engine.rows import distinct_rows
 class FramesAlong:
     """Loops of a batch at values p of the number `along`; `number` says which of the loops.
 
-    period: of their frames, s. bounds: of the values with which there are loops. resolved: between which of them all
-    expressions of a loop are resolved. open_ticks: the loops without the number in their ticks, if it is one scalar gain of
-    them. shared: path of another number that is one, in which loops differ: without it in their ticks these are the same loops.
-    radius: of each loop, a circle in place of the unit circle.
+    period: of their frames, s. bounds: of the values with which there are loops. resolved: between
+    which of them all expressions of a loop are resolved. open_ticks: the loops without the number
+    in their ticks, if it is one scalar gain of them. shared: path of another number that is one, in
+    which loops differ: without it in their ticks these are the same loops. radius: of each loop, a
+    circle in place of the unit circle.
     """
 
     loops: Loops
@@ -46,7 +47,8 @@ class FramesAlong:
 
     @staticmethod
     def of(question: Question, loops: Loops, size: int) -> "FramesAlong":
-        """The loops of `size` slices within the span, without the number in their ticks if it is one scalar gain of them."""
+        """The loops of `size` slices within the span, without the number in their ticks if it is
+        one scalar gain of them."""
         drawn, along, span, open_ticks, shared = (
             loops.drawn(),
             question.along,
@@ -76,8 +78,9 @@ class FramesAlong:
         return self.loops.some(number).changed({self.along: p})
 
     def frames(self, number, p) -> Frames:
-        """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
-        p = np.where(p == 0, TINY, p)
+        """The frames, number and p being broadcast together; NaN for loops of direct terms
+        without a solution."""
+        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
         varied, shape = self._at(number, p), p.shape
         if self.open_ticks is None:
             frames = self._shared(number, p) if self.shared else None
@@ -95,7 +98,8 @@ class FramesAlong:
         )
 
     def _shared(self, number, p):
-        """The frames from ticks without the shared number; None if too few loops share them, or some have no solution."""
+        """The frames from ticks without the shared number; None if too few loops share them, or
+        some have no solution."""
         number, p = (array.ravel() for array in np.broadcast_arrays(number, p))
         others = {
             path: v[number]
@@ -115,7 +119,8 @@ class FramesAlong:
         return None
 
     def turns(self, number, p, delta) -> np.ndarray:
-        """What modes turn in a frame (rad) by `range_of_lines`, `(n, r, 3)`; delta: their eigenvalues less 1 at p, `(n, r)`.
+        """What modes turn in a frame (rad) by `range_of_lines`, `(n, r, 3)`; delta: their
+        eigenvalues less 1 at p, `(n, r)`.
 
         Infinite are the highest ones of loops without a solution.
         """
@@ -123,18 +128,19 @@ class FramesAlong:
         angle = np.abs(np.angle(1 + delta))
         told = np.stack([angle, angle, np.full(angle.shape, np.inf)], axis=-1)
         with suppress(IllPosedLoopError), np.errstate(all="ignore"):
-            loops = self._at(number, np.where(p == 0, TINY, p))
+            loops = self._at(number, np.where(p == 0, IN_PLACE_OF_ZERO, p))
             modes = [np.log1p(delta[:, [at]]) for at in range(delta.shape[-1])]
             lines = np.stack([*lines_of_each(loops, modes, ranges=True)], axis=1)
             told = 2 * np.pi * period * lines
         return told
 
     def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops
+        without a solution.
 
         tight: see `MarginalModes.frames_with_errors`.
         """
-        p = np.where(p == 0, TINY, p)
+        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
         try:
             ticks = (
                 self.open_ticks.closed(number, p, terms=True)
@@ -168,7 +174,8 @@ class FramesAlong:
 
 
 def _frames(E, facts, shape):
-    """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after the other."""
+    """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after
+    the other."""
     size, (pivot, condition) = prod(shape), facts
     arrays = zip(
         (E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True
@@ -208,7 +215,8 @@ def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, 
 
 
 def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:
-    """Intervals whose omegas are of the rate at their ends, if the number is one that the rate of the tick follows from."""
+    """Intervals whose omegas are of the rate at their ends, if the number is one that the rate
+    of the tick follows from."""
     if name_of(along) not in loops.drawing.rating:
         return intervals
     of_rows, omegas = loops.some(intervals.column), {}

@@ -1,7 +1,8 @@
 """A bound on a gain of the loop, beside what is required of its modes.
 
-Applies if the region that is asked for has one. The other methods find where the loop is stable; within that, the gain is
-proved to be below its bound on panels of the number, by that region itself.
+Applies if the region that is asked for has one. The other methods find where the loop is stable;
+within that, the gain is proved to be below its bound on panels of the number, by that region
+itself.
 """
 
 from dataclasses import replace

@@ -58,7 +58,8 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
 
 
 def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Records of slice 0 with these ends, or the one record of a slice without intervals; other numbers are missing."""
+    """Records of slice 0 with these ends, or the one record of a slice without intervals; other
+    numbers are missing."""
     records = np.zeros(max(low.size, 1), dtype)
     records["doubt"] = Doubt.SEARCH
     for name in dtype.names:
@@ -73,7 +74,8 @@ def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndar
 def unanswered(
     dtype: np.dtype, number: int, span: tuple[float, float], error: Exception
 ) -> np.ndarray:
-    """The record of a slice whose search failed in arithmetic: nothing is known from one end of the range to the other.
+    """The record of a slice whose search failed in arithmetic: nothing is known from one end of the
+    range to the other.
 
     Where it failed is a warning.
     """

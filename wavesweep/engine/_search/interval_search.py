@@ -1,7 +1,7 @@
 """Stable intervals of loops of one drawing along any of their numbers, a batch at a time.
 
-The methods are tried in their order: one that applies answers for the slices, and asks those after it about smaller questions,
-and about the columns that it leaves in doubt.
+The methods are tried in their order: one that applies answers for the slices, and asks those after
+it about smaller questions, and about the columns that it leaves in doubt.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,8 @@ from wavesweep.engine._search.question import Prover, Question, RequiredRegion, 
 from wavesweep.engine._stability.intervals import Intervals, by_slice
 from wavesweep.engine.loop import Loops
 
-# Each has `applies(question, slices)` and `find(question, slices, rest)`; what it proves stands at its head.
+# Each has `applies(question, slices)` and `find(question, slices, rest)`; what it proves stands at
+# its head.
 METHODS = (dead_time_pieces, gain_bound, subloops, required_region, one_gain, dominance)
 
 ENDS, OMEGAS = ("low", "high"), ("low_omega", "high_omega")
@@ -42,7 +43,8 @@ Groups = tuple[tuple[np.ndarray, Loops], ...]  # (members, loops) pairs, see `dr
 def intervals_of(
     question: Question, slices: Slices, methods: Sequence[ModuleType] = METHODS
 ) -> Intervals:
-    """The intervals of slices by the first of the methods that applies, which asks the ones after it."""
+    """The intervals of slices by the first of the methods that applies, which asks the ones
+    after it."""
     place = next(place for place, method in enumerate(methods) if method.applies(question, slices))
     return methods[place].find(
         question, slices, partial(intervals_of, methods=methods[place + 1 :])
@@ -51,11 +53,13 @@ def intervals_of(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
-    """A search for the stable intervals of loops of one drawing along the number `along` within span = (low, high).
+    """A search for the stable intervals of loops of one drawing along the number `along` within
+    span = (low, high).
 
-    groups: of the loops, which the members of all of them number. lines: whether to give the lines of a spectrum at the ends.
-    checked: whether the numbers are known to make loops. prover, bound: see `Question`. at_port: what is computed of a port at
-    the ends. dtype: of the records, with the fields of RECORD and those of at_port.
+    groups: of the loops, which the members of all of them number. lines: whether to give the lines
+    of a spectrum at the ends. checked: whether the numbers are known to make loops. prover, bound:
+    see `Question`. at_port: what is computed of a port at the ends. dtype: of the records, with the
+    fields of RECORD and those of at_port.
     """
 
     along: str
@@ -101,7 +105,8 @@ class Search:
         return records
 
     def opened_groups(self) -> list[tuple[np.ndarray, Slices]]:
-        """The members and the slices of each group; groups that may have a loop without the number in common are one."""
+        """The members and the slices of each group; groups that may have a loop without the
+        number in common are one."""
         groups, question = self.groups, self.question
         for _, loops in () if self.checked else groups:
             loops.refuse_unsuitable()
@@ -117,7 +122,8 @@ class Search:
         return of_groups
 
     def _with_zeros(self):
-        """Two groups as one, that are apart since a number which loops may be without is 0 in one of them; else None."""
+        """Two groups as one, that are apart since a number which loops may be without is 0 in
+        one of them; else None."""
         if len(self.groups) != 2:
             return None
         (first, loops), (second, others) = self.groups
@@ -143,12 +149,14 @@ class Search:
 
     @property
     def in_pieces(self) -> bool:
-        """Whether loops are built in another way at other values of the number, as dead times of other whole ticks are."""
+        """Whether loops are built in another way at other values of the number, as dead times of
+        other whole ticks are."""
         loops = self.groups[0][1]
         return dead_time_pieces.applies(self.question, Slices(loops, 1))
 
     def about(self, value: float, work: float) -> tuple[np.ndarray, tuple[float, float]]:
-        """The intervals of a single loop about a value of the number; see `dead_time_pieces.about`."""
+        """The intervals of a single loop about a value of the number; see
+        `dead_time_pieces.about`."""
         ((_, loop),) = self.groups
         return dead_time_pieces.about(
             self.question, loop, value, work, partial(intervals_of, methods=METHODS[1:])
@@ -157,14 +165,16 @@ class Search:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Searches:
-    """Searches for loops of different drawings along the same range, whose members number the loops of all."""
+    """Searches for loops of different drawings along the same range, whose members number the
+    loops of all."""
 
     searches: tuple[Search, ...]
 
     def records(self) -> np.ndarray:
         """The intervals of all loops as records, sorted by slice.
 
-        Loops whose search fails in arithmetic are searched apart, and one that fails alone is in doubt everywhere.
+        Loops whose search fails in arithmetic are searched apart, and one that fails alone is in
+        doubt everywhere.
         """
         try:
             batches = [search.records() for search in self.searches]

@@ -1,8 +1,9 @@
-"""The lines of a mode within the frame: which of all frequencies of an eigenvalue a spectrum of the states of loops shows.
+"""The lines of a mode within the frame: which of all frequencies of an eigenvalue a spectrum of the
+states of loops shows.
 
-An eigenvalue z of the frame gives the frequency of its mode up to whole turns per frame. In a frame of M ticks the mode is
-`z^(i/M)` times a periodic signal, whose Fourier components are its lines (N. M. Wereley, S. R. Hall, Conference on Decision
-and Control 1990).
+An eigenvalue z of the frame gives the frequency of its mode up to whole turns per frame. In a frame
+of M ticks the mode is `z^(i/M)` times a periodic signal, whose Fourier components are its lines (N.
+M. Wereley, S. R. Hall, Conference on Decision and Control 1990).
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,20 +25,23 @@ from wavesweep.engine._stability.boundary import times
 from wavesweep.engine._stability.spectrum import eigenvalues
 from wavesweep.engine.loop import Loops
 
-MOST = 2**18  # numbers of states that are followed at once
+STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
 BESIDE, ROUNDED = (
     1e-10,
     4,
 )  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
 FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
-APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
-TIE = 0.2  # of the energy of a mode, by which a line has to be behind the strongest one to be told from it
+NO_PARTICIPATION = 1e-9  # of the largest participation in a mode, up to which a state takes no part
+# of the energy of a mode, by which a line has to be behind the strongest one to be told from it
+TIE = 0.2
 SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
-REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
+# rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
+REAL_ANGLE = 1e-6
 
 
 def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
-    """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
+    """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of
+    exp(s), `(loops, choices)`."""
     (lines,) = lines_of_each(loops, [s])
     return lines
 
@@ -45,7 +49,8 @@ def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
 def lines_of_each(
     loops: Loops, modes: Sequence[np.ndarray], *, ranges: bool = False
 ) -> Iterator[np.ndarray]:
-    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once.
+    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed
+    once.
 
     ranges: whether `range_of_lines` is wanted in place of `lines_of`.
     """
@@ -75,7 +80,7 @@ def lines_of_each(
                 state[:, lead, 0] = np.where(
                     delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta
                 )
-            taking = participation > APART * participation.max(-1, keepdims=True)
+            taking = participation > NO_PARTICIPATION * participation.max(-1, keepdims=True)
             rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
             moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
             moved[~shown] = 0.0
@@ -85,11 +90,11 @@ def lines_of_each(
 def _shown_by(
     drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`, and which it shows of modes
-    in which the states `taking` take part, masks `(..., n)`.
+    """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`,
+    and which it shows of modes in which the states `taking` take part, masks `(..., n)`.
 
-    They are the states of plants, also a position of theirs that nothing else reads; what programs remember, a spectrum shows
-    as stairs. Without a plant all are shown.
+    They are the states of plants, also a position of theirs that nothing else reads; what programs
+    remember, a spectrum shows as stairs. Without a plant all are shown.
     """
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
@@ -123,7 +128,8 @@ def _in_ticks(kinds, changes, state, rows):
 def strongest_in_cut(
     drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None
 ) -> np.ndarray:
-    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of loops cut at a number.
+    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of
+    loops cut at a number.
 
     bound: see `Question`.
     """
@@ -134,10 +140,9 @@ def strongest_in_cut(
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[label]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
     modes, order = ModesOfCut.of(drawing, loops, cut), np.argsort(label, kind="stable")
-    order = (
-        order[s[order] != 0] if cut.integrates else order
-    )  # there nothing moves but the integrator
-    few = max(1, MOST // (n * np.bincount(label[order]).max(initial=1)))
+    # there nothing moves but the integrator
+    order = order[s[order] != 0] if cut.integrates else order
+    few = max(1, STATES_AT_ONCE // (n * np.bincount(label[order]).max(initial=1)))
     with np.errstate(all="ignore"):
         rest = order[~(_share_of_first(modes, label, order, s, few) > 1 / 2)]
         for batch in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
@@ -149,7 +154,8 @@ def strongest_in_cut(
 
 
 def _share_of_first(modes, label, order, s, few):
-    """The share of the first line in what is shown of each mode, in this order, which is that of their loops `label`."""
+    """The share of the first line in what is shown of each mode, in this order, which is that of
+    their loops `label`."""
     first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
     row, column = (
         np.repeat(np.arange(first.size), counts),
@@ -168,10 +174,11 @@ def _share_of_first(modes, label, order, s, few):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModesOfCut:
-    """Modes of loops that are cut at a number: what a product of 1 moves, `(z - A)^-1 B`, whatever the number.
+    """Modes of loops that are cut at a number: what a product of 1 moves, `(z - A)^-1 B`, whatever
+    the number.
 
-    rows: what a spectrum shows, over the states. inner: where the states of the cut are among them. force: the input that the
-    product is.
+    rows: what a spectrum shows, over the states. inner: where the states of the cut are among them.
+    force: the input that the product is.
     """
 
     loops: OpenLoops
@@ -194,12 +201,13 @@ class ModesOfCut:
         return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
 
     def in_ticks(self, index, w):
-        """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of eigenvalue 1 + w, `(k, columns)`."""
+        """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of
+        eigenvalue 1 + w, `(k, columns)`."""
         cut, frame, ticks = self.cut, self.loops.frame, self.loops.frame.ticks
         kinds, n = ticks.kind.tolist(), len(ticks.states)
         single = (
             cut.batch[0] == index.size == 1
-            and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= MOST
+            and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= STATES_AT_ONCE
         )
         pole, mode = polynomials(
             cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w
@@ -232,7 +240,8 @@ class ModesOfCut:
         return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
 
     def _in_one_product(self):
-        """What is shown in all ticks, as rows over the states and the product of a single loop, `(ticks, rows, n + 1)`."""
+        """What is shown in all ticks, as rows over the states and the product of a single loop,
+        `(ticks, rows, n + 1)`."""
         ticks, rows = self.loops.frame.ticks, self.rows
         n = len(ticks.states)
         matrices = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
@@ -259,11 +268,14 @@ def _of_loops(arrays, index):
 
 
 def vectors_of(E, w):
-    """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(..., n, 1)`, of product 1.
+    """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(...,
+    n, 1)`, of product 1.
 
-    They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
+    They follow from this eigenvalue alone: the states of a delay make others that have too few
+    vectors.
     """
-    # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is not known.
+    # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
+    # not known.
     step, back = (
         BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)),
         np.full(E.shape, np.nan + 0j),
@@ -285,10 +297,12 @@ def vectors_of(E, w):
 
 
 def lines_of(moved, s, period) -> np.ndarray:
-    """Return the strongest line of modes (Hz), and the second one or NaN, `(..., 2)`, from states in each tick.
+    """Return the strongest line of modes (Hz), and the second one or NaN, `(..., 2)`, from states
+    in each tick.
 
-    moved: `(..., states, ticks)`. s: logarithm of the eigenvalue, and period of the frame (s), `(...)`. The share of a line is
-    its mean share in the energy of each state, whatever their units are. If all of them rest, the line is that of s itself.
+    moved: `(..., states, ticks)`. s: logarithm of the eigenvalue, and period of the frame (s),
+    `(...)`. The share of a line is its mean share in the energy of each state, whatever their units
+    are. If all of them rest, the line is that of s itself.
     """
     share, turns, conjugate = _shares_of_lines(moved, s)
     index = np.arange(turns.size)
@@ -303,10 +317,12 @@ def lines_of(moved, s, period) -> np.ndarray:
 
 
 def range_of_lines(moved, s, period) -> np.ndarray:
-    """Return the strongest line of modes (Hz), and the lowest and the highest one that may be it, `(..., 3)`; see `lines_of`.
+    """Return the strongest line of modes (Hz), and the lowest and the highest one that may be it,
+    `(..., 3)`; see `lines_of`.
 
-    A line may be the strongest if its share is within TIE of the largest one: so far apart that neither rounding nor values
-    next to these move the others past it. Any may be of a mode whose states are not known.
+    A line may be the strongest if its share is within TIE of the largest one: so far apart that
+    neither rounding nor values next to these move the others past it. Any may be of a mode whose
+    states are not known.
     """
     share, turns, _ = _shares_of_lines(moved, s)
     hz = np.abs(s.imag[..., None] / (2 * np.pi) + turns) / np.asarray(period)[..., None]
@@ -321,7 +337,8 @@ def range_of_lines(moved, s, period) -> np.ndarray:
 
 
 def _shares_of_lines(moved, s):
-    """The share of each line in modes, its turns per frame, and which line is that of the conjugate; see `lines_of`."""
+    """The share of each line in modes, its turns per frame, and which line is that of the
+    conjugate; see `lines_of`."""
     ticks, theta = moved.shape[-1], s.imag[..., None]
     turns, index = np.round(np.fft.fftfreq(ticks) * ticks).astype(int), np.arange(ticks)
     with np.errstate(all="ignore"):
@@ -330,15 +347,17 @@ def _shares_of_lines(moved, s):
         )
         share = np.nan_to_num(energy / energy.sum(-1, keepdims=True)).sum(-2)
         share = np.nan_to_num(share / share.sum(-1, keepdims=True))
-    half = np.where(np.abs(theta) >= np.pi - REAL, np.sign(theta), 0).astype(int)
-    conjugate = np.where((np.abs(theta) <= REAL) | (half != 0), (-turns - half) % ticks, index)
+    half = np.where(np.abs(theta) >= np.pi - REAL_ANGLE, np.sign(theta), 0).astype(int)
+    conjugate = np.where(
+        (np.abs(theta) <= REAL_ANGLE) | (half != 0), (-turns - half) % ticks, index
+    )
     share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
     return share, turns, conjugate
 
 
 def share_of_first(observed, ticks, s) -> np.ndarray:
-    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; observed: the states, tick by tick,
-    `(..., states, columns)`, or an array of all of them."""
+    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`;
+    observed: the states, tick by tick, `(..., states, columns)`, or an array of all of them."""
     near, total, turn, step = (
         0.0,
         0.0,
@@ -352,7 +371,7 @@ def share_of_first(observed, ticks, s) -> np.ndarray:
         for states in observed:
             moved = states * turn
             near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
-    is_half = np.abs(s.imag) >= np.pi - REAL
+    is_half = np.abs(s.imag) >= np.pi - REAL_ANGLE
     with np.errstate(invalid="ignore"):  # of states that stand still, or of none that move
         share = (near.real**2 + near.imag**2) / (ticks * total)
         moves = ~np.isnan(share)

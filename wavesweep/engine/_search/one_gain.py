@@ -1,7 +1,9 @@
-"""A cut at the number, where it is one scalar gain of a frame: the unit circle is searched for crossings.
+"""A cut at the number, where it is one scalar gain of a frame: the unit circle is searched for
+crossings.
 
-Applies if the frame without the number has a cut. All crossings are roots of one real polynomial; between two of them the
-number of eigenvalues outside of the circle is counted, and the count is proved by signs or discs.
+Applies if the frame without the number has a cut. All crossings are roots of one real polynomial;
+between two of them the number of eigenvalues outside of the circle is counted, and the count is
+proved by signs or discs.
 """
 
 from dataclasses import replace
@@ -23,7 +25,8 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
-    """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the rest is asked."""
+    """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the
+    rest is asked."""
     loops, opened = slices.loops, slices.opened
     intervals = of_cut(opened, question.span, question.bound)
     doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
@@ -50,7 +53,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 def of_cut(
     opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None
 ) -> Intervals:
-    """The intervals of slices whose loops are cut, sorted by slice; loops with equally many slices go together."""
+    """The intervals of slices whose loops are cut, sorted by slice; loops with equally many
+    slices go together."""
     cut = opened.loops.batch(int(opened.loop_of.max()) + 1)
     order, counts = np.argsort(opened.loop_of, kind="stable"), np.bincount(opened.loop_of)
     starts, batches = np.cumsum(counts) - counts, []

@@ -1,4 +1,5 @@
-"""Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
+"""Drawn loops without a number that is one scalar gain of their frame, and slices that share
+such a loop."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,24 +27,23 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct, distinct_rows
 
-# From the blocks of loops without some numbers, their drawing, these numbers, and the signals of theirs that the frame is
-# opened at, to a port that the frame is to show as well; None for none.
+# From the blocks of loops without some numbers, their drawing, these numbers, and the signals of
+# theirs that the frame is opened at, to a port that the frame is to show as well; None for none.
 FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], Ports | None]
 
 ANY = np.array([0.5, 2.0])  # a number that varies
-TINY = 1e-300  # in place of a zero, which would take a state out of the loop
-FEW = (
-    200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
-)
+IN_PLACE_OF_ZERO = 1e-300  # in place of a zero, which would take a state out of the loop
+# loops at most that are remembered together; a chunk of a large sweep is never asked again
+REMEMBERED_LOOPS = 200
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoops:
     """Loops without a number that is one scalar gain of their frame.
 
-    port: whose input the frame has as well, and whose reaction it shows. second: another number of the same wire, that they are
-    without as well (see `shares_wire`), or empty. conserved: whether a combination of states drifts in the loops with the
-    number.
+    port: whose input the frame has as well, and whose reaction it shows. second: another number of
+    the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
+    combination of states drifts in the loops with the number.
     """
 
     drawn: MultirateLoop
@@ -62,7 +62,8 @@ class OpenLoops:
 
     @cached_property
     def cut(self) -> LinearFractional | None:
-        """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
+        """The loops cut at the number, or at the two numbers; None if their drift cannot be
+        represented in a cut."""
         return cut_of(self.frame, self.drift, 1 + bool(self.second), conserved=self.conserved)
 
     def batch(self, size: int) -> LinearFractional:
@@ -80,8 +81,9 @@ def open_loops(
 ) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
-    second: another number of the same wire, without which they are as well; None if they drift in another way without it.
-    find_port: of a port that the frame is to show. per_loop: see `product_with_errors`.
+    second: another number of the same wire, without which they are as well; None if they drift in
+    another way without it. find_port: of a port that the frame is to show. per_loop: see
+    `product_with_errors`.
     """
     drawing = loops.drawing
     if not scalar_place(drawing, number):
@@ -120,8 +122,9 @@ def remembered_loops(drawing, items, number, second, find_port):
 class Opened:
     """Slices with their loops without the number, and perhaps without another one as well.
 
-    loop_of: the loop of each slice. second: the values of the other number. swapped: whether the loops are cut at that one, as
-    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own.
+    loop_of: the loop of each slice. second: the values of the other number. swapped: whether the
+    loops are cut at that one, as at a stiffness for intervals of the damping. alone: whether each
+    slice has a loop and bounds on rounding of its own.
     """
 
     loops: OpenLoops
@@ -134,11 +137,13 @@ class Opened:
     def of(
         loops: Loops, number: str, size: int, *, find_port: FindPort | None = None
     ) -> "Opened | None":
-        """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
+        """Return `size` slices with their loops without the number; None if it is not one scalar
+        gain of a frame.
 
-        loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
-        that number as well; of several such numbers one that is varied. find_port: see `open_loops`.
-        Errors: IllPosedLoopError if the loops have no solution without the number.
+        loops: those of the slices. Slices that differ in another number of the same wire alone have
+        one loop, which is without that number as well; of several such numbers one that is varied.
+        find_port: see `open_loops`. Errors: IllPosedLoopError if the loops have no solution without
+        the number.
         """
         path = varied_beside(loops, number)
         for swapped in (False, True) if path else ():
@@ -169,7 +174,8 @@ def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
 
 
 def varied_beside(loops: Loops, number: str) -> str:
-    """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
+    """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last
+    one; else empty."""
     paths = [
         path
         for path, v in loops.values.items()
@@ -179,7 +185,8 @@ def varied_beside(loops: Loops, number: str) -> str:
 
 
 def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
-    """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
+    """The slices with loops without the number, and without that with the path `path` if there
+    is one; see `Opened`."""
     loop_of, second, numbers = (
         np.arange(size),
         np.zeros(size),
@@ -196,7 +203,7 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, find_p
         loops = loops.changed({path: 0.0})
     elif size == 1 and not alone:
         loops = loops.one(0)
-    if alone or max(map(np.size, loops.values.values()), default=1) > FEW:
+    if alone or max(map(np.size, loops.values.values()), default=1) > REMEMBERED_LOOPS:
         without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone)
     else:
         without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)

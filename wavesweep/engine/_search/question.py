@@ -13,12 +13,14 @@ from wavesweep.engine.loop import Loops
 
 
 class RequiredRegion(Protocol):
-    """Where the eigenvalues of a drawing's frame have to be; without a bound, within the unit circle.
+    """Where the eigenvalues of a drawing's frame have to be; without a bound, within the unit
+    circle.
 
-    The search takes a bound on their size as the unit circle of frames over its radius. What else is bounded has a search of
-    its own, `intervals`, beside it. cost: s per slice of that search, 0 without one. of_size: the bounds on the size alone;
-    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius. gains: those of
-    the whole loop that are bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
+    The search takes a bound on their size as the unit circle of frames over its radius. What else
+    is bounded has a search of its own, `intervals`, beside it. cost: s per slice of that search, 0
+    without one. of_size: the bounds on the size alone; None if there are none. on_circle: whether a
+    mode that meets its bound is on the circle of that radius. gains: those of the whole loop that
+    are bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
     """
 
     cost: float
@@ -31,15 +33,18 @@ class RequiredRegion(Protocol):
         """The same for so many frames in place of one."""
 
     def radius_of(self, period) -> np.ndarray:
-        """The radius of loops with these periods of a frame, in s. Errors: UsageError if it is too small."""
+        """The radius of loops with these periods of a frame, in s. Errors: UsageError if it is
+        too small."""
 
     def logarithms(self, period, omega) -> np.ndarray:
-        """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(..., bounds)`."""
+        """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(...,
+        bounds)`."""
 
     def intervals(
         self, frames, errors, turns, ticks: int, span, columns: int, period, bounds, resolved
     ) -> Intervals:
-        """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`.
+        """All intervals in which eigenvalues are where they have to be, apart from their size; see
+        `stable_along_any`.
 
         turns: what modes turn in a frame of so many ticks, see `FramesAlong.turns`.
         """
@@ -47,7 +52,8 @@ class RequiredRegion(Protocol):
     def within_gain(
         self, loops, along: str, span, period, bounds, resolved, stable: Intervals
     ) -> list[Intervals]:
-        """All intervals along a number in which each of the gains is within its bound, as far as they are in `stable`.
+        """All intervals along a number in which each of the gains is within its bound, as far as
+        they are in `stable`.
 
         An omega at an end that the gain sets has a minus.
         """
@@ -56,10 +62,12 @@ class RequiredRegion(Protocol):
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
 
     def refuse_rates(self, name: str) -> None:
-        """Raise UsageError if no intervals can be found along the number `name`, which changes the time of a frame."""
+        """Raise UsageError if no intervals can be found along the number `name`, which changes
+        the time of a frame."""
 
 
-# From loops, the path of a number and the periods of their frames (s) to what `covering.proved_by_balls` asks; None: no prover.
+# From loops, the path of a number and the periods of their frames (s) to what
+# `covering.proved_by_balls` asks; None: no prover.
 Prover = Callable[[Loops, str, np.ndarray], Callable | None]
 
 
@@ -67,8 +75,8 @@ Prover = Callable[[Loops, str, np.ndarray], Callable | None]
 class Question:
     """Where along the number with the path `along`, within span = (low, high), loops are stable.
 
-    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the unit circle. find_port: of a
-    port that loops without the number are to show, see `open_loops`.
+    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the
+    unit circle. find_port: of a port that loops without the number are to show, see `open_loops`.
     """
 
     along: str
@@ -85,7 +93,8 @@ class Question:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slices:
-    """The loops of `size` slices; opened: the same without the number, None if it is not one scalar gain of a frame."""
+    """The loops of `size` slices; opened: the same without the number, None if it is not one
+    scalar gain of a frame."""
 
     loops: Loops
     size: int

@@ -1,7 +1,9 @@
-"""A required region of eigenvalues that is no circle, such as that of a damping ratio, by a search of its own.
+"""A required region of eigenvalues that is no circle, such as that of a damping ratio, by a search
+of its own.
 
-Applies if the bound has one. It proves where the eigenvalues are in that region; a bound on their size is found beside it by
-the other methods, and both hold where the intervals have values in common.
+Applies if the bound has one. It proves where the eigenvalues are in that region; a bound on their
+size is found beside it by the other methods, and both hold where the intervals have values in
+common.
 """
 
 from dataclasses import replace

@@ -1,7 +1,9 @@
-"""Loops drawn in one spec that do not act on each other both ways: each by itself, and the values at which all are stable.
+"""Loops drawn in one spec that do not act on each other both ways: each by itself, and the values
+at which all are stable.
 
-Applies if the drawing has several such subloops. The eigenvalues of the loops are those of all subloops, so that intervals that
-are proved of each of them are proved of the loops where they have values in common.
+Applies if the drawing has several such subloops. The eigenvalues of the loops are those of all
+subloops, so that intervals that are proved of each of them are proved of the loops where they have
+values in common.
 """
 
 from collections.abc import Mapping
@@ -60,9 +62,11 @@ def subloops_along(question: Question, loops: Loops) -> tuple[Drawing, ...]:
 
 
 def _drift_alike(question, loops, drawings):
-    """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing else is left out of them.
+    """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing
+    else is left out of them.
 
-    A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows with time.
+    A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows
+    with time.
     """
     over = loops.changed({question.along: np.array(question.span)})
     drifts = [Loops(drawing, over.values).drift() for drawing in (loops.drawing, *drawings)]
@@ -87,15 +91,17 @@ def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, se
 def subloops(
     drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False
 ) -> tuple[Drawing, ...]:
-    """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
+    """Return the parts of a drawing whose blocks all act on one another, in the order of their
+    blocks.
 
-    silent: ports and signals of the terms whose gain is 0, through which nothing acts. every: whether blocks that come to rest
-    by themselves are parts too, as how fast they do may matter.
+    silent: ports and signals of the terms whose gain is 0, through which nothing acts. every:
+    whether blocks that come to rest by themselves are parts too, as how fast they do may matter.
 
-    A block that acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of
-    all parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
-    value of a gain, which looks like one that only touches it; by themselves they are simple crossings. A block that is no
-    part of a loop and comes to rest with any numbers is in no part, unless there is no other.
+    A block that acts on a part and is not acted on by it changes none of its eigenvalues, and those
+    of the whole are those of all parts. Two equal joints of a robot, or two equal cars of which one
+    follows the other, cross the unit circle at the same value of a gain, which looks like one that
+    only touches it; by themselves they are simple crossings. A block that is no part of a loop and
+    comes to rest with any numbers is in no part, unless there is no other.
     """
     feeds = _feeds(drawing, silent)
     reached = {name: _reached(feeds, name) for name in feeds}
@@ -113,7 +119,8 @@ def subloops(
 def silent(
     drawing: Drawing, values: Mapping[str, object], number: str
 ) -> frozenset[tuple[str, str]]:
-    """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do not read a number.
+    """Return ports and signals through which nothing acts: of terms that are 0 in every loop and do
+    not read a number.
 
     values: flat numbers, or arrays over a batch.
     """
@@ -126,7 +133,8 @@ def silent(
 
 @lru_cache(maxsize=64)
 def _terms(drawing, number):
-    """Ports and signals of the terms that read a number, and those of the others, each with its gain."""
+    """Ports and signals of the terms that read a number, and those of the others, each with its
+    gain."""
     terms = [
         ((port, signal), gain)
         for port, terms in (*drawing.wires, *drawing.couplings)

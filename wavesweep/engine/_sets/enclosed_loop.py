@@ -1,7 +1,9 @@
-"""The blocks of a drawn loop with some of its numbers anywhere in a cell, and the ticks that they make.
+"""The blocks of a drawn loop with some of its numbers anywhere in a cell, and the ticks that they
+make.
 
-What the blocks do is written in `_loops.definitions`, for numbers of every kind; here the numbers are Taylor models of the
-sides of the cell. Names of states and ports are those of the loop in doubles, whose structure this follows.
+What the blocks do is written in `_loops.definitions`, for numbers of every kind; here the numbers
+are Taylor models of the sides of the cell. Names of states and ports are those of the loop in
+doubles, whose structure this follows.
 """
 
 from __future__ import annotations
@@ -32,7 +34,12 @@ from wavesweep.engine._loops.blocks import realisation
 from wavesweep.engine._loops.filters import sections
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
-from wavesweep.engine._sets.taylor_models import BITS, Polynomials, TaylorModel, UnresolvedError
+from wavesweep.engine._sets.taylor_models import (
+    BALL_BITS,
+    Polynomials,
+    TaylorModel,
+    UnresolvedError,
+)
 
 CONTINUOUS = ("mass", "inertia", "mass_matrix", "spring", "ss", "tf")
 
@@ -41,8 +48,8 @@ CONTINUOUS = ("mass", "inertia", "mass_matrix", "spring", "ss", "tf")
 class Side:
     """A side t of a cell, of the number with this path.
 
-    The number is t itself if `zero` is NaN; `zero + exp(t)` for one that changes by a factor; `zero + (end - zero)/(1 +
-    exp(-t))` for one that also comes near to an end.
+    The number is t itself if `zero` is NaN; `zero + exp(t)` for one that changes by a factor; `zero
+    + (end - zero)/(1 + exp(-t))` for one that also comes near to an end.
     """
 
     path: str
@@ -87,7 +94,8 @@ class BlockModel(NamedTuple):
 class EnclosedLoop:
     """A drawn loop of which some numbers are anywhere in a cell.
 
-    drawing, values: of one loop, flat; values have the whole ticks of dead times. sides: of the cells.
+    drawing, values: of one loop, flat; values have the whole ticks of dead times. sides: of the
+    cells.
     """
 
     def __init__(
@@ -101,14 +109,16 @@ class EnclosedLoop:
         self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
 
     def over(self, cells: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
-        """Return the blocks and the gains of the wires in cells that are wide along the same sides, `(*cells, 2, sides)`.
+        """Return the blocks and the gains of the wires in cells that are wide along the same sides,
+        `(*cells, 2, sides)`.
 
-        known: blocks in these cells, of loops with the same values and sides; those that are the same here are taken from
-        there. Errors: UnresolvedError if a cell is too wide for a bound; its numbers are those of the sides that are wide.
+        known: blocks in these cells, of loops with the same values and sides; those that are the
+        same here are taken from there. Errors: UnresolvedError if a cell is too wide for a bound;
+        its numbers are those of the sides that are wide.
         """
         if self.last is not None and np.array_equal(self.last[0], cells):
             return self.last[1]
-        with ctx.workprec(BITS):
+        with ctx.workprec(BALL_BITS):
             model = _Evaluation(self, cells, {} if known is None else known).model()
         self.last = cells, model
         return model
@@ -131,12 +141,15 @@ class LoopModel:
         held: Mapping[str, Sequence[str]],
         exact: Collection[str] = (),
     ) -> Polynomials:
-        """Return the map of a tick less the identity, `(*cells, n, n)`, with the states of `Ticks.of`.
+        """Return the map of a tick less the identity, `(*cells, n, n)`, with the states of
+        `Ticks.of`.
 
-        loop: the same in doubles, whose blocks run as its schedule says. place: of the tick in its frame. held: the ports that
-        each block holds. exact: blocks whose entries in doubles are what they are.
+        loop: the same in doubles, whose blocks run as its schedule says. place: of the tick in its
+        frame. held: the ports that each block holds. exact: blocks whose entries in doubles are
+        what they are.
 
-        With the blocks side by side, `y = C x + D u` and the wires `u = K y` give `(I - K D) u = K C x`.
+        With the blocks side by side, `y = C x + D u` and the wires `u = K y` give `(I - K D) u = K
+        C x`.
         """
         placed = [scheduled.block for scheduled in loop.placed]
         runs = [bool(scheduled.runs(place + 1)[place]) for scheduled in loop.placed]
@@ -179,8 +192,8 @@ class LoopModel:
         return A + B @ self._closed(K @ D, K @ C)
 
     def parts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield the sizes of the terms of each matrix of a block, and of each gain, `(monomials, *cells)`, and what is left out
-        of it."""
+        """Yield the sizes of the terms of each matrix of a block, and of each gain, `(monomials,
+        *cells)`, and what is left out of it."""
         for block in self.blocks.values():
             for matrix in block:
                 yield np.abs(matrix.terms).sum((-1, -2)), matrix.rest.sum((-1, -2))
@@ -235,7 +248,8 @@ class LoopModel:
 
 
 def exactly(block: Any, numbers: int, order: int, axes: int) -> BlockModel:
-    """Return a block whose entries in doubles are what they are, the same in all cells. axes: of the cells."""
+    """Return a block whose entries in doubles are what they are, the same in all cells. axes: of
+    the cells."""
     first = (1,) * axes
     matrices = (getattr(block, name) for name in "EBCD")
     return BlockModel(
@@ -299,7 +313,8 @@ class _Evaluation:
     def _shares(self, rate):
         """The share s of each dead time of `(m - s)` ticks.
 
-        Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if another one may come before it.
+        Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if
+        another one may come before it.
         """
         drawing, known = self.loop.drawing, self.loop.known
         shares = {
@@ -310,7 +325,7 @@ class _Evaluation:
             total = sum(shares[name] for name in names)
             low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
             for beyond in (low - total, total - high):
-                most = dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"])
+                most = dead_time.WHOLE_TICK * (1 + known[f"block.{names[0]}.ticks"])
                 if isinstance(beyond, TaylorModel):
                     late = beyond.ends()[1] > most
                     number = beyond.widest()
@@ -322,7 +337,8 @@ class _Evaluation:
         return shares
 
     def _once(self, block, make, *arguments):
-        """The model of a block, kept for all cells if it reads none of the sides, and else for other loops in this cell."""
+        """The model of a block, kept for all cells if it reads none of the sides, and else for
+        other loops in this cell."""
         trees = [self.loop.drawing.tick_hz, *(tree for _, tree in block.trees())]
         if isinstance(block, Plant):
             timed = {name for _, name in (*block.arriving, *block.sensed)}
@@ -418,7 +434,8 @@ class _Evaluation:
         return Polynomials.of_entries(rows, shape, self.numbers, self.order, cells)
 
     def _discrete(self, num, den, written):
-        """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of den that are plain numbers."""
+        """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of
+        den that are plain numbers."""
         delays, centre = realisation(written)
         n = len(den) - 1 - delays
         num = [0] * (len(den) - len(num)) + list(num)
@@ -462,7 +479,8 @@ class _Evaluation:
         return E - E.identity(), moved.at(range(n), range(n, n + m))
 
     def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
-        """Blocks that act on each other by `u = K y + e`, e held over the period; see `_loops.plant.plant_of`."""
+        """Blocks that act on each other by `u = K y + e`, e held over the period; see
+        `_loops.plant.plant_of`."""
         inputs, outputs = plant.drawn_ports
         members = [
             self._arranged(definitions.continuous(block.type, self._keys(block)))
@@ -531,7 +549,8 @@ def _function(name):
 
 
 def _recentred(at, coefficients):
-    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again."""
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it
+    again and again."""
     sums = list(coefficients)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):

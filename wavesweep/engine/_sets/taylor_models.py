@@ -1,8 +1,10 @@
-"""Numbers and matrices that depend on several numbers: polynomials with a bound on what they leave out.
+"""Numbers and matrices that depend on several numbers: polynomials with a bound on what they leave
+out.
 
-Taylor models: M. Berz, K. Makino, Verified integration of ODEs and flows using differential algebraic methods on high-order
-Taylor models, Reliable Computing 4, 361-369, 1998. Nothing is sampled: the remainder of a function follows from all of its
-derivatives, and that of a sum or a product from the sizes of the terms that are left out.
+Taylor models: M. Berz, K. Makino, Verified integration of ODEs and flows using differential
+algebraic methods on high-order Taylor models, Reliable Computing 4, 361-369, 1998. Nothing is
+sampled: the remainder of a function follows from all of its derivatives, and that of a sum or a
+product from the sizes of the terms that are left out.
 """
 
 from __future__ import annotations
@@ -18,19 +20,22 @@ import numpy as np
 from flint import arb
 
 UNIT = np.finfo(float).eps / 2
-BITS = 128  # of the balls that constants and derivatives are computed in
+BALL_BITS = 128  # of the balls that constants and derivatives are computed in
 OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above it
 LARGEST = np.finfo(float).max
-LEAST = 1e-300  # added to what is rounded outward: nothing underflows
-TERMS = 12  # of the series of an exponential
-WORSE = 2.0  # times half of the interval of all values: what a polynomial leaves out that is of no use beside that
-KNOWN = 0.1  # of that interval: what the terms of an argument may leave out, so that they say on what it depends
+LEAST_POSITIVE = 1e-300  # added to what is rounded outward: nothing underflows
+SERIES_TERMS = 12  # of the series of an exponential
+# times half of the interval of all values: what a polynomial leaves out that is of no use beside
+# that
+WORSE = 2.0
+# of that interval: what the terms of an argument may leave out, so that they say on what it depends
+KNOWN = 0.1
 TIGHTER = 0.9  # of the interval of its polynomial: that of what it is made of, which then counts
-NOTHING = 1e-15  # an exponential that is smaller need not be known
+GONE_EXPONENTIAL = 1e-15  # an exponential that is smaller need not be known
 MARKED = 1e-3  # of that interval: the terms that say on what it depends
-BLOCK = 4  # of that series: powers above this one are products of its own
+SERIES_BLOCK = 4  # of that series: powers above this one are products of its own
 OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
-SMALL = 0.25  # norm of a matrix, up to which that series is summed
+SUMMED_NORM = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
 BALANCED = 6  # sweeps of balancing
 PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays are slow for being new
@@ -39,7 +44,8 @@ PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays ar
 class UnresolvedError(Exception):
     """Cells are too wide: something has no bound in them.
 
-    cells: which of them, booleans in the shape of the batch. number: of each the one that contributes most, -1 if it is none.
+    cells: which of them, booleans in the shape of the batch. number: of each the one that
+    contributes most, -1 if it is none.
     """
 
     def __init__(self, cells: Any, number: Any = -1):
@@ -50,9 +56,11 @@ class UnresolvedError(Exception):
 
 @lru_cache(maxsize=32)
 def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the exponents of all monomials up to a total degree, sorted by degree, and the plan of a product.
+    """Return the exponents of all monomials up to a total degree, sorted by degree, and the plan of
+    a product.
 
-    The plan: indices of pairs of monomials whose product is kept, sorted by that product, and the product of each pair.
+    The plan: indices of pairs of monomials whose product is kept, sorted by that product, and the
+    product of each pair.
     """
     exponents = [each for each in product(range(order + 1), repeat=numbers) if sum(each) <= order]
     exponents.sort(key=lambda each: (sum(each), tuple(-part for part in each)))
@@ -74,9 +82,11 @@ def _degrees(numbers, order):
 
 @lru_cache(maxsize=512)
 def _pairs(numbers, order, one, two, at_once):
-    """The plan of a product in pieces of about so many pairs, of the monomials that are present in both factors.
+    """The plan of a product in pieces of about so many pairs, of the monomials that are present in
+    both factors.
 
-    one, two: which are, as bytes of booleans. Each piece: the pairs, where the pairs of each product begin, and that product.
+    one, two: which are, as bytes of booleans. Each piece: the pairs, where the pairs of each
+    product begin, and that product.
     """
     _, first, second, target = monomials(numbers, order)
     kept = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
@@ -100,17 +110,19 @@ def midpoint(value: Any) -> tuple[float, float]:
         return float(value), 0.0
     middle = float(value.mid())
     radius = float((value - arb(middle)).abs_upper())
-    return middle, radius * OUTWARD + LEAST if radius or (
+    return middle, radius * OUTWARD + LEAST_POSITIVE if radius or (
         middle == 0 and not value.is_zero()
     ) else 0.0
 
 
 class TaylorModel:
-    """A number within `rest` of the polynomial `sum_k terms[k] s^exponents[k]` for all s in [-1, 1]^numbers, in each of some cells.
+    """A number within `rest` of the polynomial `sum_k terms[k] s^exponents[k]` for all s in [-1,
+    1]^numbers, in each of some cells.
 
-    terms: `(monomials, *cells)`, those of total degree up to `order`, see `monomials`; rest: `(*cells)`. low, high: `(*cells)`,
-    bounds on the number that follow from those of what it is made of, such as 0 below a square: those of the polynomial are
-    wider where a cell is. Sums and products with numbers, arbs and other models enclose those of any two values at the same s.
+    terms: `(monomials, *cells)`, those of total degree up to `order`, see `monomials`; rest:
+    `(*cells)`. low, high: `(*cells)`, bounds on the number that follow from those of what it is
+    made of, such as 0 below a square: those of the polynomial are wider where a cell is. Sums and
+    products with numbers, arbs and other models enclose those of any two values at the same s.
     Rounding is in the rest, and that of the rest itself.
     """
 
@@ -131,7 +143,8 @@ class TaylorModel:
 
     @staticmethod
     def side(at: int, low: Any, high: Any, numbers: int, order: int) -> TaylorModel:
-        """Return the number with this index, from low to high as s goes from -1 to 1; low, high: of all cells."""
+        """Return the number with this index, from low to high as s goes from -1 to 1; low, high:
+        of all cells."""
         terms = np.zeros((len(monomials(numbers, order)[0]), *np.shape(low)))
         terms[0] = (low + high) / 2
         terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT)
@@ -183,7 +196,7 @@ class TaylorModel:
         middle, radius = midpoint(other)
         bounds = _products_of(self, self._constant(middle, radius))
         terms = self.terms * middle
-        rounding = UNIT * np.abs(terms).sum(0) + LEAST * (middle != 0)
+        rounding = UNIT * np.abs(terms).sum(0) + LEAST_POSITIVE * (middle != 0)
         rest = abs(middle) * self.rest + radius * self.size() + rounding
         return self._like(terms, rest, bounds)
 
@@ -204,7 +217,7 @@ class TaylorModel:
         beyond = (one[1:] * above[::-1][1:]).sum(0)
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + beyond
         added = min(present[0].sum(), present[1].sum())
-        rounding = 2 * (added + 2) * UNIT * all_one * all_two + LEAST
+        rounding = 2 * (added + 2) * UNIT * all_one * all_two + LEAST_POSITIVE
         return self._like(terms, rest + rounding, bounds)
 
     __radd__, __rmul__ = __add__, __mul__
@@ -231,8 +244,8 @@ class TaylorModel:
         return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
 
     def _composed(self, coefficients, left_out) -> TaylorModel:
-        """Return the polynomial of `self - c` with these coefficients, of each cell, the constant one first; left_out: bounds on
-        the rest."""
+        """Return the polynomial of `self - c` with these coefficients, of each cell, the
+        constant one first; left_out: bounds on the rest."""
         terms = self.terms.copy()
         terms[0] = 0.0
         difference = self._like(terms, self.rest)
@@ -241,22 +254,23 @@ class TaylorModel:
         total = self._constant(*balls[-1])
         for middle, radius in balls[-2::-1]:
             total = total.times(difference).plus(self._constant(middle, radius))
-        return self._like(total.terms, total.rest + left_out + LEAST)
+        return self._like(total.terms, total.rest + left_out + LEAST_POSITIVE)
 
     def _informed(self) -> Any:
-        """Where what it is made of bounds it better than its terms do, of which it has nearly all: elsewhere a smaller cell helps
-        more."""
+        """Where what it is made of bounds it better than its terms do, of which it has nearly
+        all: elsewhere a smaller cell helps more."""
         away = np.abs(self.terms[1:]).sum(0) + self.rest
         with np.errstate(invalid="ignore"):
             wide = self.high - self.low
             return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN * wide)
 
     def _bounded(self, found, low, high, informed) -> TaylorModel:
-        """The model of a function of it: `found`, or where what that leaves out is no better the interval of all values, about
-        the value in the middle of the cell, or one that is nearer to 0 so that its size is not more than theirs.
+        """The model of a function of it: `found`, or where what that leaves out is no better the
+        interval of all values, about the value in the middle of the cell, or one that is nearer to
+        0 so that its size is not more than theirs.
 
-        low, high: of these, which hold for all arguments; informed: where the interval may stand for it. Errors:
-        UnresolvedError for cells in which there is neither.
+        low, high: of these, which hold for all arguments; informed: where the interval may stand
+        for it. Errors: UnresolvedError for cells in which there is neither.
         """
         with np.errstate(invalid="ignore"):
             half = (low + high) / 2
@@ -264,10 +278,11 @@ class TaylorModel:
                 np.nan_to_num(found.terms[0]), np.minimum(half, 0), np.maximum(half, 0)
             )
             middle = np.clip(nearer, low, high)
-            radius = np.maximum(high - middle, middle - low) * OUTWARD + LEAST
+            radius = np.maximum(high - middle, middle - low) * OUTWARD + LEAST_POSITIVE
         bounded = informed & np.isfinite(radius)
         worse = ~(found.rest <= np.where(bounded, WORSE * radius, LARGEST))
-        # Elsewhere they are those of the polynomial again, so that what only spans decades is divided.
+        # Elsewhere they are those of the polynomial again, so that what only spans decades is
+        # divided.
         bounds = np.where(informed, low, -np.inf), np.where(informed, high, np.inf)
         if not np.any(worse):
             return self._like(found.terms, found.rest, bounds)
@@ -275,7 +290,7 @@ class TaylorModel:
             raise UnresolvedError(worse & ~bounded, self.widest())
         # Its terms are as small as to change nothing, and say on which numbers it depends.
         moves = np.moveaxis(self._moves(), -1, 0)
-        share = MARKED * radius / np.maximum(moves.sum(0), LEAST) * moves
+        share = MARKED * radius / np.maximum(moves.sum(0), LEAST_POSITIVE) * moves
         terms = np.zeros_like(found.terms)
         terms[0] = middle
         terms[1 : 1 + self.numbers] = share
@@ -285,7 +300,8 @@ class TaylorModel:
         )
 
     def _about(self) -> tuple[Any, Any]:
-        """Return c, the constant term, and a bound on how far the model is from it. Errors: UnresolvedError for overflow."""
+        """Return c, the constant term, and a bound on how far the model is from it. Errors:
+        UnresolvedError for overflow."""
         centre = self.terms[0]
         radius = (np.abs(self.terms[1:]).sum(0) + self.rest) * OUTWARD
         known = np.isfinite(centre) & np.isfinite(radius)
@@ -294,7 +310,8 @@ class TaylorModel:
         return centre, radius
 
     def _shares(self) -> tuple[Any, Any]:
-        """Return c, and a bound on `q^(order + 1)/(1 - q)` for `q = r/|c|` and the bound r on the distance from it.
+        """Return c, and a bound on `q^(order + 1)/(1 - q)` for `q = r/|c|` and the bound r on the
+        distance from it.
 
         The bound is infinite if the model may be 0.
         """
@@ -329,7 +346,8 @@ class TaylorModel:
         return self.inverted
 
     def sqrt(self) -> TaylorModel:
-        """Return the root: `sqrt(c) sum_k binomial(1/2, k) (d/c)^k`, whose coefficients get smaller."""
+        """Return the root: `sqrt(c) sum_k binomial(1/2, k) (d/c)^k`, whose coefficients get
+        smaller."""
         centre, tail = self._shares()
         coefficients, sizes = [], []
         for c in _each(centre):
@@ -354,10 +372,13 @@ class TaylorModel:
             coefficients.append(own)
         with np.errstate(all="ignore"):
             found = self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
-        return self._bounded(found, *self._monotonic(lambda x: x.log(), LEAST), self._informed())
+        return self._bounded(
+            found, *self._monotonic(lambda x: x.log(), LEAST_POSITIVE), self._informed()
+        )
 
     def exp(self) -> TaylorModel:
-        """Return the exponential: `exp(c) sum_k d^k/k!`; the rest is at most `exp(c + r) r^(order + 1)/(order + 1)!`."""
+        """Return the exponential: `exp(c) sum_k d^k/k!`; the rest is at most `exp(c + r)
+        r^(order + 1)/(order + 1)!`."""
         centre, radius = self._about()
         coefficients, largest = [], []
         for c, r in zip(_each(centre), _each(radius), strict=True):
@@ -371,11 +392,12 @@ class TaylorModel:
         with np.errstate(all="ignore"):
             found = self._composed(coefficients, np.where(last > 1, np.inf, largest * last))
         low, high = self._monotonic(lambda x: x.exp(), -np.inf)
-        far = (last > 1) & (largest < NOTHING)  # from the peak of a Gaussian
+        far = (last > 1) & (largest < GONE_EXPONENTIAL)  # from the peak of a Gaussian
         return self._bounded(found, low, high, self._informed() | far)
 
     def _monotonic(self, function, least) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds on an increasing function of it; infinite where an argument may be below the least one."""
+        """Bounds on an increasing function of it; infinite where an argument may be below the
+        least one."""
         low, high = np.broadcast_arrays(*self.ends(), self.rest)[:2]
         bounds = []
         for a, b in zip(_each(low), _each(high), strict=True):
@@ -453,7 +475,8 @@ def _squares(low, high):
 
 
 def _products_of(one, other):
-    """Bounds on the products of two numbers; an end that is not known, 0 times infinity, bounds nothing."""
+    """Bounds on the products of two numbers; an end that is not known, 0 times infinity, bounds
+    nothing."""
     with np.errstate(all="ignore"):
         products = [a * b for a in (one.low, one.high) for b in (other.low, other.high)]
     ends = np.array(np.broadcast_arrays(*products))
@@ -474,7 +497,8 @@ def _derivatives(four, order):
 
 
 class Sizes(NamedTuple):
-    """Of the terms of matrices: sums of sizes for each degree and for all degrees above each, and which terms are not 0."""
+    """Of the terms of matrices: sums of sizes for each degree and for all degrees above each,
+    and which terms are not 0."""
 
     by_degree: np.ndarray
     above: np.ndarray
@@ -484,11 +508,13 @@ class Sizes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Polynomials:
-    """Matrices within `rest` of `sum_k terms[k] s^exponents[k]`, entry by entry, for all s in [-1, 1]^numbers.
+    """Matrices within `rest` of `sum_k terms[k] s^exponents[k]`, entry by entry, for all s in [-1,
+    1]^numbers.
 
-    terms: `(monomials, ..., n, m)`, those of total degree up to `order`, the constant one first, then those of degree one in
-    the order of the numbers; rest: `(..., n, m)`. Sums and products enclose those of any two matrices at the same s.
-    Accuracy: rounding of the terms is in the rest; that of the rest itself is not, and a check has to leave room for it.
+    terms: `(monomials, ..., n, m)`, those of total degree up to `order`, the constant one first,
+    then those of degree one in the order of the numbers; rest: `(..., n, m)`. Sums and products
+    enclose those of any two matrices at the same s. Accuracy: rounding of the terms is in the rest;
+    that of the rest itself is not, and a check has to leave room for it.
     """
 
     terms: np.ndarray
@@ -511,7 +537,8 @@ class Polynomials:
         order: int,
         cells: tuple[int, ...] = (),
     ) -> Polynomials:
-        """Return the matrices of these entries, models, arbs or numbers: `(*cells, n, m)`, or more if the models have more."""
+        """Return the matrices of these entries, models, arbs or numbers: `(*cells, n, m)`, or
+        more if the models have more."""
         models = (each for row in rows for each in row if isinstance(each, TaylorModel))
         shapes = [np.shape(model.rest) for model in models]
         cells = np.broadcast_shapes(cells, *shapes)
@@ -632,7 +659,8 @@ class Polynomials:
         return self._like(terms, self.rest + rounding)
 
     def similar(self, basis: np.ndarray, inverse: np.ndarray) -> Polynomials:
-        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B, of all or of each; `inverse` is nearly that.
+        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B, of all or of
+        each; `inverse` is nearly that.
 
         With `inverse B = I + D` they are `(I + D)^-1 inverse A B`.
         """
@@ -659,34 +687,42 @@ class Polynomials:
             raise UnresolvedError(unbounded, self.widest())
 
     def exponential(self) -> Polynomials:
-        """`exp(A)` of square matrices, in units u, powers of 2, in which rows and columns are alike in size:
+        """`exp(A)` of square matrices, in units u, powers of 2, in which rows and columns are alike
+        in size:
 
             exp(A) = U (I + X + X^2/2! + ... + X^12/12! + R)^(2^k) U^-1,   X = U^-1 A U/2^k,   U = diag(u)
 
-        with as many squarings k for all. The series is added up by powers of X^4 (Paterson and Stockmeyer). What it leaves
-        out is `|R| <= |X|^13 (I - |X|)^-1/13!`, entry by entry, where the rows of |X| add up to 1/4 at most. Wherever a size
-        is asked for, it is `whole`: a bound on the entry for all values of the numbers, polynomial and rest together.
+        with as many squarings k for all. The series is added up by powers of X^4 (Paterson and
+        Stockmeyer). What it leaves out is `|R| <= |X|^13 (I - |X|)^-1/13!`, entry by entry, where
+        the rows of |X| add up to 1/4 at most. Wherever a size is asked for, it is `whole`: a bound
+        on the entry for all values of the numbers, polynomial and rest together.
         """
         self.refuse(~np.isfinite(self.whole).all((-1, -2)))
         units = _units(self.whole)
         ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
-        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, LEAST) / SMALL)))
-        self.refuse(halvings > BITS)
+        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, LEAST_POSITIVE) / SUMMED_NORM)))
+        self.refuse(halvings > BALL_BITS)
         halvings = int(halvings.max())
         scaled = scaled.times(0.5**halvings)
         powers = [scaled.identity(), scaled]
-        while len(powers) <= BLOCK:
+        while len(powers) <= SERIES_BLOCK:
             powers.append(powers[-1] @ scaled)
         largest = powers.pop()
-        total = largest.times(1 / factorial(TERMS))
-        for begin in range(TERMS - BLOCK, -1, -BLOCK):
-            total = total + _combined(powers, [1 / factorial(begin + k) for k in range(BLOCK)])
+        total = largest.times(1 / factorial(SERIES_TERMS))
+        for begin in range(SERIES_TERMS - SERIES_BLOCK, -1, -SERIES_BLOCK):
+            total = total + _combined(
+                powers, [1 / factorial(begin + k) for k in range(SERIES_BLOCK)]
+            )
             if begin:
                 total = total @ largest
         size = scaled.whole
-        left_out = np.linalg.matrix_power(size, TERMS + 1) @ _series_of(size) / factorial(TERMS + 1)
+        left_out = (
+            np.linalg.matrix_power(size, SERIES_TERMS + 1)
+            @ _series_of(size)
+            / factorial(SERIES_TERMS + 1)
+        )
         total = self._like(total.terms, total.rest + left_out)
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(halvings):
@@ -695,10 +731,12 @@ class Polynomials:
         return total.times(1 / ratio)
 
     def inverse(self) -> Polynomials:
-        """The inverses of square matrices: with C near to that of its middle, `(I - D)^-1 C` for `D = I - C A`.
+        """The inverses of square matrices: with C near to that of its middle, `(I - D)^-1 C` for `D
+        = I - C A`.
 
-        The geometric series is `(I + D)(I + D^2)(I + D^4) ...`, up to a degree k - 1 above that of its polynomials; the rest is
-        at most `X^k (I - X)^-1`, entry by entry, for the sizes X of D. Errors: UnresolvedError if these do not shrink.
+        The geometric series is `(I + D)(I + D^2)(I + D^4) ...`, up to a degree k - 1 above that of
+        its polynomials; the rest is at most `X^k (I - X)^-1`, entry by entry, for the sizes X of D.
+        Errors: UnresolvedError if these do not shrink.
         """
         n = self.rest.shape[-1]
         with np.errstate(all="ignore"):
@@ -732,12 +770,13 @@ def _combined(matrices, factors):
 
 
 def _series_of(X: np.ndarray) -> np.ndarray:
-    """Bounds on the entries of `(I - X)^-1 = I + X + X^2 + ...`, for X >= 0 whose rows add up to 1/4 at most.
+    """Bounds on the entries of `(I - X)^-1 = I + X + X^2 + ...`, for X >= 0 whose rows add up to
+    1/4 at most.
 
-    Entry (i, j) is the weight of all walks from i to j. Those of fewer than N >= n steps are added up.
-    A longer one is a walk of N steps and a further one, which is a path of fewer than n steps with
-    walks that return to each of its at most n states: the weights of these add up to 4/3 at most. So
-    the rest is at most `(4/3)^n X^N (I + ... + X^(N-1))`.
+    Entry (i, j) is the weight of all walks from i to j. Those of fewer than N >= n steps are added
+    up. A longer one is a walk of N steps and a further one, which is a path of fewer than n steps
+    with walks that return to each of its at most n states: the weights of these add up to 4/3 at
+    most. So the rest is at most `(4/3)^n X^N (I + ... + X^(N-1))`.
     """
     n = X.shape[-1]
     total = np.eye(n)

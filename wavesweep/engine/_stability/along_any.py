@@ -12,18 +12,19 @@ from wavesweep.engine._monodromy.rounding import uneven_units
 from wavesweep.engine._stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
 from wavesweep.engine._stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
-from wavesweep.engine._stability.reduced_equation import LONG, tiles_by_lines
-from wavesweep.engine._stability.regions import NEAR_ZERO, Regions
+from wavesweep.engine._stability.reduced_equation import LONG_LINES, tiles_by_lines
+from wavesweep.engine._stability.regions import SHARE_OF_SPAN, Regions
 from wavesweep.engine._stability.sampled_frames import Frames
 from wavesweep.engine.doubts import Doubt
 
-TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
-WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
-EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
+BENT_AT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
+LOGARITHMIC_RATIO = 3.0  # ratio of the span's ends above which its logarithm is the variable
+END_ROUNDING = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
 # Of the span, where the units of the states are found; not the middle, which may be 0.
 TYPICAL = (0.53, 0.37, 0.71, 0.013, 0.987)
-ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
+# of the polynomials of columns at a time, as far as their panels are two
+COLUMN_ENTRIES_AT_ONCE = 2**21
 
 
 def stable_along_any(
@@ -40,7 +41,8 @@ def stable_along_any(
     resolved: Any = None,
     from_one: bool = False,
 ) -> Intervals:
-    """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
+    """All stable intervals of every column within span = (low, high) of a parameter p that may
+    enter in any smooth way.
 
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
@@ -72,33 +74,37 @@ def regions_along_any(
     resolved=None,
     from_one: bool = False,
 ) -> Regions:
-    """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
+    """The parts of the span = (low, high) of a parameter p in which each column is stable,
+    unstable, or not known.
 
-    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or matrices `(...,
-    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
-    columns. bounds: p beyond them has no loop, a number or `(columns,)` each.
-    errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
-    a few roundings.
-    variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
-    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from 0, at which the loop need
-    not be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is that of p if high > WIDE low > 0,
-    as masses, impedances and cutoffs act by their ratios, or else p.
-    balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
-    resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
-    if scale is 0, with t from low to high, `(n,)` all; see `_loops.resolution`. By default they have none anywhere.
-    tight(column, p): what errors does, with bounds that are tighter and take longer, for windows that are too wide otherwise.
-    from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not for FROM_ZERO.
+    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or
+    matrices `(..., order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if
+    column is `(m, 1)`. columns: number of columns. bounds: p beyond them has no loop, a number or
+    `(columns,)` each. errors(column, p): frames less identity in the same states, and bounds on the
+    errors of their entries; by default these are a few roundings. variable: BENT, the logarithm of
+    the distance from the low end and a BENT_AT-th of the span, as stiffnesses and dampings have
+    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from
+    0, at which the loop need not be analytic and eigenvalues may leave z = 1 as any power of p;
+    otherwise it is that of p if high > LOGARITHMIC_RATIO low > 0, as masses, impedances and cutoffs
+    act by their ratios, or else p. balls(column, low, high): stable intervals of what is left in
+    doubt, see `covering.proved_by_balls`; by default it stays so. resolved(column, low, high,
+    offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
+    if scale is 0, with t from low to high, `(n,)` all; see `_loops.resolution`. By default they
+    have none anywhere. tight(column, p): what errors does, with bounds that are tighter and take
+    longer, for windows that are too wide otherwise. from_one: whether an eigenvalue is exactly 1 at
+    the low end of the span, see `leaving_one`; not for FROM_ZERO.
 
-    The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
-    these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
-    that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
-    not known: its column is in doubt, and the rest of it is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact are given as
-    that end.
+    The entries of the frame are followed on panels as polynomials with a bound on their error
+    (`entries`). From places on these it is proved how far to both sides no eigenvalue is on the
+    unit circle, and how many are outside (`dominance`). What that leaves are windows about
+    crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is not
+    known: its column is in doubt, and the rest of it is given. Accuracy: ends to 1e-9 relative,
+    usually 1e-12; those that are as near to an end of the span as ends are exact are given as that
+    end.
     """
     low, high = span
     if variable == FROM_ZERO:
-        low = EXACT * NEAR_ZERO * high
+        low = END_ROUNDING * SHARE_OF_SPAN * high
     v = _variable_of(low, high, variable)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
         bounds = np.stack([np.zeros(columns) + end for end in bounds])
@@ -106,8 +112,8 @@ def regions_along_any(
 
     def slack(t):
         if v.slope is None:
-            return EXACT + 0 * t
-        return EXACT * (np.abs(v.out(t)) + NEAR_ZERO * (high - low)) / v.slope(t)
+            return END_ROUNDING + 0 * t
+        return END_ROUNDING * (np.abs(v.out(t)) + SHARE_OF_SPAN * (high - low)) / v.slope(t)
 
     def through(function, column, t):
         with np.errstate(over="ignore"):  # beside the largest doubles
@@ -128,7 +134,7 @@ def regions_along_any(
         from_one=from_one,
     )
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
-    few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
+    few = max(1, COLUMN_ENTRIES_AT_ONCE // (2 * (DEGREES[-1] + 1) * order**2))
     portions = []
     for first in range(0, columns, few):
         names = np.arange(first, min(first + few, columns))
@@ -138,7 +144,8 @@ def regions_along_any(
     nothing = EPS * (high - low) if low < 0 < high else 0.0
 
     def back(t, end, given):
-        """The values of p at ends t of regions; the range's end is given back as it was, and not as it comes out."""
+        """The values of p at ends t of regions; the range's end is given back as it was, and not
+        as it comes out."""
         p = v.out(t)
         return np.where(t == end, given, np.where(np.abs(p) <= nothing, 0.0, p))
 
@@ -148,9 +155,11 @@ def regions_along_any(
 
 
 class _Variable(NamedTuple):
-    """The variable t in which panels are taken: t = into(p), p = out(t) = offset + scale exp(t), or t itself if scale is 0.
+    """The variable t in which panels are taken: t = into(p), p = out(t) = offset + scale exp(t), or
+    t itself if scale is 0.
 
-    slope: dp/dt as a function of t, None of a logarithm, whose ends are relative. unit: how far p may lie below the span.
+    slope: dp/dt as a function of t, None of a logarithm, whose ends are relative. unit: how far p
+    may lie below the span.
     """
 
     into: Callable
@@ -163,7 +172,7 @@ class _Variable(NamedTuple):
 
 def _variable_of(low, high, variable):
     if variable == BENT:
-        unit = (high - low) / TURN
+        unit = (high - low) / BENT_AT
 
         def into(p):
             return np.log1p((p - low) / unit)
@@ -175,7 +184,7 @@ def _variable_of(low, high, variable):
             return unit * np.exp(t)
 
         return _Variable(into, out, slope, unit, low - unit, unit)
-    if low > 0 and high > WIDE * low:
+    if low > 0 and high > LOGARITHMIC_RATIO * low:
         return _Variable(np.log, np.exp, None, low, 0.0, 1.0)
     return _Variable(_same, _same, np.ones_like, np.inf, 0.0, 0.0)
 
@@ -207,7 +216,8 @@ def _rounded(frames, column, p):
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """What is asked of columns in the variable: see `regions_along_any`. slack(t): how far an end may be off."""
+    """What is asked of columns in the variable: see `regions_along_any`. slack(t): how far an
+    end may be off."""
 
     frames: Callable
     errors: Callable
@@ -255,10 +265,11 @@ class _Search:
 
 @dataclass(frozen=True, slots=True)
 class _InEvenUnits:
-    """The frames of some columns of a search in units of the states in which no entry is large, see `uneven_units`.
+    """The frames of some columns of a search in units of the states in which no entry is large, see
+    `uneven_units`.
 
-    points: of the span, at which the units were found. ratio: what an entry (i, j) is multiplied by, `(columns, n, n)`;
-    plain: whether it is 1.
+    points: of the span, at which the units were found. ratio: what an entry (i, j) is multiplied
+    by, `(columns, n, n)`; plain: whether it is 1.
     """
 
     search: _Search
@@ -279,7 +290,7 @@ class _InEvenUnits:
         # Frames that grow are large in any units.
         calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)
         units = uneven_units(sizes[range(columns), calmest])
-        if E.shape[-1] >= LONG:
+        if E.shape[-1] >= LONG_LINES:
             for line in DelayLines.of(E).lines:  # which then take over values as they are
                 units[:, line] = units[:, line[:1]]
         ratio = units[:, None, :] / units[:, :, None]

@@ -1,4 +1,5 @@
-"""Roots of analytic functions on an interval: Chebyshev panels, split until their roots are proved."""
+"""Roots of analytic functions on an interval: Chebyshev panels, split until their roots are
+proved."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,9 +14,8 @@ NODES, KEPT = (
     14,
 )  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
-OVERLAP = (
-    0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
-)
+# of its width a panel reaches into each neighbour, so that no root stays on an edge
+OVERLAP = 0.035
 DEGREES = (
     1,
     2,
@@ -33,14 +33,17 @@ ELLIPSE, OUTER = (
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
-INTERPOLANT_ERROR = (
-    4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)
-)  # over the largest value on the ellipse
-ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
-CUT_AT = 0.48  # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
+# over the largest value on the ellipse
+INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)
+# of itself, up to which the error of a value on the rim counts; what is beyond is no better known
+ROUGH_VALUE = 10.0
+# of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
+CUT_AT = 0.48
 MOST_BEYOND = 4  # panels at the ends of a span
-CROWDED = 0.7  # of half a panel, from its middle: how far out its smallest sample says where to cut
-LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
+# of half a panel, from its middle: how far out its smallest sample says where to cut
+CUT_FROM_MIDDLE = 0.7
+# more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
+LEBESGUE = 4
 for _array in (NODE, TRANSFORM, RIM):
     _array.flags.writeable = False
 
@@ -49,10 +52,11 @@ for _array in (NODE, TRANSFORM, RIM):
 class PanelRoots:
     """Roots and the state of the panels.
 
-    column, function, x, within, slope_sign: a root each: its column, its function, its place and the distance to which that is
-    known, and the sign of the slope. lost, overflown, settled: panels as (column, low, high): given up, given up since samples
-    overflow there, and settled by the function that settles. open_low, open_high: `(columns,)`, whether roots may be left in
-    the first or the last bit of the interval.
+    column, function, x, within, slope_sign: a root each: its column, its function, its place and
+    the distance to which that is known, and the sign of the slope. lost, overflown, settled: panels
+    as (column, low, high): given up, given up since samples overflow there, and settled by the
+    function that settles. open_low, open_high: `(columns,)`, whether roots may be left in the first
+    or the last bit of the interval.
     """
 
     column: np.ndarray
@@ -81,21 +85,25 @@ def panel_roots(
 ) -> PanelRoots:
     """Find all roots of several functions of each column, real analytic in x.
 
-    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
-    values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`. column,
-    low, high: the first panels. columns: number of columns. smallest: a panel narrower than this that proves nothing is given
-    up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled, a number
-    or `(columns,)` each. end_bit: a panel at an end of the interval that is narrower than this and proves nothing is left open.
-    settling: number of a function that settles a panel on which it is proved to be positive, whatever the other functions
-    do; its roots do not count.
+    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real
+    or complex) the functions' values as phase, logarithm of the size, and rounding error relative
+    to the size, each `(functions, panels, points)`. column, low, high: the first panels. columns:
+    number of columns. smallest: a panel narrower than this that proves nothing is given up. many:
+    the open panels of a column are given up if there are so many. bounds: no point beyond them is
+    sampled, a number or `(columns,)` each. end_bit: a panel at an end of the interval that is
+    narrower than this and proves nothing is left open. settling: number of a function that settles
+    a panel on which it is proved to be positive, whatever the other functions do; its roots do not
+    count.
 
-    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every
-    function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are
-    cut away, and of features that the nodes may miss: the interpolant of a function that is analytic and at most G inside an
-    ellipse about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
-    Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim; the
-    functions are sampled there at complex x. A mode of the tick may have no visible effect at the nodes, since it enters a
-    frame as a high power; it is large on the rim if it is large anywhere on the panel.
+    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its
+    roots for every function within the error bound; otherwise the panel is split. The bound
+    consists of rounding, of the coefficients that are cut away, and of features that the nodes may
+    miss: the interpolant of a function that is analytic and at most G inside an ellipse about the
+    panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N.
+    Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum
+    principle G is that on the ellipse's rim; the functions are sampled there at complex x. A mode
+    of the tick may have no visible effect at the nodes, since it enters a frame as a high power; it
+    is large on the rim if it is large anywhere on the panel.
     """
     bounds = [np.broadcast_to(end, columns) for end in bounds]
     lowest = low.min(initial=np.inf)
@@ -158,14 +166,16 @@ class _Roots(Rows):
 
 @dataclass(frozen=True, slots=True)
 class _Panels(Rows):
-    """Panels of a generation: column, middle and half-width of each, the overlap with its neighbours included."""
+    """Panels of a generation: column, middle and half-width of each, the overlap with its
+    neighbours included."""
 
     column: np.ndarray
     middle: np.ndarray
     half: np.ndarray
 
     def at(self, place):
-        """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside it."""
+        """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside
+        it."""
         return self.middle[:, None] + self.half[:, None] * place
 
 
@@ -178,7 +188,8 @@ def _panels(column, low, high, bounds):
 
 
 def _with_ellipses(column, low, high, smallest, bounds):
-    """The panels, those of which the ellipse is beyond the bounds cut until it is not: on these nothing can be proved.
+    """The panels, those of which the ellipse is beyond the bounds cut until it is not: on these
+    nothing can be proved.
 
     So are the panels at the ends of a span, and no others unless all of the span is.
     """
@@ -206,8 +217,9 @@ def _ellipse_within(panels, bounds):
 
 
 class _Judged(NamedTuple):
-    """What is known of panels, `(panels,)`: whether their roots are proved, they are settled, all samples are finite, and none
-    is; the roots on proved panels; and the places to cut, as shares of a width."""
+    """What is known of panels, `(panels,)`: whether their roots are proved, they are settled,
+    all samples are finite, and none is; the roots on proved panels; and the places to cut, as
+    shares of a width."""
 
     proved: np.ndarray
     settled: np.ndarray
@@ -258,17 +270,18 @@ def _judged(sample, panels, bounds, settling) -> _Judged:
     proved &= sure[counted].all(0)
     settled &= ~proved
     roots = [some.take(proved[of_root]) for of_root, some in found]
-    # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an end.
+    # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an
+    # end.
     place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]
-    cut_at = np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
+    cut_at = np.where(np.abs(place) < CUT_FROM_MIDDLE, CUT_AT, np.where(place > 0, 0.76, 0.24))
     return _Judged(proved, settled, finite, ~reached, roots, cut_at)
 
 
 def _trend(log, finite):
     """Return the exponential growth of each function over a panel, per half of its width.
 
-    To divide by it removes no roots, and may leave a function that a polynomial follows more easily: functions of a frame are
-    powers of those of a tick.
+    To divide by it removes no roots, and may leave a function that a polynomial follows more
+    easily: functions of a frame are powers of those of a tick.
     """
     right = log[..., NODE > 0.5].max(-1)
     left = log[..., NODE < -0.5].max(-1)
@@ -277,7 +290,8 @@ def _trend(log, finite):
 
 
 def _scaled(sign, log, trend):
-    """Return samples without their trend, the largest of a panel of size 1, and the logarithm of their divisor."""
+    """Return samples without their trend, the largest of a panel of size 1, and the logarithm of
+    their divisor."""
     log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
     peak = log.max(-1)
     peak = np.where(np.isfinite(peak), peak, 0.0)
@@ -293,7 +307,8 @@ def _tail(sign, log, trend):
 def _transformed(value, transform):
     """Return the Chebyshev coefficients of the samples.
 
-    They are sums and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
+    They are sums and not a matrix product: BLAS may round a row differently in another batch, and
+    bytes must not change.
     """
     total = value[..., :1] * transform[0]
     for node in range(1, NODES):
@@ -302,7 +317,8 @@ def _transformed(value, transform):
 
 
 def _hidden(sample, panels, bounds, index, trend, peak):
-    """Return a bound on features between the nodes of the panels `index`, in units of each function's largest sample.
+    """Return a bound on features between the nodes of the panels `index`, in units of each
+    function's largest sample.
 
     It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
     """
@@ -312,10 +328,11 @@ def _hidden(sample, panels, bounds, index, trend, peak):
         return hidden
     chosen = panels.take(index)
     _, log, error = sample(chosen.column, chosen.at(RIM))
-    of_error = np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH))
+    of_error = np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH_VALUE))
     log = log + of_error - trend[:, index, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
-        # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
+        # Between two points of the rim it may be larger than at both, by no more than they differ,
+        # and twice for good measure.
         steepest = np.abs(np.diff(log, axis=-1)).max(-1)
         most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, index])
     hidden[:, index] = np.where(np.isfinite(most), most, np.inf)
@@ -323,7 +340,8 @@ def _hidden(sample, panels, bounds, index, trend, peak):
 
 
 def _interpolate(value, size):
-    """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
+    """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the
+    panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
     largest = np.abs(first).max(-1)
@@ -337,9 +355,11 @@ def _interpolate(value, size):
 
 
 def _proved_roots(coefficients, noise):
-    """Yield proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
+    """Yield proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the
+    lowest degree first.
 
-    High coefficients that have decayed to rounding would leave the discs without a significant leading coefficient.
+    High coefficients that have decayed to rounding would leave the discs without a significant
+    leading coefficient.
     """
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
     # A value at an end that may be zero leaves that end open at every degree.

@@ -1,4 +1,5 @@
-"""Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd at several scales."""
+"""Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd
+at several scales."""
 
 from typing import NamedTuple
 
@@ -13,28 +14,31 @@ from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine._state_space import StateSpace
 
-SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
+SMALLEST_ARC = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
-MANY = 256  # so many open arcs of one column, and the column is given up
+MOST_OPEN_ARCS = 256  # so many open arcs of one column, and the column is given up
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
-TINY = 1e-300
-MOST = 500_000  # states at points that are computed together
+IN_PLACE_OF_ZERO = 1e-300
+NUMBERS_AT_ONCE = 500_000  # states at points that are computed together
 MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
 MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
 def columns_together(order: int) -> int:
-    """How many columns of loops of so many states `arc_crossings` is to be given at once, in little memory."""
-    return 1 if order > MANY_STATES else max(1, 4 * MOST // order**3)
+    """How many columns of loops of so many states `arc_crossings` is to be given at once, in
+    little memory."""
+    return 1 if order > MANY_STATES else max(1, 4 * NUMBERS_AT_ONCE // order**3)
 
 
 def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
-    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
+    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev
+    interpolants on arcs of the circle.
 
-    fixed: `(columns,)`, see `columns_together`. On each arc the boundary equation, without its poles and its zeros at z = +-1,
-    is interpolated at points of state space; see `panel_roots` for the proof. An arc is left out if the number is proved to be
-    beyond the span on it: if a filter transmits nothing there, the equation vanishes to a high order.
+    fixed: `(columns,)`, see `columns_together`. On each arc the boundary equation, without its
+    poles and its zeros at z = +-1, is interpolated at points of state space; see `panel_roots` for
+    the proof. An arc is left out if the number is proved to be beyond the span on it: if a filter
+    transmits nothing there, the equation vanishes to a high order.
     """
     opened = cut.open_in(along, fixed)
     lines = DelayLines.of(opened.E)
@@ -52,21 +56,22 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
         value, value_off, beyond, beyond_off = _boundary(systems, solver, theta, largest, loops)
-        magnitude = np.maximum(np.abs([value, beyond]), TINY)
+        magnitude = np.maximum(np.abs([value, beyond]), IN_PLACE_OF_ZERO)
         phase = np.array([value, beyond], complex) / magnitude
         log = np.log(magnitude)
-        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
+        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and
+        # analytic beside it.
         poles_of = poles[loops][:, None, :]
         distance = on_circle(theta)[..., None] - poles_of
         distance_back = on_circle(-theta)[..., None] - poles_of.conj()
-        far = np.maximum(np.abs(distance), TINY)
-        far_back = np.maximum(np.abs(distance_back), TINY)
+        far = np.maximum(np.abs(distance), IN_PLACE_OF_ZERO)
+        far_back = np.maximum(np.abs(distance_back), IN_PLACE_OF_ZERO)
         phase *= (distance / far * (distance_back / far_back)).prod(-1)
         log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
         return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
 
     def sample(column, theta):
-        step = max(1, MOST // (theta.shape[-1] * cut.order))
+        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * cut.order))
         parts = []
         for first in range(0, column.size, step):
             some = slice(first, first + step)
@@ -78,7 +83,15 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     low = np.tile(edges[:-1], fixed.size)
     high = np.tile(edges[1:], fixed.size)
     roots = panel_roots(
-        sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1
+        sample,
+        column,
+        low,
+        high,
+        fixed.size,
+        SMALLEST_ARC,
+        MOST_OPEN_ARCS,
+        end_bit=END_BIT,
+        settling=1,
     )
     at = np.flatnonzero(roots.open_low)
     if at.size:
@@ -91,12 +104,14 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
 
 @np.errstate(all="ignore")
 def _is_clear_next_to_one(opened, lines, poles):
-    """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there, `(columns,)`.
+    """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
+    `(columns,)`.
 
-    With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its imaginary part is odd in
-    theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m + 1, and `F = theta^q f` is analytic on a disc that no
-    other eigenvalue is in. F(0) is the mean of its rim, and by Schwarz's lemma F is off from that by at most the largest
-    difference on the rim times the part of the way there.
+    With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its
+    imaginary part is odd in theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m +
+    1, and `F = theta^q f` is analytic on a disc that no other eigenvalue is in. F(0) is the mean of
+    its rim, and by Schwarz's lemma F is off from that by at most the largest difference on the rim
+    times the part of the way there.
     """
     E = opened.E
     m = poles_at_one(E)
@@ -114,14 +129,14 @@ def _is_clear_next_to_one(opened, lines, poles):
     F = value * theta**q
     noise = (np.finfo(float).eps * off_in_roundings * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
-    off = (
-        2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
-    )  # twice, for what is between two points of the rim
+    # twice, for what is between two points of the rim
+    off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
     return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
 
 
 class _BoundaryFunctions(NamedTuple):
-    """The functions `value` and `beyond` of the boundary, see `_boundary`, and how far each may be off, in roundings of 1."""
+    """The functions `value` and `beyond` of the boundary, see `_boundary`, and how far each may
+    be off, in roundings of 1."""
 
     value: np.ndarray
     value_off: np.ndarray
@@ -131,14 +146,16 @@ class _BoundaryFunctions(NamedTuple):
 
 @np.errstate(all="ignore")
 def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFunctions:
-    """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the number at the boundary:
+    """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the
+    number at the boundary:
 
         H(z) = C (w(z) I - E)^-1 B + D,   z = e^(i theta),   w(z) = z - 1,
         value = Im K/sin(theta) |H|^2 = C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B,
         beyond = 1 - largest^2 H(z) H(1/z),
 
-    the first by the resolvent identity: nothing cancels, not even at the points of the circle on the real axis. It is 0 where K
-    is real; the second is positive on the circle where |K| is larger than `largest`.
+    the first by the resolvent identity: nothing cancels, not even at the points of the circle on
+    the real axis. It is 0 where K is real; the second is positive on the circle where |K| is larger
+    than `largest`.
 
     solver: delay lines of the loops, or their form, which they are the `loops` of.
     """
@@ -173,13 +190,16 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFuncti
 
 
 def _errors_of_form(form, loops, left, right, theta):
-    """Return how far the errors of a form may move `left right`, and `C right` as well as `left B`, in roundings of 1.
+    """Return how far the errors of a form may move `left right`, and `C right` as well as `left B`,
+    in roundings of 1.
 
-    loops: their numbers in the form, `(panels,)`. Solves of T + X in place of T move the first to first order by
-    `left X R right` and `left R X right`, R the resolvent at -theta and at theta, and the others by `left X right`. That of a
-    diagonal T is 1 over the distance of the nearest eigenvalue. Schur's vectors are orthogonal, and the loop is real in its own
-    states, in even units, so by the resolvent identity the size of `R right` is that of the imaginary part of `right` in these
-    states, over sin(theta). On the rim, at complex theta, an order of magnitude is enough.
+    loops: their numbers in the form, `(panels,)`. Solves of T + X in place of T move the first to
+    first order by `left X R right` and `left R X right`, R the resolvent at -theta and at theta,
+    and the others by `left X right`. That of a diagonal T is 1 over the distance of the nearest
+    eigenvalue. Schur's vectors are orthogonal, and the loop is real in its own states, in even
+    units, so by the resolvent identity the size of `R right` is that of the imaginary part of
+    `right` in these states, over sin(theta). On the rim, at complex theta, an order of magnitude is
+    enough.
     """
     of_left = np.linalg.norm(left, axis=-1)
     of_right = np.linalg.norm(right, axis=-1)
@@ -200,7 +220,8 @@ def _errors_of_form(form, loops, left, right, theta):
 
 
 def _collect(cut, along, fixed, span, boundary, roots):
-    """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
+    """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1
+    and -1."""
     complete = np.ones(fixed.size, bool)
     complete[roots.lost[0]] = False
     complete[roots.overflown[0]] = False

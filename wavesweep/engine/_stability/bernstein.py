@@ -6,29 +6,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOST = 16  # coefficients; beyond, the change of basis costs more digits than the signs can spare
-HALVINGS = 24  # a piece this small that shows nothing is left to another method
-SHARE = (
-    0.4921875  # of a piece, where it is cut: not the middle, where symmetric loops put their roots
-)
-STEPS = 60  # Newton needs some 5; bisection alone would need 30
-CLOSE = 1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
+# coefficients; beyond, the change of basis costs more digits than the signs can spare
+MOST_COEFFICIENTS = 16
+PIECE_HALVINGS = 24  # a piece this small that shows nothing is left to another method
+# of a piece, where it is cut: not the middle, where symmetric loops put their roots
+PIECE_CUT_AT = 0.4921875
+NEWTON_OR_BISECTIONS = 60  # Newton needs some 5; bisection alone would need 30
+LAST_STEP = 1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
 
 
 def roots_by_sign(coefficients, noise):
-    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`, row by row.
+    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
+    `noise`, row by row.
 
-    coefficients: `(rows, n)`, none much larger than 1; noise: `(rows,)`. Returns the roots as (row, value, distance within
-    which no other root is, sign of the slope), sorted by row and value; and `(rows,)`, whether these are all roots of the row,
-    for any polynomial within the noise. A row is cut in two until every piece shows by the signs of its Bernstein coefficients
-    that it has no root, since they all have one sign, or exactly one, since they change it once (Descartes' rule; J. M. Lane,
-    R. F. Riesenfeld, BIT 21, 1981). A sign counts if noise and rounding cannot change it. Noise changes the polynomial by at
-    most its own size, and the coefficients on any piece by at most that size times the coefficients of a Chebyshev polynomial,
-    which are the largest of all polynomials that keep to [-1, 1] (T. Lyche, K. Scherer, J. Comput. Appl. Math. 119, 2000).
+    coefficients: `(rows, n)`, none much larger than 1; noise: `(rows,)`. Returns the roots as (row,
+    value, distance within which no other root is, sign of the slope), sorted by row and value; and
+    `(rows,)`, whether these are all roots of the row, for any polynomial within the noise. A row is
+    cut in two until every piece shows by the signs of its Bernstein coefficients that it has no
+    root, since they all have one sign, or exactly one, since they change it once (Descartes' rule;
+    J. M. Lane, R. F. Riesenfeld, BIT 21, 1981). A sign counts if noise and rounding cannot change
+    it. Noise changes the polynomial by at most its own size, and the coefficients on any piece by
+    at most that size times the coefficients of a Chebyshev polynomial, which are the largest of all
+    polynomials that keep to [-1, 1] (T. Lyche, K. Scherer, J. Comput. Appl. Math. 119, 2000).
     """
     rows, n = coefficients.shape
     complete = np.zeros(rows, bool)
-    if n < 2 or n > MOST or not rows:
+    if n < 2 or n > MOST_COEFFICIENTS or not rows:
         return (np.zeros(0, int), *np.zeros((3, 0))), complete
     pieces, complete = _isolated(*_whole(coefficients), noise)
     value = pieces.low + (pieces.high - pieces.low) * _single_root(pieces.b)
@@ -80,7 +83,7 @@ def _isolated(b, rounding, noise):
     pieces = _Pieces(np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0), b).some(complete)
     rounding = rounding[complete]
     found = []
-    for _ in range(HALVINGS):
+    for _ in range(PIECE_HALVINGS):
         row, low, high, b = pieces
         level = noise[row]
         none = (b.min(0) > level + rounding) | (b.max(0) < -level - rounding)
@@ -100,7 +103,7 @@ def _isolated(b, rounding, noise):
             break
         row, low, high, b = pieces.some(rest)
         rounding = np.tile(rounding[rest] + 4 * n * np.finfo(float).eps * np.abs(b).max(0), 2)
-        middle = low + SHARE * (high - low)
+        middle = low + PIECE_CUT_AT * (high - low)
         halves = np.concatenate(_halves(b), axis=-1)
         pieces = _Pieces(np.tile(row, 2), np.append(low, middle), np.append(middle, high), halves)
     else:
@@ -115,13 +118,14 @@ def _halves(b):
     left = np.empty_like(b)
     left[0] = work[0]
     for k in range(1, len(b)):
-        work[:-k] = (1 - SHARE) * work[:-k] + SHARE * work[1 : len(b) - k + 1]
+        work[:-k] = (1 - PIECE_CUT_AT) * work[:-k] + PIECE_CUT_AT * work[1 : len(b) - k + 1]
         left[k] = work[0]
     return left, work
 
 
 def _single_root(b):
-    """Return the root in (0, 1) of every column of Bernstein coefficients that change their sign once.
+    """Return the root in (0, 1) of every column of Bernstein coefficients that change their sign
+    once.
 
     It is found by Newton's method between bounds.
     """
@@ -136,7 +140,7 @@ def _single_root(b):
     low = np.zeros(count)
     high = np.ones(count)
     active = np.arange(count)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_OR_BISECTIONS):
         if not active.size:
             break
         now = t[active]
@@ -147,7 +151,7 @@ def _single_root(b):
             step = -value / slope
         least = low[active]
         most = high[active]
-        last = np.abs(step) <= CLOSE
+        last = np.abs(step) <= LAST_STEP
         following = now + step
         inside = (following > least) & (following < most)
         instead = np.where(last, np.clip(following, least, most), (least + most) / 2)
@@ -157,7 +161,8 @@ def _single_root(b):
 
 
 def _value_and_slope(b, t):
-    """Return the polynomial with these Bernstein coefficients, and its derivative, at t in [0, 1] (Horner's rule)."""
+    """Return the polynomial with these Bernstein coefficients, and its derivative, at t in [0,
+    1] (Horner's rule)."""
     n = len(b)
     s = 1 - t
     power = np.ones_like(t)
@@ -173,7 +178,8 @@ def _value_and_slope(b, t):
 
 @cache
 def change_of_basis(n):
-    """Return the Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n, n)`, every entry rounded once."""
+    """Return the Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n,
+    n)`, every entry rounded once."""
     top = n - 1
     change = np.empty((n, n))
     for i in range(n):

@@ -1,7 +1,9 @@
-"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, with its rounding errors.
+"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, with
+its rounding errors.
 
-The characteristic equation is `unit = K x + B v` at each point, K and B being the first and the second number, as stiffness and
-damping of a wall: `1 = K G_x + B G_v`, multiplied by w if the loop integrates.
+The characteristic equation is `unit = K x + B v` at each point, K and B being the first and the
+second number, as stiffness and damping of a wall: `1 = K G_x + B G_v`, multiplied by w if the loop
+integrates.
 """
 
 from dataclasses import dataclass
@@ -13,15 +15,20 @@ from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, Li
 from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 
-ROUNDS = 12  # Newton from a seed of 8 digits needs 2
-LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
+NEWTON_STEPS = 12  # Newton from a seed of 8 digits needs 2
+# of the distance to the nearer end of the circle, a step after which an angle is exact: errors are
+# its square
+LAST_STEP = 1e-9
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
-REFINABLE = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
+# of a state, by which it may change from where an inverse was taken for one refinement to make up
+# for it
+REFINABLE = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms of `unit = K*x + B*v` at points of the circle, scaled alike; each an array over the points."""
+    """The terms of `unit = K*x + B*v` at points of the circle, scaled alike; each an array over
+    the points."""
 
     unit: np.ndarray
     x: np.ndarray
@@ -35,7 +42,8 @@ class Terms:
 def terms_of(
     cut: LinearFractional, w: np.ndarray, G: np.ndarray, unit: np.ndarray | float = 1.0
 ) -> Terms:
-    """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
+    """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes
+    give the sizes of terms.
 
     unit: a factor that the rows of G have as well.
     """
@@ -47,22 +55,26 @@ def terms_of(
 
 
 def terms(cut: LinearFractional, w) -> Terms:
-    """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
+    """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point
+    (leading axes as `w`).
 
-    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even if many poles crowd at z = 1.
+    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even
+    if many poles crowd at z = 1.
     """
     return terms_and_inverse(cut, w)[0]
 
 
 def terms_and_inverse(cut: LinearFractional, w) -> tuple[Terms, np.ndarray]:
-    """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
+    """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I -
+    E` for `end_errors`."""
     w = np.asarray(w)
     resolvent = Inverse(inverse(_shifted(cut, w)))
     return terms_of(cut, w, _outputs(cut, _states(cut, w, resolvent))), resolvent.matrix
 
 
 def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
-    """Return the terms of the characteristic equation of a single loop of many states at a real point, arrays of one."""
+    """Return the terms of the characteristic equation of a single loop of many states at a real
+    point, arrays of one."""
     w = np.array([w])
     G = _outputs(cut, _states(cut, w, states.at(w)))
     return terms_of(cut, w, G.real)
@@ -71,8 +83,9 @@ def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
 def _states(cut, w, resolvent):
     """Return the states for a unit force.
 
-    One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain
-    solve is small only relative to the largest entry, and states may differ in size by ten decades.
+    One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp.
+    35, 1980). That of a plain solve is small only relative to the largest entry, and states may
+    differ in size by ten decades.
     """
     state = resolvent.reached(cut.B)
     return state + resolvent.reached(_left(cut, w, state))
@@ -101,9 +114,11 @@ def _shifted(cut, w):
 
 
 def times(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real matrices.
+    """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real
+    matrices.
 
-    BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
+    BLAS rounds what is contiguous in another way than what is not, and last digits must not follow
+    from how memory is laid out.
     """
     matrix = np.ascontiguousarray(matrix)
     columns = np.ascontiguousarray(columns)
@@ -118,13 +133,15 @@ def _outputs(cut, state):
 
 
 def residual(t: Terms, K, B, least=0.0):
-    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless; least: size of a further term."""
+    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless;
+    least: size of a further term."""
     size = np.abs(t.unit) + np.abs(K * t.x) + np.abs(B * t.v) + least
     return np.abs(t.unit - K * t.x - B * t.v) / size
 
 
 class PolishedCrossings(NamedTuple):
-    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's last step is at rounding."""
+    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's
+    last step is at rounding."""
 
     theta: np.ndarray
     value: np.ndarray
@@ -135,12 +152,14 @@ class PolishedCrossings(NamedTuple):
 def polish(
     cut: LinearFractional, along: str, fixed, theta, scale
 ) -> tuple[PolishedCrossings, np.ndarray]:
-    """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
+    """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the
+    seeds theta.
 
-    cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest; if K is beyond it,
-    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns the crossings, and
-    the inverses of `w I - E` there or next to them, `(seeds, n, n)`.
-    Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
+    cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest;
+    if K is beyond it, Newton's method is applied to 1/K, since a crossing at a very large K lies
+    next to a pole of K. Returns the crossings, and the inverses of `w I - E` there or next to them,
+    `(seeds, n, n)`. Accuracy: value good to about 1e-13 relative, less if the curve crosses the
+    real axis at a grazing angle.
     """
     theta = theta.astype(float)
     value = np.full(theta.shape, np.nan)
@@ -148,7 +167,7 @@ def polish(
     far_off = np.zeros(theta.shape, bool)
     inverses = None
     active = np.arange(theta.size)
-    for _ in range(ROUNDS):
+    for _ in range(NEWTON_STEPS):
         if not active.size and inverses is not None:
             break
         loops = cut if active.size == theta.size else cut.at(active)
@@ -181,7 +200,7 @@ def polish_of_many_states(
     done = np.zeros(theta.shape, bool)
     for first in range(0, theta.size, states.most):
         active = np.arange(first, min(first + states.most, theta.size))
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_STEPS):
             if not active.size:
                 break
             w = on_circle(theta[active])
@@ -195,7 +214,8 @@ def polish_of_many_states(
 
 
 class _Step(NamedTuple):
-    """theta, value, converged: see `PolishedCrossings`. size: of the step. last: whether no other one is needed."""
+    """theta, value, converged: see `PolishedCrossings`. size: of the step. last: whether no
+    other one is needed."""
 
     theta: np.ndarray
     value: np.ndarray
@@ -221,7 +241,8 @@ def _newton(now, slope, theta, scale) -> _Step:
 
 
 def _value_and_slope(cut, along, fixed, w, resolvent):
-    """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states per angle."""
+    """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states
+    per angle."""
     state = _states(cut, w, resolvent)
     turn = resolvent.reached(state)
     G = _outputs(cut, state)
@@ -248,16 +269,19 @@ def _solved(t, slopes, along, fixed, w):
 def end_errors(
     cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0
 ):
-    """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
+    """Return the residuals of the characteristic equation at crossings, and two effects of
+    rounding.
 
-    The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
-    without damping has one, has few digits of itself. The second result bounds the change of the value by the errors
-    of the loop's entries. The third is the residual that a rounding of every entry leaves.
+    The residual is relative to the equation's terms and to that of the value `least`, since an end
+    next to zero, as a mode without damping has one, has few digits of itself. The second result
+    bounds the change of the value by the errors of the loop's entries. The third is the residual
+    that a rounding of every entry leaves.
 
-    cut: one loop per crossing. value: of the number. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
-    z = 1 or -1. resolvent: there or next to it. To first order an entry's change reaches the equation as
-    `y dE R B`, R the resolvent and y what it makes of the row that the numbers read, and so does the value; if that
-    grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    cut: one loop per crossing. value: of the number. w: `exp(j theta) - 1` there. on_axis: whether
+    the crossing is held at z = 1 or -1. resolvent: there or next to it. To first order an entry's
+    change reaches the equation as `y dE R B`, R the resolvent and y what it makes of the row that
+    the numbers read, and so does the value; if that grazes the real axis, the angle changes by `Im
+    dK/Im K'`, which moves K by `Re K'` times as much.
     """
     w = np.asarray(w)
     pair = (value, fixed) if along == FIRST else (fixed, value)
@@ -299,15 +323,18 @@ def _adjoint(cut, w, row, resolvent):
     missed = row - w[..., None] * left + _moved(cut.E.mT, left[..., None])[..., 0]
     change = resolvent.row(missed)
     smaller = np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True)
-    # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
+    # Next to a pole of the loop itself, as a mode without damping is one, the change would be
+    # rounding of another scale.
     return left + np.where(smaller, change, 0.0)
 
 
 def _with_errors(cut, w, pair, reach, size, missed):
-    """Return the errors of the characteristic equation, `(...)`, all arguments but the last being sizes.
+    """Return the errors of the characteristic equation, `(...)`, all arguments but the last being
+    sizes.
 
-    The first are those of a rounding of every entry and of the solve itself, the second ones those of the bounds on the errors
-    of the entries, and of the solve. reach, size: of adjoint and states. missed: what the states leave of their equations.
+    The first are those of a rounding of every entry and of the solve itself, the second ones those
+    of the bounds on the errors of the entries, and of the solve. reach, size: of adjoint and
+    states. missed: what the states leave of their equations.
     """
 
     def in_equation(E, B, C, D):

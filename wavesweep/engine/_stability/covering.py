@@ -1,4 +1,5 @@
-"""The spans of columns covered by proofs of dominance, and by windows about the crossings that these leave open."""
+"""The spans of columns covered by proofs of dominance, and by windows about the crossings that
+these leave open."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -14,20 +15,29 @@ from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
 
-NEXT_TO = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
+# of half a panel, from a place to a crossing: how near the place is once both sides of it are
+# proved from there
+NEXT_TO = 1e-4
 # Half of a window about a crossing, and what shapes it.
-HALF_WINDOW = 0.1  # of what an end may be off: so small a part that an end anywhere in the window is as exact as promised
-AT_LOW_END = 0.9  # the same at the low end of the span, which stands for each crossing so near to it; the rest is for rounding
-OF_ERRORS = 2.5  # times what errors of entries move the crossing by, at least: beyond them the sides have to be proved;
+# of what an end may be off: so small a part that an end anywhere in the window is as exact as
+# promised
+HALF_WINDOW = 0.1
+# the same at the low end of the span, which stands for each crossing so near to it; the rest is for
+# rounding
+AT_LOW_END = 0.9
+# times what errors of entries move the crossing by, at least: beyond them the sides have to be
+# proved;
+WINDOW_OF_ERRORS = 2.5
 # a window of more than so many times what an end may be off is rough
-MERGED = 3  # halves of a window: crossings as near to this share one, since less than half a window would be left between two
+# halves of a window: crossings as near to this share one, since less than half a window would be
+# left between two
+MERGED = 3
 WIDENED, WIDEST = (
     2.0,
     1e-3,
 )  # a window that is not proved even so gets wider with every try, up to this part of half a panel
-RETRIED = (
-    1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
-)
+# widths of such a window, beyond which the stretch about it is tried again from elsewhere
+RETRIED = 1e3
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
 MOST_TESTS, FOR_EACH, ROUNDS = (
     1000,
@@ -48,20 +58,22 @@ PARTS = (
     5e-4,
     3e-5,
 )  # of the way that is wanted, tried in turn
-FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
+STRETCHES_PROVED_ALONE = 8  # stretches in doubt of a column, up to which each is proved by itself
 TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
-SHORT = 1e-3  # of what an end may be off: a stretch so short is given up
+SHORTEST_STRETCH = 1e-3  # of what an end may be off: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside, see `Tiles`
 
 
 class Stage(IntEnum):
-    """What the next test of a stretch is. A stage between two of these is one more step, or try, of the one before it.
+    """What the next test of a stretch is. A stage between two of these is one more step, or try, of
+    the one before it.
 
-    PLAIN: the place is any place, and both sides of it are proved as far as that goes. ON_ITS_WAY: the place moves towards a
-    crossing on the panel's polynomials, a stage with each step. ARRIVED: no more steps are made. EXACT: a window about the
-    crossing was tried, so from here on the frame at the place itself is taken. TIGHT: from here on with tight bounds on its
-    errors, and with each further stage a wider window. LAST: no window is tried again. ELSEWHERE: the crossing of a short
+    PLAIN: the place is any place, and both sides of it are proved as far as that goes. ON_ITS_WAY:
+    the place moves towards a crossing on the panel's polynomials, a stage with each step. ARRIVED:
+    no more steps are made. EXACT: a window about the crossing was tried, so from here on the frame
+    at the place itself is taken. TIGHT: from here on with tight bounds on its errors, and with each
+    further stage a wider window. LAST: no window is tried again. ELSEWHERE: the crossing of a short
     stretch turned out to be beyond it, so no window reaches into it.
     """
 
@@ -78,10 +90,11 @@ class Stage(IntEnum):
 class Tiles(Rows):
     """Parts of the spans of columns.
 
-    outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if some cross there, or
-    OVERLAID if another one is outside meanwhile. value, theta, miss, doubt: of a window: the crossing; the eigenvalue's angle
-    there; to what its distance from the circle is known, relative to what that changes by with the parameter if this is more;
-    Doubt.ROUNDING if the window is wider than ends may be off.
+    outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if
+    some cross there, or OVERLAID if another one is outside meanwhile. value, theta, miss, doubt: of
+    a window: the crossing; the eigenvalue's angle there; to what its distance from the circle is
+    known, relative to what that changes by with the parameter if this is more; Doubt.ROUNDING if
+    the window is wider than ends may be off.
     """
 
     column: np.ndarray
@@ -115,10 +128,11 @@ class Tiles(Rows):
 class _OpenStretches(Rows):
     """Stretches of panels to be proved; place: where the next test is; stage: which test that is.
 
-    A stretch begins PLAIN, or ON_ITS_WAY if its place is where an eigenvalue seems to cross. With each step towards the
-    crossing its stage grows by one, until the place is next to it, or the stage has ARRIVED. Then a window about the crossing
-    is tried. If its sides are not proved, or it is wider than ends may be off, it is tried again, each time one stage later:
-    EXACT, TIGHT, and so on up to LAST.
+    A stretch begins PLAIN, or ON_ITS_WAY if its place is where an eigenvalue seems to cross. With
+    each step towards the crossing its stage grows by one, until the place is next to it, or the
+    stage has ARRIVED. Then a window about the crossing is tried. If its sides are not proved, or it
+    is wider than ends may be off, it is tried again, each time one stage later: EXACT, TIGHT, and
+    so on up to LAST.
     """
 
     panel: np.ndarray
@@ -129,7 +143,8 @@ class _OpenStretches(Rows):
 
 
 def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: bool = False) -> Tiles:
-    """Return the tiles that could be proved; errors: with tight ones; these, slack, from_one: see `regions_along_any`."""
+    """Return the tiles that could be proved; errors: with tight ones; these, slack, from_one:
+    see `regions_along_any`."""
     unstable, open_ = _unstable_by_traces(panels)
     done = [unstable]
     if from_one:
@@ -153,7 +168,8 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: boo
 
 
 def _beside_one(panels, errors, low, open_):
-    """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left open."""
+    """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left
+    open."""
     first = np.flatnonzero(open_.low == low)
     if not first.size:
         return Tiles.of(first, *np.zeros((2, 0)), 0), open_
@@ -168,7 +184,8 @@ def _beside_one(panels, errors, low, open_):
 
 
 def _with_ends_in_gaps(tiles, errors, slack):
-    """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact: the end is in it.
+    """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact:
+    the end is in it.
 
     So it is where two eigenvalues meet on the circle, which are known to the root of rounding only.
     """
@@ -197,9 +214,11 @@ def _with_ends_in_gaps(tiles, errors, slack):
 
 
 def _unstable_by_traces(panels):
-    """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values there, and what is left open.
+    """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values
+    there, and what is left open.
 
-    Far beyond the stable values entries are large and turn fast with the number, which would take thousands of tests.
+    Far beyond the stable values entries are large and turn fast with the number, which would take
+    thousands of tests.
     """
     n = panels.error.shape[-1]
     degree = panels.coefficients.shape[1] - 1
@@ -220,7 +239,8 @@ def _unstable_by_traces(panels):
         of_trace = np.trace(error, axis1=1, axis2=2)
         of_square = np.einsum("pij,pji->p", 2 * size + error, error)
         for trace, off in zip(_traces(coefficients, points), (of_trace, of_square), strict=True):
-            # Its Chebyshev series on each cell: the first coefficient less the sizes of all others is the least there.
+            # Its Chebyshev series on each cell: the first coefficient less the sizes of all others
+            # is the least there.
             on_cells = np.einsum("ckl,pl->pck", _restrictions(2 * degree), trace @ transform.T)
             least = np.abs(on_cells[..., 0]) - np.abs(on_cells[..., 1:]).sum(-1)
             proved[candidates] |= least > n + off[:, None]
@@ -256,7 +276,8 @@ def _traces(coefficients, x):
 
 @cache
 def _restrictions(degree):
-    """Chebyshev coefficients on each cell of [-1, 1] of the Chebyshev polynomials, `(CELLS, degree + 1, degree + 1)`."""
+    """Chebyshev coefficients on each cell of [-1, 1] of the Chebyshev polynomials, `(CELLS,
+    degree + 1, degree + 1)`."""
     x, transform = nodes(degree)
     middles = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
     return transform @ chebyshev.chebvander(middles[:, None] + x / CELLS, degree)
@@ -266,8 +287,9 @@ def _restrictions(degree):
 class _Nearest:
     """Of each test the eigenvalue that crosses nearest to its place, as it seems.
 
-    h: of the crossing, in halves of a panel from the place; value: of the parameter there. unsure: bound on the eigenvalue's
-    error; slope: of its distance from the circle; theta: its angle at the crossing. miss: see `Tiles`.
+    h: of the crossing, in halves of a panel from the place; value: of the parameter there. unsure:
+    bound on the eigenvalue's error; slope: of its distance from the circle; theta: its angle at the
+    crossing. miss: see `Tiles`.
     """
 
     h: np.ndarray
@@ -295,8 +317,9 @@ class _Nearest:
 class _Sides:
     """The places from which on both sides of tests are proved, and how far they are.
 
-    inner: the two ends next to the place, or those of the window about a crossing; reached: how far it is proved from these;
-    proved: whether that is any way at all; outside: number of eigenvalues outside there. Each is a pair, below and above.
+    inner: the two ends next to the place, or those of the window about a crossing; reached: how far
+    it is proved from these; proved: whether that is any way at all; outside: number of eigenvalues
+    outside there. Each is a pair, below and above.
     """
 
     inner: list[np.ndarray]
@@ -309,15 +332,17 @@ class _Sides:
 class _Round:
     """One test of each open stretch: what it proves, and what is left open.
 
-    A test whose place is next to a crossing proves both sides of it, from a window about it on; one that is on its way there
-    proves nothing; any other proves what it can on both sides of its place.
+    A test whose place is next to a crossing proves both sides of it, from a window about it on; one
+    that is on its way there proves nothing; any other proves what it can on both sides of its
+    place.
 
-    models: the eigenvalues about the places (see `DominanceTests`), as functions of h, the distance in halves of a panel;
-    radius: of the circle that they are held against; pad: to what a place is known. crossing: the nearest one; at_end: -1 or 1
-    if that counts as an end of the span. closing, toward: whether a test is next to a crossing, or on its way there. begin: the
-    h from which on both sides are proved, so the window is between; roots: the h of all other crossings. rough: whether the
-    window is wider than ends may be off; overlaid: whether another eigenvalue is outside in it. short: lengths that are given
-    up.
+    models: the eigenvalues about the places (see `DominanceTests`), as functions of h, the distance
+    in halves of a panel; radius: of the circle that they are held against; pad: to what a place is
+    known. crossing: the nearest one; at_end: -1 or 1 if that counts as an end of the span. closing,
+    toward: whether a test is next to a crossing, or on its way there. begin: the h from which on
+    both sides are proved, so the window is between; roots: the h of all other crossings. rough:
+    whether the window is wider than ends may be off; overlaid: whether another eigenvalue is
+    outside in it. short: lengths that are given up.
     """
 
     open: _OpenStretches
@@ -359,11 +384,14 @@ class _Round:
         # The window: eps to both sides of the crossing, and of those that share it.
         off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
         moved = crossing.unsure / np.abs(crossing.slope)
-        eps = np.maximum(np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, OF_ERRORS * moved)
+        eps = np.maximum(
+            np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, WINDOW_OF_ERRORS * moved
+        )
         tries = np.where(open_.stage < Stage.ELSEWHERE, np.maximum(open_.stage - Stage.TIGHT, 0), 0)
         eps = np.fmin(eps * WIDENED**tries, WIDEST)
 
-        # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on them.
+        # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on
+        # them.
         middle = (open_.low + open_.high - 2 * place) / half / 2
         inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
         closing = inside & (np.abs(h) <= NEXT_TO)
@@ -383,7 +411,7 @@ class _Round:
             column,
             half,
             pad,
-            short=SHORT * slack(place),
+            short=SHORTEST_STRETCH * slack(place),
             models=models,
             radius=radius,
             crossing=crossing,
@@ -392,7 +420,7 @@ class _Round:
             toward=toward,
             begin=(np.where(closing, below, 0.0), np.where(closing, above, 0.0)),
             roots=np.where(closed, np.inf, roots),
-            rough=(moved > off) | (eps > OF_ERRORS * off),
+            rough=(moved > off) | (eps > WINDOW_OF_ERRORS * off),
             overlaid=((models.excess > 0) & ~closed).any(1),
         )
 
@@ -419,9 +447,8 @@ class _Round:
         windows = Tiles(
             self.column, below, above, kind, value, self.crossing.theta, self.crossing.miss, doubt
         )
-        new = (
-            self.closing & ~failed & ~again & (below < above)
-        )  # else the crossing is beyond the stretch
+        # else the crossing is beyond the stretch
+        new = self.closing & ~failed & ~again & (below < above)
         return [*tiles, windows.take(new)], self._left_open(sides, failed, again)
 
     def _sides(self) -> _Sides:
@@ -435,7 +462,8 @@ class _Round:
         return _Sides(inner, reached, [reached[0] < inner[0], reached[1] > inner[1]], outside)
 
     def _left_open(self, sides, failed, again):
-        """The stretches that are open after a test: the same with a place next to the crossing, or what is left on both sides.
+        """The stretches that are open after a test: the same with a place next to the crossing, or
+        what is left on both sides.
 
         failed: windows that are not proved; again: tests to be repeated.
         """
@@ -467,7 +495,8 @@ class _Round:
         return _OpenStretches.join(stretches)
 
     def _rest(self, index, low, high, sign, gone):
-        """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
+        """What is left to one side, to be tested where an eigenvalue seems to cross, if that is
+        near to what is proved."""
         before = self.open.take(index)
         length = high - low
         roots = self.roots[index]
@@ -488,9 +517,11 @@ class _Round:
         return _OpenStretches(before.panel, low, high, place, stage)
 
     def _reached(self, inner):
-        """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.
+        """How far it is proved from the inner places on to both sides, and how many eigenvalues are
+        outside there.
 
-        Shares of the way to the edge of the stretch, or to the next crossing, are tried until one is proved.
+        Shares of the way to the edge of the stretch, or to the next crossing, are tried until one
+        is proved.
         """
         m = self.half.size
         of = np.tile(
@@ -547,10 +578,12 @@ def _exact_frames(errors, column, open_, n):
 def proved_by_balls(
     tiles: Tiles, lost, span, columns: int, attached, balls
 ) -> tuple[Tiles, tuple[np.ndarray, ...]]:
-    """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is proved of these.
+    """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is
+    proved of these.
 
-    balls(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
-    doubt; see `Tiles` for theta. lost, attached: see `regions_of`.
+    balls(column, low, high): the stable intervals from low to high as (low, high, low_theta,
+    high_theta), None if they stay in doubt; see `Tiles` for theta. lost, attached: see
+    `regions_of`.
     """
     low_ends, high_ends = (
         Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span
@@ -564,7 +597,7 @@ def proved_by_balls(
     pairs = _in_doubt(joined, outer, attached)
     for column in different(joined.column[pairs[:, 0]]).tolist():
         of_column = pairs[joined.column[pairs[:, 0]] == column]
-        if len(of_column) > FEW:
+        if len(of_column) > STRETCHES_PROVED_ALONE:
             of_column = np.array([[of_column[0, 0], of_column[-1, 1]]])
         for before, after in of_column.tolist():
             a = float(joined.high[before])
@@ -586,7 +619,8 @@ def proved_by_balls(
 
 
 def _in_doubt(joined, outer, attached):
-    """Pairs of neighbouring tiles whose number outside is known, between which something is in doubt, `(pairs, 2)`.
+    """Pairs of neighbouring tiles whose number outside is known, between which something is in
+    doubt, `(pairs, 2)`.
 
     joined: tiles by column and place, with one of no width at each end of the span, outer.
     """
@@ -622,7 +656,8 @@ def _in_doubt(joined, outer, attached):
 
 
 def _tiles_of_intervals(column, a, b, intervals):
-    """Tiles from a to b: stable intervals, with unstable ones between, and windows without width where one begins or ends."""
+    """Tiles from a to b: stable intervals, with unstable ones between, and windows without width
+    where one begins or ends."""
     rows = []
     place = a
     for low, high, *theta in intervals:
@@ -649,10 +684,11 @@ def _tiles_of_intervals(column, a, b, intervals):
 
 
 def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
-    """Return the parts of the spans in which the loops are stable, unstable or not known; all of a column have its doubt.
+    """Return the parts of the spans in which the loops are stable, unstable or not known; all of a
+    column have its doubt.
 
-    lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what is not known may reach
-    without a doubt, since a crossing there is given as at the end itself.
+    lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what
+    is not known may reach without a doubt, since a crossing there is given as at the end itself.
     """
     tiles = Tiles.join([tiles, _gaps(tiles, span, columns, attached)])
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
@@ -698,7 +734,8 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
 
     label_before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
     same = ~first & (label_before == label)
-    # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing the counts agree.
+    # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing
+    # the counts agree.
     unsure = crossed & same & ((label == 0) | (before.outside == WINDOW))
     uncrossed = ~crossed & ~same & (np.minimum(label, label_before) >= 0)
     doubted(column[~first & (unsure | uncrossed)], Doubt.COUNTS)

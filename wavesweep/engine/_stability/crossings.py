@@ -1,6 +1,7 @@
 """Every crossing of every column: the values of a number at which eigenvalues meet the unit circle.
 
-The crossings of a column are the real roots of one polynomial, which is computed from samples on the circle.
+The crossings of a column are the real roots of one polynomial, which is computed from samples on
+the circle.
 """
 
 from dataclasses import dataclass
@@ -15,15 +16,18 @@ from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._stability.boundary import polish, real_terms, terms_and_inverse, terms_of
 from wavesweep.engine._stability.real_roots import Roots, isolate
 
-SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
-FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
-# Of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed. A seed, which is
-# a root of the polynomial, has eight digits or more, as a rule twelve; one that moves by so much has gone to another root.
+# sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of
+# all
+SPARE_COEFFICIENTS = 5
+# times the span's largest value; beyond, a value may as well be at the other infinity
+OTHER_INFINITY = 1e8
+# Of an angle's distance from the nearer end of the circle, how far a polished one may be from its
+# seed. A seed, which is a root of the polynomial, has eight digits or more, as a rule twelve; one
+# that moves by so much has gone to another root.
 NEAR_SEED = 1e-4
-ONE_ROOT = (
-    1e-13  # of an angle: two roots that polish to angles so near to each other may have become one
-)
-SMALL = 0.1  # of a resolvent, what errors of entries may change it by
+# of an angle: two roots that polish to angles so near to each other may have become one
+ONE_ROOT = 1e-13
+RESOLVENT_CHANGE = 0.1  # of a resolvent, what errors of entries may change it by
 NEAREST, FARTHEST = (
     1e-3,
     0.6,
@@ -32,11 +36,13 @@ NEAREST, FARTHEST = (
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
-    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed number; roots in (-1, 1) are crossings.
+    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed number; roots in
+    (-1, 1) are crossings.
 
-    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either. value: `(..., 3, n + 1)`, in
-    the same basis; the number at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
-    bounds on the error of each of these coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
+    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either.
+    value: `(..., 3, n + 1)`, in the same basis; the number at a root is the first less y times the
+    second, over the third. value_noise: `(..., 3)`, bounds on the error of each of these
+    coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
     """
 
     base: np.ndarray
@@ -48,7 +54,8 @@ class Polynomial:
 
 
 def warp_scale(cut: LinearFractional, *, alone: bool = False):
-    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least.
+    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which
+    they crowd least.
 
     alone: without those that are divided out, see `sampled_polynomial`.
     """
@@ -69,17 +76,19 @@ def sampled_polynomial(
 ) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
-    rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether the other number is 0, and
-    its half of the polynomial is left out.
+    rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether
+    the other number is 0, and its half of the polynomial is left out.
 
-    The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
-    `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of
-    the closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+    The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the
+    circle to itself. `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is
+    a sine polynomial of degree n (the order of the closed loop): n + SPARE_COEFFICIENTS samples
+    give its coefficients through an orthogonal transform.
 
-    If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m, and f, if there is only one
-    parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root at z = 1 itself would hide others next to it.
+    If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m,
+    and f, if there is only one parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root
+    at z = 1 itself would hide others next to it.
     """
-    count = cut.order + SPARE
+    count = cut.order + SPARE_COEFFICIENTS
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
     solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, along)
     if alone:
@@ -121,10 +130,12 @@ def sampled_polynomial(
 
 
 def poles_at_one(E) -> int:
-    """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries are not zero.
+    """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries
+    are not zero.
 
-    E: `(..., n, n)`. States that depend on each other, directly or through others, are a block of a triangular matrix. One that
-    depends on itself in no way is a block of its own, whose eigenvalue is its diagonal entry, 0.
+    E: `(..., n, n)`. States that depend on each other, directly or through others, are a block of a
+    triangular matrix. One that depends on itself in no way is a block of its own, whose eigenvalue
+    is its diagonal entry, 0.
     """
     n = E.shape[-1]
     reach = (E != 0).reshape(-1, n, n).any(0)
@@ -134,9 +145,11 @@ def poles_at_one(E) -> int:
 
 
 def _sines(samples, size, transform, degree):
-    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them.
+    """Return the first coefficients of sine polynomials from their samples, and bounds on the
+    errors of each of them.
 
-    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of either.
+    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of
+    either.
     """
     series = np.stack(samples, axis=-2) @ transform
     floor = 4 * len(transform) * np.finfo(float).eps
@@ -146,10 +159,11 @@ def _sines(samples, size, transform, degree):
 
 
 def _scaled(cut, zeta, scale, along):
-    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2, loops, points)` each.
+    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2,
+    loops, points)` each.
 
-    They are computed a second time with the states in reverse order, since an orthogonal reduction leaves errors that no
-    polynomial shows by itself.
+    They are computed a second time with the states in reverse order, since an orthogonal reduction
+    leaves errors that no polynomial shows by itself.
     """
     r = np.asarray(scale)[:, None]
     a = (1 - r) / (1 + r)
@@ -176,11 +190,13 @@ def _scaled(cut, zeta, scale, along):
 
 @np.errstate(all="ignore")
 def _errors_of_entries(cut, along, w, unit, fixed, solved):
-    """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`, infinite if not known.
+    """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`,
+    infinite if not known.
 
-    unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the bounds dE, the resolvent for
-    E + X is `R (1 - X R)^-1`, of which no entry is larger than those of `N |R|`, `N = (1 - |R| dE)^-1`. docs/proof.md,
-    "Entries that are known to few digits", has the bounds dG and q.
+    unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the
+    bounds dE, the resolvent for E + X is `R (1 - X R)^-1`, of which no entry is larger than those
+    of `N |R|`, `N = (1 - |R| dE)^-1`. docs/proof.md, "Entries that are known to few digits", has
+    the bounds dG and q.
     """
     dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
     one = np.eye(cut.E.shape[-1])
@@ -191,7 +207,7 @@ def _errors_of_entries(cut, along, w, unit, fixed, solved):
     reach = R @ dE
     known = np.isfinite(reach).all((-1, -2))
     reach = np.where(known[..., None, None], reach, 0.0)
-    known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < SMALL
+    known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < RESOLVENT_CHANGE
     reach = np.where(known[..., None, None], reach, 0.0)
     NR = inverse(one - reach) @ R
     c = CR + CR @ dE @ NR
@@ -212,20 +228,23 @@ def angle(cosine, scale):
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
 
-SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
+# of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
+SLIVER = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
     """A flat list of crossings that may be inside the span.
 
-    column: index of the column. value: of the number. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
-    included). jump: growth of the count of unstable eigenvalues as the number grows past the value. inverse: index of
-    the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
-    that column is proved complete. growth_to_infinity: `(columns,)`, growth of the number of unstable eigenvalues from the low
-    end of the span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known. For K to
-    infinity the eigenvalues tend to the zeros of G_x, or to infinity if there are more of them, whatever B is, so how many are
-    outside then is one number per loop. many: the resolvent of a single loop of many states, of which there are no inverses.
+    column: index of the column. value: of the number. theta: angle of the eigenvalue that crosses
+    (rad per frame, 0 and pi included). jump: growth of the count of unstable eigenvalues as the
+    number grows past the value. inverse: index of the inverse of `w I - E` at the crossing or next
+    to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of that column is proved
+    complete. growth_to_infinity: `(columns,)`, growth of the number of unstable eigenvalues from
+    the low end of the span to an infinite value, less the part that belongs to the loop alone; NaN
+    if that is not known. For K to infinity the eigenvalues tend to the zeros of G_x, or to infinity
+    if there are more of them, whatever B is, so how many are outside then is one number per loop.
+    many: the resolvent of a single loop of many states, of which there are no inverses.
     """
 
     column: np.ndarray
@@ -240,21 +259,22 @@ class Crossings:
 
 
 def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
-    """Return the roots of the polynomials of columns with the loops `owner` and the other number `fixed`."""
+    """Return the roots of the polynomials of columns with the loops `owner` and the other number
+    `fixed`."""
     coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(
         owner, axis=0
     )
     n = coefficients.shape[-1]
-    noise = (
-        polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]
-    )  # per coefficient; |U_k| <= k + 1
+    # per coefficient; |U_k| <= k + 1
+    noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     roots.proved[~np.isfinite(coefficients).all(-1)] = False
     return roots
 
 
 def _merged(column, seed, theta) -> np.ndarray:
-    """Return the columns in which two roots have polished to one angle: their jumps are not those of two crossings."""
+    """Return the columns in which two roots have polished to one angle: their jumps are not
+    those of two crossings."""
     order = np.lexsort((seed, column))
     column = column[order]
     theta = theta[order]
@@ -266,12 +286,15 @@ def _merged(column, seed, theta) -> np.ndarray:
 def crossings(
     cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots
 ) -> Crossings:
-    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number
+    `fixed`.
 
-    polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue moves outward with the sign
-    of d Im K/d theta at an interior crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at
-    z = 1 and -1 it moves with the sign of the polynomial. A column in which a root may be at such an end itself (an undamped
-    device crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span are only counted.
+    polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue
+    moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which
+    is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the sign of
+    the polynomial. A column in which a root may be at such an end itself (an undamped device
+    crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span
+    are only counted.
     """
     column, index = np.nonzero(roots.inside)
     cosine = roots.value[column, index]
@@ -297,14 +320,15 @@ def crossings(
     value = np.concatenate([polished.value, ends.value])
     theta = np.concatenate([polished.theta, ends.theta])
     jump = np.concatenate([jump, ends.jump])
-    # At an infinite value an eigenvalue is on the circle itself, and is not counted as outside. If it moves outward there
-    # (jump > 0), it has come from inside, and the number stays; if inward, it has come from outside, and the number falls.
-    # Of a very large value rounding decides whether it is reached before infinity or beyond, so nothing is known.
+    # At an infinite value an eigenvalue is on the circle itself, and is not counted as outside. If
+    # it moves outward there (jump > 0), it has come from inside, and the number stays; if inward,
+    # it has come from outside, and the number falls. Of a very large value rounding decides whether
+    # it is reached before infinity or beyond, so nothing is known.
     low = span[0]
     size = np.abs(value)
     told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
     growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
-    growth = np.where(size > FAR * largest, np.nan, growth)
+    growth = np.where(size > OTHER_INFINITY * largest, np.nan, growth)
     growth = np.where(
         np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth)
     )
@@ -317,7 +341,8 @@ def crossings(
 def _side(polynomial, owner, fixed, cosine, span):
     """Return 1 or -1 for a root whose value is surely above or below the span, 0 for others.
 
-    The value is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
+    The value is a quotient of two polynomials, the lower one not negative, so the side is the sign
+    of a sum.
     """
     over = polynomial.value.take(owner, axis=0)
     noise = polynomial.value_noise.take(owner, axis=0)
@@ -342,7 +367,8 @@ def _side(polynomial, owner, fixed, cosine, span):
 
 
 class CrossingsAtEnds(NamedTuple):
-    """The crossings at z = 1 of every column, and then those at z = -1; see `Crossings`. Without one the value is infinite."""
+    """The crossings at z = 1 of every column, and then those at z = -1; see `Crossings`. Without
+    one the value is infinite."""
 
     column: np.ndarray
     value: np.ndarray
@@ -354,9 +380,11 @@ class CrossingsAtEnds(NamedTuple):
 def at_both_ends(
     cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None
 ) -> tuple[CrossingsAtEnds, np.ndarray]:
-    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there; many: see `Crossings`.
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E`
+    there; many: see `Crossings`.
 
-    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of the eigenvalue.
+    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of
+    the eigenvalue.
     """
     values = []
     inverses = []

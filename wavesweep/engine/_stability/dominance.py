@@ -1,18 +1,22 @@
-"""No eigenvalue of a frame is on a circle for all values of a number in a range: by dominance of the diagonal in eigenvectors.
+"""No eigenvalue of a frame is on a circle for all values of a number in a range: by dominance of
+the diagonal in eigenvectors.
 
-docs/proof.md, "Dominance along any number", has the proof, with equations (1) to (4). About a place p0 of a panel (see
-`entries`), with `p = p0 + half h`, the frame less identity is `E(h) = D0 + h D1 + h^2 D2 + h^3 D3 + h^4 R`, each entry to a
-bound. X has the eigenvectors of D0, Z is nearly its inverse, and K is what turns them with the number. So in
+docs/proof.md, "Dominance along any number", has the proof, with equations (1) to (4). About a place
+p0 of a panel (see `entries`), with `p = p0 + half h`, the frame less identity is `E(h) = D0 + h D1
++ h^2 D2 + h^3 D3 + h^4 R`, each entry to a bound. X has the eigenvectors of D0, Z is nearly its
+inverse, and K is what turns them with the number. So in
 
     T(z, h) = (1 - hK) Z (z - 1 - E(h)) X (1 + hK)                                                              (1)
 
-nothing is left off the diagonal that is linear in h, but for rounding. If T is nonsingular, so is `z - 1 - E(h)`.
+nothing is left off the diagonal that is linear in h, but for rounding. If T is nonsingular, so is
+`z - 1 - E(h)`.
 
-T is nonsingular if a vector u > 0 exists with `|T_ii| u_i > sum_j |T_ij| u_j` for each row (4). It is shown for all z of a
-circle and all h of a range on one side of 0: `|z - 1 - mu_i|` of a diagonal entry mu_i is bounded from below by a concave
-function of |h| (3), all that is subtracted is bounded from above by convex ones, so both ends of the range prove it all. Then
-as many eigenvalues are outside the circle as entries mu_i: while the rest of T is taken away by and by, this stays so, and none
-crosses.
+T is nonsingular if a vector u > 0 exists with `|T_ii| u_i > sum_j |T_ij| u_j` for each row (4). It
+is shown for all z of a circle and all h of a range on one side of 0: `|z - 1 - mu_i|` of a diagonal
+entry mu_i is bounded from below by a concave function of |h| (3), all that is subtracted is bounded
+from above by convex ones, so both ends of the range prove it all. Then as many eigenvalues are
+outside the circle as entries mu_i: while the rest of T is taken away by and by, this stays so, and
+none crosses.
 """
 
 from dataclasses import dataclass, fields
@@ -21,22 +25,22 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
-from wavesweep.engine._stability.entries import DEGREES, EPS, ORDER, Panels, taylor
+from wavesweep.engine._stability.entries import DEGREES, EPS, TAYLOR_ORDER, Panels, taylor
 from wavesweep.engine.rows import Rows
 
-CLUSTER = (
-    0.5  # of their distance from the circle: eigenvalues so near to each other are not told apart
-)
-STEEP = 0.25  # most of `h^2 |K_ij K_ji|` at half of the range that is wanted, beyond which two vectors are not turned
+# of their distance from the circle: eigenvalues so near to each other are not told apart
+CLUSTER = 0.5
+# most of `h^2 |K_ij K_ji|` at half of the range that is wanted, beyond which two vectors are not
+# turned
+TURNED_COUPLING = 0.25
 WANTED = 0.3  # the most of h that is wanted
-REAL = 0.3  # size of an eigenvalue that may be on its way to the circle
-OUTSIDE = (
-    1e-6  # of the logarithm of an eigenvalue, from which on it is outside and not on its way there
-)
-SURELY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
+ON_WAY_TO_CIRCLE = 0.3  # size of an eigenvalue that may be on its way to the circle
+# of the logarithm of an eigenvalue, from which on it is outside and not on its way there
+OUTSIDE_BY = 1e-6
+DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
-MANY = 64  # states, beyond which a block makes tests shorter
+BLOCKED_STATES = 64  # states, beyond which a block makes tests shorter
 SMALLEST, LARGEST = (
     0.2,
     0.98,
@@ -45,13 +49,14 @@ SLACK, DOUBLED = (
     0.5,
     12,
 )  # of what is left to 1, how much a block leaves; terms of its unit's series, as a power of two
-TINY = 1e-150  # added to norms, whose squares may underflow
+ADDED_TO_NORMS = 1e-150  # added to norms, whose squares may underflow
 
 
 class Eigenbasis(NamedTuple):
     """Vectors of matrices as columns, `(matrices, n, n)`, and what is nearly their inverse.
 
-    block: which of them are together a basis of one subspace, `(matrices, n)`; all others are eigenvectors.
+    block: which of them are together a basis of one subspace, `(matrices, n)`; all others are
+    eigenvectors.
     """
 
     X: np.ndarray
@@ -62,13 +67,14 @@ class Eigenbasis(NamedTuple):
 def eigenbasis(E) -> Eigenbasis:
     """Return vectors of matrices less identity; the inverses are huge or NaN if there are too few.
 
-    They are orthonormal within clusters of eigenvalues that are nearer to each other than to the circle, as nothing has to tell
-    these apart. Where they are nearly dependent, those of small eigenvalues become a block, as for delay lines, which have one
-    eigenvector each; where they still are, those of a matrix next to it are taken.
+    They are orthonormal within clusters of eigenvalues that are nearer to each other than to the
+    circle, as nothing has to tell these apart. Where they are nearly dependent, those of small
+    eigenvalues become a block, as for delay lines, which have one eigenvector each; where they
+    still are, those of a matrix next to it are taken.
     """
     n = E.shape[-1]
     block = np.zeros(E.shape[:2], bool)
-    if n <= MANY:
+    if n <= BLOCKED_STATES:
         X, Z = _vectors(E)
     else:
         X, Z = np.full((2, *E.shape), np.inf, complex)
@@ -92,10 +98,11 @@ def _dependent(X, Z):
 
 
 def _with_block(E):
-    """Eigenvectors of the eigenvalues beyond the widest gap in their sizes, and a basis of what the left ones do not see.
+    """Eigenvectors of the eigenvalues beyond the widest gap in their sizes, and a basis of what the
+    left ones do not see.
 
-    In that basis the block N shortens every vector: its unit is P with `P = 1 + N'PN/r^2`, r being between its spectral radius
-    and 1.
+    In that basis the block N shortens every vector: its unit is P with `P = 1 + N'PN/r^2`, r being
+    between its spectral radius and 1.
     """
     n = len(E)
     w, X = np.linalg.eig(E)
@@ -161,7 +168,7 @@ def _turning(B1, w, wanted, block):
         K = B1 / (w[:, None, :] - w[:, :, None])
         steep = np.abs(K * K.swapaxes(1, 2)) * np.minimum(wanted, WANTED)[:, None, None] ** 2
         alike = _alike(w) | block[:, None] | block[:, :, None]
-        K = np.where((steep < STEEP) & ~alike & np.isfinite(K), K, 0)
+        K = np.where((steep < TURNED_COUPLING) & ~alike & np.isfinite(K), K, 0)
     K[:, range(w.shape[1]), range(w.shape[1])] = 0
     return K
 
@@ -183,8 +190,9 @@ def rounding_of(n) -> float:
 class Expansions(NamedTuple):
     """Frames less identity about places, `E(h) = D0 + h D1 + h^2 D2 + h^3 D3` and a rest, of tests.
 
-    D: the terms, `(tests, ORDER, n, n)`. sizes: those of what each term is a sum of. error: bounds on the errors of the
-    entries at the places, `(tests, n, n)`; drift: by how much more they are off for each h from there.
+    D: the terms, `(tests, ORDER, n, n)`. sizes: those of what each term is a sum of. error: bounds
+    on the errors of the entries at the places, `(tests, n, n)`; drift: by how much more they are
+    off for each h from there.
     """
 
     D: np.ndarray
@@ -201,14 +209,15 @@ def expansions(panels: Panels, at, x, pad, exact: ExactFrames) -> Expansions:
     degree = DEGREES[1] if bent else DEGREES[0]
     T = taylor(x, degree)
     c = panels.coefficients[at, : degree + 1].reshape(m, degree + 1, n * n)
-    D = (T @ c).reshape(m, ORDER, n, n)
-    sizes = (np.abs(T) @ np.abs(c)).reshape(m, ORDER, n, n)
+    D = (T @ c).reshape(m, TAYLOR_ORDER, n, n)
+    sizes = (np.abs(T) @ np.abs(c)).reshape(m, TAYLOR_ORDER, n, n)
     error = panels.error[at].copy()
     drift = np.zeros((m, n, n))
     if exact.tests.size:
-        # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max |e| times h at most: e is
-        # a polynomial of that degree, of rounding, and q g as in `panels_of`, where |q'| < degree + 3 within the panel,
-        # and |g'| < 2.2 max |g|, as the rim is 0.45 away (Cauchy).
+        # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max
+        # |e| times h at most: e is a polynomial of that degree, of rounding, and q g as in
+        # `panels_of`, where |q'| < degree + 3 within the panel, and |g'| < 2.2 max |g|, as the rim
+        # is 0.45 away (Cauchy).
         of_panel = error[exact.tests]
         agrees = np.abs(exact.E - D[exact.tests, 0]) <= 2 * (of_panel + exact.off)
         drift[exact.tests] = 4 * degree * of_panel
@@ -223,9 +232,11 @@ def expansions(panels: Panels, at, x, pad, exact: ExactFrames) -> Expansions:
 
 @dataclass(frozen=True, slots=True)
 class _Diagonals(Rows):
-    """The diagonal of `(1 - hK) Z E(h) X (1 + hK)` over `1 - h^2 k2`, `mu = w + b h + c h^2 + ...`, `(tests, n)`.
+    """The diagonal of `(1 - hK) Z E(h) X (1 + hK)` over `1 - h^2 k2`, `mu = w + b h + c h^2 + ...`,
+    `(tests, n)`.
 
-    d2: size of what h^2 comes with in it; k2: size of the diagonal of K^2. real: whether an eigenvalue is.
+    d2: size of what h^2 comes with in it; k2: size of the diagonal of K^2. real: whether an
+    eigenvalue is.
     """
 
     w: np.ndarray
@@ -236,7 +247,8 @@ class _Diagonals(Rows):
     real: np.ndarray
 
     def joined(self, alone) -> "_Diagonals":
-        """Those that stand alone at their new places, and the eigenvalue 0 of the frame at all others."""
+        """Those that stand alone at their new places, and the eigenvalue 0 of the frame at all
+        others."""
 
         def moved(facts):
             return (alone @ facts[..., None])[..., 0]
@@ -250,8 +262,9 @@ class _Diagonals(Rows):
 class _Sizes(Rows):
     """Sizes of the entries of what T consists of, `(tests, n, n)`.
 
-    C0, C1, C2: of the powers of h in `(1 - hK) Z E(h) X (1 + hK)`, and K2 of K^2, without their diagonals. B1, B2, B3: of
-    `Z D1 X` and so on. G: of `ZX - 1`. e0, e1, e2: bounds on what the errors of E add, at the place, for each h, and for h^4.
+    C0, C1, C2: of the powers of h in `(1 - hK) Z E(h) X (1 + hK)`, and K2 of K^2, without their
+    diagonals. B1, B2, B3: of `Z D1 X` and so on. G: of `ZX - 1`. e0, e1, e2: bounds on what the
+    errors of E add, at the place, for each h, and for h^4.
     """
 
     C0: np.ndarray
@@ -272,14 +285,16 @@ class _Sizes(Rows):
         back = to.swapaxes(1, 2)
         norms = {}
         for part in fields(self):
-            norms[part.name] = np.sqrt(to @ getattr(self, part.name) ** 2 @ back) + TINY
+            norms[part.name] = np.sqrt(to @ getattr(self, part.name) ** 2 @ back) + ADDED_TO_NORMS
         return _Sizes(**norms)
 
 
 def _joined(mu, parts, block, B0):
-    """Put norms in place of the entries in rows or columns of a block, whose own norm is that of the frame there.
+    """Put norms in place of the entries in rows or columns of a block, whose own norm is that of
+    the frame there.
 
-    So it is one more eigenvalue 0 with something off the diagonal, as far as dominance goes; others of them fill tests up.
+    So it is one more eigenvalue 0 with something off the diagonal, as far as dominance goes; others
+    of them fill tests up.
     """
     most = (~block).sum(1).max() + 1
     place = np.where(block, most - 1, np.cumsum(~block, 1) - 1)
@@ -287,7 +302,7 @@ def _joined(mu, parts, block, B0):
     parts = parts.joined(to)
     for at in np.flatnonzero(block.any(1)):
         N = B0[at][np.ix_(block[at], block[at])] + np.eye(block[at].sum())
-        parts.C0[at, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + SURELY)
+        parts.C0[at, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + DOMINANT_BY)
     return mu.joined(to * ~block[:, None]), parts
 
 
@@ -307,8 +322,9 @@ def _off_diagonal(matrices, block):
 class DominanceTests:
     """Tests about places of panels, one element each; see this file's head.
 
-    mu: the diagonal, parts: sizes of what T consists of, KBK: of `K B1 K`. size: of the eigenvalues 1 + w; unsure: bounds on
-    their errors. excess, slope, curve: what `|1 + mu|^2 - 1` is at h = 0, and what h and h^2 come with in it, `(tests, n)`.
+    mu: the diagonal, parts: sizes of what T consists of, KBK: of `K B1 K`. size: of the eigenvalues
+    1 + w; unsure: bounds on their errors. excess, slope, curve: what `|1 + mu|^2 - 1` is at h = 0,
+    and what h and h^2 come with in it, `(tests, n)`.
     """
 
     mu: _Diagonals
@@ -322,7 +338,8 @@ class DominanceTests:
 
     @classmethod
     def of(cls, panels: Panels, at, x, pad, wanted, exact: ExactFrames) -> "DominanceTests":
-        """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half of what is to be proved."""
+        """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half
+        of what is to be proved."""
         D, sizes, error, drift = expansions(panels, at, x, pad, exact)
         n = panels.error.shape[-1]
         X, Z, block = eigenbasis(D[:, 0])
@@ -330,7 +347,8 @@ class DominanceTests:
         B0, B1, B2, B3 = B.swapaxes(0, 1)
         w = _diagonal(B0)
         K = _turning(B1, w, wanted, block)
-        # (1 - hK) (B0 + h B1 + h^2 B2) (1 + hK) by powers of h (2); of what follows there are bounds.
+        # (1 - hK) (B0 + h B1 + h^2 B2) (1 + hK) by powers of h (2); of what follows there are
+        # bounds.
         KB0 = K @ B0
         C1 = B1 + B0 @ K - KB0
         C2 = B2 + B1 @ K - K @ B1 - KB0 @ K
@@ -371,14 +389,16 @@ class DominanceTests:
         )
 
     def crossings(self):
-        """The h next to 0 at which each eigenvalue seems to be on the unit circle, inf if none, `(tests, n)`."""
+        """The h next to 0 at which each eigenvalue seems to be on the unit circle, inf if none,
+        `(tests, n)`."""
         with np.errstate(all="ignore"):
             root = np.sqrt(self.slope**2 - 4 * self.curve * self.excess)
             h = -2 * self.excess / (self.slope + np.copysign(root, self.slope))
-        return np.where(np.isfinite(h) & (self.size > REAL), h, np.inf)
+        return np.where(np.isfinite(h) & (self.size > ON_WAY_TO_CIRCLE), h, np.inf)
 
     def angle(self, index, h):
-        """Return the angle of eigenvalue `index` of each test at h; exactly 0 or pi if it is real."""
+        """Return the angle of eigenvalue `index` of each test at h; exactly 0 or pi if it is
+        real."""
 
         def chosen(facts):
             return np.take_along_axis(facts, index[:, None], 1)[:, 0]
@@ -388,10 +408,12 @@ class DominanceTests:
         return np.abs(np.angle(np.where(chosen(mu.real), z.real, z)))
 
     def radius(self):
-        """Return the radius of the circle that a test is about: 1, or a larger one, r, in a wide gap between eigenvalues.
+        """Return the radius of the circle that a test is about: 1, or a larger one, r, in a wide
+        gap between eigenvalues.
 
-        If no eigenvalue is on the larger circle, as many as are outside of it stay there, so the loop is unstable, whatever the
-        others do; these may cross the unit circle meanwhile. The numbers here only choose r.
+        If no eigenvalue is on the larger circle, as many as are outside of it stay there, so the
+        loop is unstable, whatever the others do; these may cross the unit circle meanwhile. The
+        numbers here only choose r.
         """
         sizes = np.log(np.maximum(self.size, 1e-9))
         size = np.sort(sizes, 1)[:, ::-1]
@@ -400,24 +422,26 @@ class DominanceTests:
         widest = np.argmax(gaps, 1)[:, None]
         outer = np.take_along_axis(size, widest, 1)[:, 0]
         gap = np.take_along_axis(gaps, widest, 1)[:, 0]
-        wide = gap > np.maximum(3 * np.abs(size).min(1), OUTSIDE)
+        wide = gap > np.maximum(3 * np.abs(size).min(1), OUTSIDE_BY)
         return np.where(wide, np.exp(outer - gap / 2), 1.0)
 
     def prove(self, tests, start, stop, radius):
-        """Return whether none is on the circle from h = start to stop of each of `tests`, and how many are outside then.
+        """Return whether none is on the circle from h = start to stop of each of `tests`, and how
+        many are outside then.
 
         start, stop: of one sign, or 0.
 
-        Row i of T over `1 - h^2 k2`, k2 = |(K^2)_ii|, has the diagonal `z - 1 - mu` with `mu = w + b h + c h^2 + ...` and
-        `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)` for all |z| = r, r being the radius, which may be larger than 1.
+        Row i of T over `1 - h^2 k2`, k2 = |(K^2)_ii|, has the diagonal `z - 1 - mu` with `mu = w +
+        b h + c h^2 + ...` and `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)` for all |z| =
+        r, r being the radius, which may be larger than 1.
 
-        What is off the diagonal, over the same, is at most `F + |z - 1| G`. With `d = |z - 1 - mu_i|` it is
-        `|z - 1| <= |mu_i| + d`, so a row holds if `d u_i > (F u)_i + (|mu_i| + d) (G u)_i`. It is enough to show this for the
-        least d. As F and G are not negative, `(G u)_i < u_i` follows, so for every larger d the left side has grown by more
-        than the right one.
+        What is off the diagonal, over the same, is at most `F + |z - 1| G`. With `d = |z - 1 -
+        mu_i|` it is `|z - 1| <= |mu_i| + d`, so a row holds if `d u_i > (F u)_i + (|mu_i| + d) (G
+        u)_i`. It is enough to show this for the least d. As F and G are not negative, `(G u)_i <
+        u_i` follows, so for every larger d the left side has grown by more than the right one.
 
-        What is concave and convex in h is so for one u. So the same u has to serve both ends of the range, and it is found for
-        the larger of their two ratios, entry by entry.
+        What is concave and convex in h is so for one u. So the same u has to serve both ends of the
+        range, and it is found for the larger of their two ratios, entry by entry.
         """
         mu = self.mu.take(tests)
         parts = self.parts.take(tests)
@@ -429,7 +453,8 @@ class DominanceTests:
         excess = self.excess[tests] + (1 - r**2)
         outside = excess + (start + stop)[:, None] / 2 * slope > 0
         side = np.where(outside, 1.0, -1.0)
-        # (3): side (|1 + mu|^2 - r^2) is at least side (excess + h slope) - h^2 (bends + |h| cubic).
+        # (3): side (|1 + mu|^2 - r^2) is at least side (excess + h slope) - h^2 (bends + |h|
+        # cubic).
         bends = np.maximum(0, -side * self.curve[tests])
         cubic = 2 * b * c + most * c**2
         largest = self.size[tests] + most * b + most**2 * c + r  # of |1 + mu| + r
@@ -438,7 +463,8 @@ class DominanceTests:
         reach = reach[:, :, None]
 
         def ratios(h):
-            """What is off the diagonal over what is left of it, at h; infinite if nothing is left."""
+            """What is off the diagonal over what is left of it, at h; infinite if nothing is
+            left."""
             a = np.abs(h)[:, None]
             left = 1 - mu.k2 * a**2
             safe = np.maximum(left, 0.1)
@@ -464,8 +490,8 @@ class DominanceTests:
         H = np.where(proved[:, None, None], H, 0)
         # (4): if u > 0 and H u < u, the diagonal dominates.
         n = H.shape[1]
-        u = solve(np.eye(n) * (1 + SURELY) - H, np.ones((len(H), n, 1)))
-        proved &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
+        u = solve(np.eye(n) * (1 + DOMINANT_BY) - H, np.ones((len(H), n, 1)))
+        proved &= (u > 0).all((1, 2)) & (H @ u < u * (1 - DOMINANT_BY / 2)).all((1, 2))
         return proved, outside.sum(1)
 
 

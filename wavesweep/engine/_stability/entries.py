@@ -1,4 +1,5 @@
-"""Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
+"""Entries of the frames of loops along a number: polynomials on panels of it, each entry with a
+bound on what it misses."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -12,22 +13,27 @@ DEGREES = (
     14,
     28,
 )  # of the polynomials; the points of the lower one are points of the higher one, too
-ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
-MODEL = 1e-11  # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
+TAYLOR_ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
+# of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
+MODEL = 1e-11
 NOISY = 1e-8  # the same where the values have larger errors than MODEL
 ELLIPSE, OUTER = (
     2.5,
     8,
 )  # sum of the semi-axes of the ellipse about a panel; points on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
-LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
+# more than the constant of the points: how much the errors of values may add up to between them
+LEBESGUE = 4
 PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
-UNEVEN = 4.0  # times the bounds at these places: that at any other point of the panel
-OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is found from both sides
-STEEP = 1e3  # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to the largest
-NARROW = 1e-9  # of the span: a panel this narrow that is not followed is given up
+BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other point of the panel
+# of its width a panel reaches beyond each end: a crossing next to it is found from both sides
+OVERLAP = 0.035
+# ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to
+# the largest
+ENTRY_RATIO = 1e3
+NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed is given up
 FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
-MANY = 1024  # panels of a column, beyond which the rest is given up
+MOST_PANELS_OF_COLUMN = 1024  # panels of a column, beyond which the rest is given up
 EPS = np.finfo(float).eps
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
@@ -36,11 +42,13 @@ RIM.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class Panels(Rows):
-    """Polynomials in `x = (p - middle)/half`, for x from -1 to 1, of the entries of frames less identity.
+    """Polynomials in `x = (p - middle)/half`, for x from -1 to 1, of the entries of frames less
+    identity.
 
-    column, low, high: the part of the span of a column that a panel is for; the polynomials reach a bit farther. coefficients:
-    of Chebyshev polynomials, `(panels, DEGREES[-1] + 1, n, n)`. error: of each entry, all over the panel, by interpolation and
-    by rounding of the frames, `(panels, n, n)`. rest: bound on the derivative of order ORDER over its factorial.
+    column, low, high: the part of the span of a column that a panel is for; the polynomials reach a
+    bit farther. coefficients: of Chebyshev polynomials, `(panels, DEGREES[-1] + 1, n, n)`. error:
+    of each entry, all over the panel, by interpolation and by rounding of the frames, `(panels, n,
+    n)`. rest: bound on the derivative of order TAYLOR_ORDER over its factorial.
     """
 
     column: np.ndarray
@@ -54,7 +62,8 @@ class Panels(Rows):
 
     @classmethod
     def joined(cls, batches):
-        """Return the panels of all batches, filled up to as many states as the largest has; those added have z = 0."""
+        """Return the panels of all batches, filled up to as many states as the largest has;
+        those added have z = 0."""
         most = max(batch.error.shape[-1] for batch in batches)
         return cls.join(
             [batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches]
@@ -63,8 +72,9 @@ class Panels(Rows):
     def filled(self, order: int) -> "Panels":
         """The same with as many states.
 
-        Those that are added are 0 at the end of every frame: eigenvalues z = 0, which are `z - 1 = -1` of a frame
-        less identity. So the constant coefficient is -1 on their diagonal, and everything else of them is 0.
+        Those that are added are 0 at the end of every frame: eigenvalues z = 0, which are `z - 1 =
+        -1` of a frame less identity. So the constant coefficient is -1 on their diagonal, and
+        everything else of them is 0.
         """
         n = self.error.shape[-1]
 
@@ -94,10 +104,12 @@ class Panels(Rows):
         )
 
     def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
-        """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
-        the indices of those that are left; panels that have the same ones together.
+        """Return the panels without states that are 0 at the end of every frame, or that nothing
+        reads at its beginning, and the indices of those that are left; panels that have the same
+        ones together.
 
-        A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
+        A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix
+        is block-triangular.
         """
         n = self.error.shape[-1]
         rest = self.error + sizes_of(self.coefficients[:, 1:])
@@ -117,7 +129,8 @@ class Panels(Rows):
 
 
 def sizes_of(coefficients) -> np.ndarray:
-    """Return the sum of the sizes of the coefficients of each entry of panels; one by one, since all take much memory."""
+    """Return the sum of the sizes of the coefficients of each entry of panels; one by one, since
+    all take much memory."""
     return sum(np.abs(coefficients[:, k]) for k in range(coefficients.shape[1]))
 
 
@@ -136,20 +149,23 @@ def _remembered(entries):
 def panels_of(
     frames, errors, span, columns: int, bounds, resolved=None, order: int = 1
 ) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
-    """Return panels on which the frames are followed, and the parts of the spans that are not: column, low, high, overflown.
+    """Return panels on which the frames are followed, and the parts of the spans that are not:
+    column, low, high, overflown.
 
-    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have no narrow features there.
-    order: of the frames, by which panels are followed in portions. A panel that is not followed is halved.
+    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have
+    no narrow features there. order: of the frames, by which panels are followed in portions. A
+    panel that is not followed is halved.
 
-    The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by the polynomial q that
-    vanishes there, is analytic where f is. So on the panel, where |q| <= 1, it is at most as large as on the rim of an ellipse
-    about it, where |q| > 10^5: entries are computed there at complex p. What lies between the points of the rim is taken as at
-    most twice as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as much as LEBESGUE
-    allows; its bounds are taken at both ends and in the middle.
+    The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by
+    the polynomial q that vanishes there, is analytic where f is. So on the panel, where |q| <= 1,
+    it is at most as large as on the rim of an ellipse about it, where |q| > 10^5: entries are
+    computed there at complex p. What lies between the points of the rim is taken as at most twice
+    as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as
+    much as LEBESGUE allows; its bounds are taken at both ends and in the middle.
     """
     column = np.arange(columns)
     low, high = (np.full(columns, float(end)) for end in span)
-    least = NARROW * (span[1] - span[0])
+    least = NARROWEST_PANEL * (span[1] - span[0])
     count = np.ones(columns, int)
     few = max(1, FOLLOWED // ((DEGREES[-1] + 1) * order**2))
     done = []
@@ -179,7 +195,9 @@ def panels_of(
             hopeless[portion] = ~finite.any(1)
             done += followed
         np.add.at(count, column[~good], 1)
-        narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
+        narrow = hopeless | ~good & (
+            (high - low <= least) | (count[column] > MOST_PANELS_OF_COLUMN)
+        )
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
         again = ~good & ~narrow
         low = low[again]
@@ -194,7 +212,8 @@ def panels_of(
 
 
 def _followed(frames, errors, spans):
-    """Return panels, those among `spans` that are followed, which these are, and which frames are finite, `(spans, points)`.
+    """Return panels, those among `spans` that are followed, which these are, and which frames are
+    finite, `(spans, points)`.
 
     spans: column, low, high, middle, half.
     """
@@ -231,7 +250,7 @@ def _followed(frames, errors, spans):
         size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
         least = np.abs(A).max((2, 3)).min(1)
-        calm = size < STEEP * np.maximum(1, least)
+        calm = size < ENTRY_RATIO * np.maximum(1, least)
         enough = MODEL if degree < DEGREES[-1] else NOISY
         ready = np.flatnonzero((last < enough) & calm)
         if ready.size:
@@ -249,7 +268,9 @@ def _followed(frames, errors, spans):
                 fine &= ~pole_inside(pivots, inner[open_[ready]])
                 fine &= np.isfinite(off).all((1, 2))
                 error = (
-                    missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
+                    missed
+                    + LEBESGUE * BETWEEN_PLACES * off
+                    + 2 * degree * EPS * np.abs(c[ready]).sum(1)
                 )
                 ready = ready[fine]
                 done.append(_panels(spans, open_[ready], c[ready], error[fine]))
@@ -271,7 +292,7 @@ def _followed(frames, errors, spans):
 def _panels(spans, index, c, error):
     k = np.arange(c.shape[1])
     steepest = np.prod(
-        [(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0
+        [(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(TAYLOR_ORDER)], 0
     )  # at x = 1 (Markov 1892)
     padded = np.zeros((index.size, DEGREES[-1] + 1, *c.shape[2:]))
     padded[:, : c.shape[1]] = c
@@ -281,9 +302,11 @@ def _panels(spans, index, c, error):
 
 @cache
 def nodes(degree):
-    """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to Chebyshev coefficients."""
+    """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to
+    Chebyshev coefficients."""
     number = np.arange(degree + 1)
-    # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits with the angle.
+    # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits
+    # with the angle.
     turn = np.outer(number, number) % (2 * degree)
     turn = np.minimum(turn, 2 * degree - turn)
     short = np.cos(np.pi * np.minimum(turn, degree - turn) / degree)
@@ -298,7 +321,8 @@ def nodes(degree):
 
 @cache
 def _rim(degree):
-    """Return the Chebyshev polynomials on the rim, and the least size there of the polynomial that vanishes at the nodes."""
+    """Return the Chebyshev polynomials on the rim, and the least size there of the polynomial
+    that vanishes at the nodes."""
     basis = [np.ones_like(RIM), RIM]
     for _ in range(degree - 1):
         basis.append(2 * RIM * basis[-1] - basis[-2])
@@ -306,8 +330,9 @@ def _rim(degree):
 
 
 def taylor(x, degree) -> np.ndarray:
-    """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points, ORDER, degree + 1)`."""
-    coefficients = np.zeros((ORDER, degree + 1, x.size))
+    """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points,
+    TAYLOR_ORDER, degree + 1)`."""
+    coefficients = np.zeros((TAYLOR_ORDER, degree + 1, x.size))
     coefficients[0, 0] = 1
     coefficients[0, 1] = x
     coefficients[1, 1] = 1

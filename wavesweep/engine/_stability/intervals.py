@@ -1,4 +1,5 @@
-"""Stable intervals of columns and the places where nothing is known: from regions, joined, and as rows of a table."""
+"""Stable intervals of columns and the places where nothing is known: from regions, joined, and
+as rows of a table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,14 +14,16 @@ from wavesweep.engine.rows import Rows
 
 @dataclass(frozen=True, slots=True)
 class Intervals(Rows):
-    """One element per stable interval and per open place, where nothing is known; one for a column that has neither.
+    """One element per stable interval and per open place, where nothing is known; one for a column
+    that has neither.
 
-    They are sorted by column, then value. column: index into the columns in C order, `slice * fixed.shape[-1] + position`.
-    index: 0, 1, ... of the stable intervals of the column, -1 of other elements. count: stable intervals of the column. low,
-    high: ends (N/m or N*s/m), NaN of a column with no other element. low_omega, high_omega: rad/s of the oscillation that
-    starts there, NaN if the range ends the interval, or an open place begins there. doubt: reason why the column is not
-    certified, NONE if it is (numbers of `doubts.Doubt`). residual: the largest relative residual of the
-    characteristic equation at crossings of the interval, 0 if there are none.
+    They are sorted by column, then value. column: index into the columns in C order, `slice *
+    fixed.shape[-1] + position`. index: 0, 1, ... of the stable intervals of the column, -1 of other
+    elements. count: stable intervals of the column. low, high: ends (N/m or N*s/m), NaN of a column
+    with no other element. low_omega, high_omega: rad/s of the oscillation that starts there, NaN if
+    the range ends the interval, or an open place begins there. doubt: reason why the column is not
+    certified, NONE if it is (numbers of `doubts.Doubt`). residual: the largest relative residual of
+    the characteristic equation at crossings of the interval, 0 if there are none.
     """
 
     column: np.ndarray
@@ -40,7 +43,8 @@ class Intervals(Rows):
 
 
 def intervals_of(r: Regions, doubt, period) -> Intervals:
-    """Return runs of regions with no unstable eigenvalue, those that are not known, and an empty row for columns without any.
+    """Return runs of regions with no unstable eigenvalue, those that are not known, and an empty
+    row for columns without any.
 
     doubt: `(columns,)`, codes. period: of each column's frame, s.
     """
@@ -90,7 +94,8 @@ def _empty(column, doubt, span=(np.nan, np.nan)) -> Intervals:
 
 
 def _numbered(rows: Intervals) -> Intervals:
-    """The intervals with index and count of each column; sorted, an index of 0 or more stands for a stable one."""
+    """The intervals with index and count of each column; sorted, an index of 0 or more stands
+    for a stable one."""
     stable = rows.index >= 0
     column = rows.column
     count = np.bincount(column[stable], minlength=int(column.max(initial=-1)) + 1)
@@ -111,7 +116,8 @@ def doubts_of(regions: Regions, doubt) -> np.ndarray:
 
 
 def joined(intervals) -> Intervals:
-    """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
+    """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt
+    is that of a whole column."""
     merged = Intervals.join(intervals)
     merged = merged.take(
         np.lexsort((merged.low, merged.column))
@@ -130,7 +136,8 @@ def _touching(rows: Intervals) -> np.ndarray:
 
 
 def without_seams(rows: Intervals) -> Intervals:
-    """Return intervals in which those are one that meet at an end where nothing crosses, and open places likewise."""
+    """Return intervals in which those are one that meet at an end where nothing crosses, and
+    open places likewise."""
     stable = rows.index >= 0
     seam = _touching(rows) & (stable[:-1] == stable[1:])
     first = np.flatnonzero(np.append(True, ~seam))
@@ -148,7 +155,8 @@ def without_seams(rows: Intervals) -> Intervals:
 
 @dataclass(frozen=True, slots=True)
 class OpenPlaces:
-    """Of each row of a table, the places where nothing is known: how many, where the first begins, where the last ends."""
+    """Of each row of a table, the places where nothing is known: how many, where the first
+    begins, where the last ends."""
 
     places: np.ndarray
     low: np.ndarray
@@ -156,10 +164,12 @@ class OpenPlaces:
 
 
 def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
-    """Return the intervals as rows, and the open places of each: what only these keep apart is one interval in doubt.
+    """Return the intervals as rows, and the open places of each: what only these keep apart is one
+    interval in doubt.
 
-    It goes from its first to its last place that is known to be stable, and has no residual if one of these is not its end. An
-    open place between unstable values belongs to the interval below, or else above, or to the empty row of its column.
+    It goes from its first to its last place that is known to be stable, and has no residual if one
+    of these is not its end. An open place between unstable values belongs to the interval below, or
+    else above, or to the empty row of its column.
     """
     at = np.arange(intervals.column.size)
     stable = intervals.index >= 0
@@ -200,7 +210,8 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
 
 
 def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NONE) -> Intervals:
-    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of their whole span."""
+    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is
+    known of their whole span."""
     index = columns[intervals.column]
     if not index.any():
         return intervals
@@ -229,7 +240,8 @@ def in_place(intervals: Intervals, columns: np.ndarray, others: Intervals) -> In
 def common(loops: Sequence[Intervals]) -> Intervals:
     """Return the intervals in which all of several loops are stable, for every column.
 
-    loops: of each, the same columns. A doubt of one is one of the column, unless the others are never stable together.
+    loops: of each, the same columns. A doubt of one is one of the column, unless the others are
+    never stable together.
     """
     of_loops = [_by_column(intervals) for intervals in loops]
     rows = []
@@ -273,7 +285,8 @@ def _by_column(intervals):
 
 
 def _common_in_column(loops):
-    """What the loops of a column have in common, and the doubt of that; loops: pieces and doubt of each."""
+    """What the loops of a column have in common, and the doubt of that; loops: pieces and doubt
+    of each."""
     certain = [pieces for pieces, doubt in loops if doubt == Doubt.NONE]
     shared = _of_all(certain)
     if len(certain) == len(loops) or (certain and not shared):
@@ -291,7 +304,8 @@ def _of_all(loops):
 
 
 def _overlap(first, second):
-    """The values that two pieces have in common, each end with its frequency, open if one is; None if there are none."""
+    """The values that two pieces have in common, each end with its frequency, open if one is;
+    None if there are none."""
     begins = max(first, second, key=lambda piece: piece.low)
     ends = min(first, second, key=lambda piece: piece.high)
     if begins.low >= ends.high:

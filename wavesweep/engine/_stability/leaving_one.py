@@ -1,4 +1,5 @@
-"""An eigenvalue of a frame that is exactly 1 where the span begins: on which side of the circle it is from there on.
+"""An eigenvalue of a frame that is exactly 1 where the span begins: on which side of the circle it
+is from there on.
 
 A drift that the number alone stops is such an eigenvalue: without the number nothing opposes it.
 Within the errors of entries it may be on either side of 1 next to there, so no test by entries
@@ -29,7 +30,7 @@ import numpy as np
 
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._stability.dominance import (
-    SURELY,
+    DOMINANT_BY,
     ExactFrames,
     eigenbasis,
     expansions,
@@ -40,7 +41,8 @@ from wavesweep.engine._stability.entries import Panels
 REACHES = 0.25 ** np.arange(
     25
 )  # of half a panel, how far the proof may reach: the first that succeeds
-REFINED = 2  # times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
+# times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
+REFINED = 2
 TURNED, SPREAD, AWAY, WITHIN = (
     0.1,
     0.3,
@@ -50,7 +52,8 @@ TURNED, SPREAD, AWAY, WITHIN = (
 
 
 def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far from `low` on no eigenvalue is on the unit circle, and how many are outside, of each panel of `at`.
+    """Return how far from `low` on no eigenvalue is on the unit circle, and how many are outside,
+    of each panel of `at`.
 
     low: the low end of these panels, where the frame has the eigenvalue 1 exactly; it is returned
     where nothing is proved. errors: see `regions_along_any`.
@@ -75,8 +78,9 @@ class _BesideOne:
 
     one, others: index of the eigenvalue next to 0, and of the others. far: of the others from the
     unit circle. speed: b, as it comes out, and unsure: by how much it may be another; both in
-    halves of a panel. outside: number of eigenvalues outside. G: of ZX off the identity. e0, e1, e2: as in
-    `DominanceTests`; B0, B1, B2, B3: sizes of `Z D0 X` off the diagonal, of `Z D1 X` and so on.
+    halves of a panel. outside: number of eigenvalues outside. G: of ZX off the identity. e0, e1,
+    e2: as in `DominanceTests`; B0, B1, B2, B3: sizes of `Z D0 X` off the diagonal, of `Z D1 X` and
+    so on.
     """
 
     one: np.ndarray
@@ -164,7 +168,7 @@ class _BesideOne:
         eye = np.eye(rest.shape[-1])
         over_far = np.nan_to_num(rest / far[:, :, None], nan=1.0, posinf=1.0)
         u = solve(eye - over_far, np.ones((index.size, len(eye), 1)))
-        resolved = ((u > 0) & (over_far @ u < (1 - SURELY) * u)).all((1, 2))
+        resolved = ((u > 0) & (over_far @ u < (1 - DOMINANT_BY) * u)).all((1, 2))
         over_far[~resolved] = 0.0
         return solve(eye - over_far, eye / far[:, None, :]), resolved
 
@@ -202,7 +206,8 @@ class _BesideOne:
 
 
 def _refined(X, Z, E):
-    """Eigenvectors that are turned by what is left of E between the one whose eigenvalue is next to 0 and the others."""
+    """Eigenvectors that are turned by what is left of E between the one whose eigenvalue is next
+    to 0 and the others."""
     B = Z @ E @ X
     order = np.argsort(np.abs(np.diagonal(B, axis1=1, axis2=2)), 1)
     number = np.arange(len(B))[:, None]

@@ -7,26 +7,29 @@ import numpy as np
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.unit_circle import inverse
-from wavesweep.engine._stability.spectrum import MANY, NEIGHBOURHOOD, states_of_blocks
+from wavesweep.engine._stability.spectrum import BOUNDED_STATES, NEIGHBOURHOOD, states_of_blocks
 
-INVERTED = 1e-8  # of the identity, by which eigenvectors times their inverse may miss it
+INVERTED_MODES = 1e-8  # of the identity, by which eigenvectors times their inverse may miss it
 
 
 class Modes(NamedTuple):
-    """Eigenvalues less 1 of a frame, `(modes,)`, and the share of each state in each mode, `(modes, states)`, from 0 to 1."""
+    """Eigenvalues less 1 of a frame, `(modes,)`, and the share of each state in each mode,
+    `(modes, states)`, from 0 to 1."""
 
     delta: np.ndarray
     shares: np.ndarray
 
 
 def modes_of(E) -> Modes:
-    """Return the modes of `I + E`, `(n, n)`, those that decay most slowly or grow most first; none if E is not finite.
+    """Return the modes of `I + E`, `(n, n)`, those that decay most slowly or grow most first; none
+    if E is not finite.
 
-    The share of a state is the size of its participation factor, the product of its entries in the right and in the left
-    eigenvector (I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. Power Apparatus and Systems 101, 1982), over
-    the sum of these: it does not depend on the units of the states. Loops of which one acts on another, but none on itself by
-    way of others, have their own modes.
-    Accuracy: eigenvalues as `eigenvalues` has them; shares to rounding, but of eigenvalues that nearly meet.
+    The share of a state is the size of its participation factor, the product of its entries in the
+    right and in the left eigenvector (I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE
+    Trans. Power Apparatus and Systems 101, 1982), over the sum of these: it does not depend on the
+    units of the states. Loops of which one acts on another, but none on itself by way of others,
+    have their own modes. Accuracy: eigenvalues as `eigenvalues` has them; shares to rounding, but
+    of eigenvalues that nearly meet.
     """
     n = E.shape[-1]
     if not np.isfinite(E).all():
@@ -45,10 +48,11 @@ def modes_of(E) -> Modes:
 
 
 def _left_eigenvectors(right):
-    """Return the inverse of the right eigenvectors, or what is nearest to it: of a double eigenvalue there is none."""
-    if len(right) >= MANY:
+    """Return the inverse of the right eigenvectors, or what is nearest to it: of a double
+    eigenvalue there is none."""
+    if len(right) >= BOUNDED_STATES:
         left = inverse(right)  # in a tenth of the time
-        if np.abs(left @ right - np.eye(len(right))).max() < INVERTED:
+        if np.abs(left @ right - np.eye(len(right))).max() < INVERTED_MODES:
             return left
     return np.linalg.pinv(right)
 
@@ -56,12 +60,14 @@ def _left_eigenvectors(right):
 def named_modes(
     E: np.ndarray, drawn: MultirateLoop, drift: MarginalModes
 ) -> tuple[list[str], Modes]:
-    """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
+    """Return the names of the states of a loop, without those of its drift, and their modes; see
+    `modes_of`."""
     labels, order = drawn.labels(), len(drift.remaining)
     return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:order, :order])
 
 
 def certain_modes(delta: np.ndarray, *, clear: bool) -> np.ndarray:
-    """Return whether rounding cannot take each mode across the unit circle; clear: it can take none of them."""
+    """Return whether rounding cannot take each mode across the unit circle; clear: it can take
+    none of them."""
     near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
     return np.full(delta.shape, clear) | ~(near | ~near.any())

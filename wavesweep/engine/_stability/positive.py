@@ -1,7 +1,8 @@
 """Proofs that analytic functions of several numbers are positive all over a box of these.
 
-They are interpolated at Chebyshev nodes; their size on an ellipse about one number at a time bounds the error between these. If
-the Bernstein coefficients of the interpolant do not prove that it is positive, the box is divided.
+They are interpolated at Chebyshev nodes; their size on an ellipse about one number at a time bounds
+the error between these. If the Bernstein coefficients of the interpolant do not prove that it is
+positive, the box is divided.
 """
 
 from collections.abc import Sequence
@@ -18,19 +19,22 @@ ELLIPSE, RIM_POINTS = (
     4.0,
     8,
 )  # sum of the semi-axes of the ellipse about a number; points on its upper half
-RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
-RIM = (RIM + 1 / RIM) / 2
+NUMBER_RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
+NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
 COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
-SHARE = 0.25  # largest error of the interpolant, relative to the smallest value seen
+# largest error of the interpolant, relative to the smallest value seen
+LARGEST_INTERPOLANT_ERROR = 0.25
 MOST_GRID = 20_000  # nodes in all
-WIDE = 3.0  # ratio of the ends of a number above which it is divided at their geometric mean
-LEBESGUE = 0.7  # logarithm of the factor by which each further number increases the error of an interpolant
-SPARED = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
+# ratio of the ends of a number above which it is divided at their geometric mean
+LOGARITHMIC_RATIO = 3.0
+# logarithm of the factor by which each further number increases the error of an interpolant
+LOG_LEBESGUE = 0.7
+SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
 HALVES = 9  # halvings of an interpolant, for each number
 MOST_PIECES = 4096
-NARROW = 1e-5  # of each side of a box, below which a part is not divided
-STEEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
+NARROWEST_PART = 1e-5  # of each side of a box, below which a part is not divided
+LOG_STEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
 EPS = np.finfo(float).eps
 
 Box = np.ndarray
@@ -38,7 +42,8 @@ Box = np.ndarray
 
 
 class FunctionValues(NamedTuple):
-    """Values of functions, `(functions, n)`: phase, logarithm of the size, and relative error in units of EPS.
+    """Values of functions, `(functions, n)`: phase, logarithm of the size, and relative error in
+    units of EPS.
 
     pivots: `(n, k)`, see `Frames`.
     """
@@ -63,8 +68,9 @@ class Functions(Protocol):
 class Cover:
     """What is known about a box.
 
-    open: the parts that are not proved, `(parts, 2, numbers)`; empty if all of the box is proved. unstable: points at which a
-    function is negative, `(points, numbers)`. used: points at which they were computed.
+    open: the parts that are not proved, `(parts, 2, numbers)`; empty if all of the box is proved.
+    unstable: points at which a function is negative, `(points, numbers)`. used: points at which
+    they were computed.
     """
 
     open: np.ndarray
@@ -73,22 +79,25 @@ class Cover:
 
 
 class Resolved(Protocol):
-    """Which boxes are narrow enough for the samples that are taken of functions, see `_loops.resolution`."""
+    """Which boxes are narrow enough for the samples that are taken of functions, see
+    `_loops.resolution`."""
 
     used: int
 
     def unresolved(self, box: Box) -> np.ndarray:
-        """Along which numbers a box may have to be divided, a mask `(numbers,)`; none of them if it is narrow enough."""
+        """Along which numbers a box may have to be divided, a mask `(numbers,)`; none of them if
+        it is narrow enough."""
 
 
 def positive(
     functions: Functions, box: Box, bounds: Box, most: int, resolution: Resolved | None = None
 ) -> Cover:
-    """Prove that functions are positive on a box; the points `unstable` are those where one is surely negative.
+    """Prove that functions are positive on a box; the points `unstable` are those where one is
+    surely negative.
 
-    box: a number whose two ends are equal is no dimension of it. bounds: the range of each number in which the functions are
-    analytic. most: points to compute at most. resolution: asked about each part of the box; None if the functions have no
-    narrow features.
+    box: a number whose two ends are equal is no dimension of it. bounds: the range of each number
+    in which the functions are analytic. most: points to compute at most. resolution: asked about
+    each part of the box; None if the functions have no narrow features.
     """
     box = np.asarray(box, float)
     proof = _BoxProof(functions, box, np.asarray(bounds, float), resolution)
@@ -108,14 +117,15 @@ def any_positive(
     most: int,
     resolution: Resolved | None = None,
 ) -> Cover:
-    """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
+    """Prove that at every point of a box one of these is positive, except in the parts that are
+    left open; see `positive`."""
     box, bounds = np.asarray(box, float), np.asarray(bounds, float)
     proofs = [_BoxProof(functions, box, bounds, resolution) for functions in alternatives]
     queue = [box]
     while (
         queue
         and sum(proof.used for proof in proofs) < most
-        and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any()
+        and (np.ptp(queue[-1], 0) > NARROWEST_PART * np.ptp(box, 0)).any()
     ):
         piece, negatives, rest = queue.pop(), [], None
         for proof in proofs:
@@ -172,7 +182,8 @@ class _BoxProof:
         return self._interpolated(piece, wide, units, log, pivots)
 
     def _interpolated(self, piece, wide, units, log, pivots):
-        """The same, from the logarithms and pivots at the coarse places; the piece is divided if it needs too many nodes."""
+        """The same, from the logarithms and pivots at the coarse places; the piece is divided if
+        it needs too many nodes."""
         middle, half, grid = piece.mean(0), (piece[1] - piece[0]) / 2, _grid([COARSE] * wide.size)
         trend = _trend(log, grid)
         peak = (log - trend @ grid.T).max(1)
@@ -186,15 +197,15 @@ class _BoxProof:
             np.stack([size for size, _ in rims]),
             np.max([step for _, step in rims], axis=0),
         )
-        needed = np.log(4 / (ELLIPSE - 1) * far / (SHARE / max(wide.size, 1) * least)).max(
-            1, initial=0.0
-        )
+        needed = np.log(
+            4 / (ELLIPSE - 1) * far / (LARGEST_INTERPOLANT_ERROR / max(wide.size, 1) * least)
+        ).max(1, initial=0.0)
         counts = np.clip(
-            np.ceil(1 + (needed + LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf
+            np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf
         )
         if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
             # Divide along the number along which the sizes on the other ellipses change most.
-            steep = np.isfinite(counts).all() and steps.max() > STEEP
+            steep = np.isfinite(counts).all() and steps.max() > LOG_STEP
             return self._none, _divided(piece, wide, steps if steep else counts)
         return self._within(
             piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far
@@ -240,11 +251,12 @@ class _BoxProof:
         return self.functions.values(x, units)
 
     def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
-        """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;
-        and the change of its logarithm along each of the others."""
+        """Bounds on the size of each function on the ellipse about one number, with the others
+        at COARSE, infinite near a pole; and the change of its logarithm along each of the
+        others."""
         coarse = _grid([COARSE] * (wide.size - 1))
         place = np.insert(
-            coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2
+            coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, NUMBER_RIM, axis=2
         ).reshape(-1, wide.size)
         _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
         log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
@@ -255,9 +267,8 @@ class _BoxProof:
             for axis in range(1, wide.size + 1)
         ]
         size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
-        turns = (
-            np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1
-        )  # a pole may be inside
+        # a pole may be inside
+        turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1
         changes = np.nan_to_num(
             [0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)],
             posinf=1e9,
@@ -284,7 +295,7 @@ def _divided(piece, wide, size):
     both = [piece.copy(), piece.copy()]
     low, high = piece[:, axis]
     both[0][1, axis] = both[1][0, axis] = (
-        np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
+        np.sqrt(low * high) if high > LOGARITHMIC_RATIO * low > 0 else (low + high) / 2
     )
     return both
 
@@ -318,15 +329,16 @@ def _turned(array, matrices):
 
 
 def _positive(values, noise):
-    """The parts of [-1, 1]^n in which an interpolant is not proved to exceed the noise, as pairs (low, high).
+    """The parts of [-1, 1]^n in which an interpolant is not proved to exceed the noise, as pairs
+    (low, high).
 
-    Small terms of high degree are dropped, and their size is added to the noise: the rest is divided faster, and its Bernstein
-    coefficients lose fewer digits.
+    Small terms of high degree are dropped, and their size is added to the noise: the rest is
+    divided faster, and its Bernstein coefficients lose fewer digits.
     """
     dimensions = values.ndim
     series = _turned(values, map(to_series, values.shape))
     noise += 2**dimensions * values.size * EPS * np.abs(values).max()
-    series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
+    series, left_out = _shortened(series, SHORTENED_BY * max(values.min() - noise, 0.0))
     to = list(map(_to_bernstein, series.shape))
     noise += left_out
     rounding = (
@@ -359,7 +371,8 @@ def _positive(values, noise):
 
 
 def _shortened(series, room):
-    """The series without its highest degrees in each number, and the sum of the dropped terms, at most `room`."""
+    """The series without its highest degrees in each number, and the sum of the dropped terms,
+    at most `room`."""
     size, low = np.abs(series), []
     for axis in range(size.ndim):
         by_degree = size.sum(tuple(i for i in range(size.ndim) if i != axis))

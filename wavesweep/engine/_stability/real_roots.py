@@ -1,4 +1,5 @@
-"""All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that there are no others."""
+"""All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that
+there are no others."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -7,18 +8,19 @@ import numpy as np
 from wavesweep.engine._stability.bernstein import roots_by_sign
 from wavesweep.engine.rows import Rows
 
-EDGE = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
+ROOT_AT_END = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
 
 
 @dataclass(frozen=True, slots=True)
 class Roots(Rows):
     """Roots per row of coefficients.
 
-    value: `(rows, n-1)`, real. radius: distance from the value within which the true root is, and no other. inside: which of
-    them are real roots in (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the
-    polynomial at 1 and -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error
-    bound, except at the ends: open_at_one, open_at_minus_one are true if a root may be there, within EDGE of the end on either
-    side.
+    value: `(rows, n-1)`, real. radius: distance from the value within which the true root is, and
+    no other. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
+    derivative there. at_one, at_minus_one: sign of the polynomial at 1 and -1. proved: `(rows,)`,
+    whether the list is complete and right for every polynomial within the error bound, except at
+    the ends: open_at_one, open_at_minus_one are true if a root may be there, within ROOT_AT_END of
+    the end on either side.
     """
 
     value: np.ndarray
@@ -38,10 +40,12 @@ class Roots(Rows):
 
 
 def isolate(coefficients, noise) -> Roots:
-    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
+    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within
+    `noise`.
 
-    coefficients: `(rows, n)`; noise: `(rows,)`. The roots are found by the signs of Bernstein coefficients (`roots_by_sign`),
-    and by Smith's discs (`by_discs`) in the rows that these leave undecided.
+    coefficients: `(rows, n)`; noise: `(rows,)`. The roots are found by the signs of Bernstein
+    coefficients (`roots_by_sign`), and by Smith's discs (`by_discs`) in the rows that these leave
+    undecided.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
@@ -61,12 +65,15 @@ def isolate(coefficients, noise) -> Roots:
 
 
 def by_discs(coefficients, noise) -> Roots:
-    """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex roots (Specht 1957; Good 1961).
+    """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex
+    roots (Specht 1957; Good 1961).
 
-    Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of radius `r_i / weight_i`,
-    `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an isolated disc holds exactly one.
+    Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of
+    radius `r_i / weight_i`, `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold
+    all the roots, and an isolated disc holds exactly one.
     |q(x_i)| is enlarged by the effect of the noise there. So if each disc that touches [-1, 1] is isolated and centred on the
-    real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    real axis, no root can hide, not even two that lie close together: these would make their discs
+    meet.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     none = _none(coefficients)
@@ -84,7 +91,8 @@ def by_discs(coefficients, noise) -> Roots:
     at_one, at_minus_one = at_ends(coefficients)
     open_at_one = (edge & (roots.real > 0)).any(-1) | (np.abs(at_one) <= 2 * noise)
     open_at_minus_one = (edge & (roots.real < 0)).any(-1) | (np.abs(at_minus_one) <= 2 * noise)
-    # The sign of the derivative at simple real roots, also if other roots are not proved: that of `lead prod (x_i - x_j)`.
+    # The sign of the derivative at simple real roots, also if other roots are not proved: that of
+    # `lead prod (x_i - x_j)`.
     apart = roots[:, :, None] - roots[:, None, :]
     index = np.arange(roots.shape[1])
     apart[:, index, index] = 1.0
@@ -103,7 +111,8 @@ def by_discs(coefficients, noise) -> Roots:
 
 
 def _of_size_one(coefficients, noise):
-    """Return both divided by the largest coefficient of the row; of one that overflowed nothing is left but noise."""
+    """Return both divided by the largest coefficient of the row; of one that overflowed nothing
+    is left but noise."""
     size = np.abs(coefficients).max(-1, initial=0)
     finite = np.isfinite(size)
     size = np.where(size > 0, size, 1)
@@ -132,7 +141,8 @@ def at_ends(coefficients):
 
 
 def _eigenvalues(coefficients):
-    """Return the complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U basis."""
+    """Return the complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U
+    basis."""
     rows, n = coefficients.shape
     lead = coefficients[:, -1]
     tiny = np.finfo(float).eps ** 2  # a vanishing leading coefficient only sends roots far away
@@ -145,7 +155,8 @@ def _eigenvalues(coefficients):
 
 
 def _evaluate(coefficients, x):
-    """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
+    """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error
+    of that."""
     before = np.zeros_like(x)
     now = np.ones_like(x)
     value = coefficients[:, :1] * now
@@ -165,7 +176,8 @@ def _evaluate(coefficients, x):
 
 
 def _proof(coefficients, noise, roots):
-    """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends, their radii, and edge discs.
+    """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends,
+    their radii, and edge discs.
 
     The first result is row by row; the last tells which discs are confined to an end.
     """
@@ -177,14 +189,17 @@ def _proof(coefficients, noise, roots):
         lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
     edge = (
-        touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
+        touching
+        & ~settled
+        & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < ROOT_AT_END)
     )
     proved = np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1)
     return proved, radius, edge
 
 
 def _from_segment(x):
-    """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends (negative inside)."""
+    """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends
+    (negative inside)."""
     beyond = np.abs(x.real) - 1
     return np.hypot(np.maximum(beyond, 0), x.imag), beyond
 
@@ -192,8 +207,9 @@ def _from_segment(x):
 def _spread(roots):
     """Move crowded roots apart that lie away from the segment.
 
-    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1, 1]; the computed roots crowd
-    there and their discs grow. Points on a small circle about it have discs of that circle's size.
+    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1,
+    1]; the computed roots crowd there and their discs grow. Points on a small circle about it have
+    discs of that circle's size.
     """
     distance, _ = _from_segment(roots)
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
@@ -204,7 +220,8 @@ def _spread(roots):
 
 
 def _discs(coefficients, roots, bound):
-    """Return radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
+    """Return radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the
+    diagonal)."""
     n = coefficients.shape[1]
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
     index = np.arange(n - 1)
@@ -214,7 +231,8 @@ def _discs(coefficients, roots, bound):
             np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
         )
         share = np.exp(np.log(bound) - log_product)
-        # Half of the weight is dealt out evenly, for the small discs, and half in proportion, for the large ones.
+        # Half of the weight is dealt out evenly, for the small discs, and half in proportion, for
+        # the large ones.
         radius = share / (0.5 / (n - 1) + 0.5 * share / share.sum(-1, keepdims=True))
     apart[:, index, index] = np.inf
     return radius, apart

@@ -1,17 +1,20 @@
-"""Loops with long delays along a number: where eigenvalues cross the unit circle, proved without computing them.
+"""Loops with long delays along a number: where eigenvalues cross the unit circle, proved without
+computing them.
 
 docs/proof.md, "Long delays", has the method. An eigenvalue z is where
 
     S = z - 1 - A - sum over m of G_m z^-m
 
-is singular: A of the states that no delay line has, less identity, and G_m what returns to these after m steps in a line. In a
-box of angles and of the number, S is nonsingular if, with its value S0 in the middle,
+is singular: A of the states that no delay line has, less identity, and G_m what returns to these
+after m steps in a line. In a box of angles and of the number, S is nonsingular if, with its value
+S0 in the middle,
 
     |S0^-1 S_theta| a + |S0^-1 S_x| b + |S0^-1| (a^2/2 R_tt + a b R_tx + b^2/2 R_xx + rounding)
 
-takes some positive weights to less: a and b are half of the sides, and R bound the second derivatives all over the box. Boxes
-that are not proved are halved. About what is left Newton's method finds crossings; windows about these, as narrow as ends are
-exact, are left out of the range, and the rest is proved. Between windows no eigenvalue crosses, so one count holds for all.
+takes some positive weights to less: a and b are half of the sides, and R bound the second
+derivatives all over the box. Boxes that are not proved are halved. About what is left Newton's
+method finds crossings; windows about these, as narrow as ends are exact, are left out of the range,
+and the rest is proved. Between windows no eigenvalue crosses, so one count holds for all.
 """
 
 from dataclasses import dataclass, replace
@@ -21,14 +24,14 @@ import numpy as np
 
 from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
-from wavesweep.engine._stability.covering import OF_ERRORS, OVERLAID, WINDOW, Tiles
+from wavesweep.engine._stability.covering import OVERLAID, WINDOW, WINDOW_OF_ERRORS, Tiles
 from wavesweep.engine._stability.entries import EPS, Panels
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
 
-LONG = 24  # states of delay lines, from which on this costs less than eigenvalues
-TURN = 1.0  # rad by which the longest line turns over an arc at first
+LONG_LINES = 24  # states of delay lines, from which on this costs less than eigenvalues
+FIRST_TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
 NEXT, STEPS = (
     4,
@@ -38,24 +41,26 @@ CONVERGED, BESIDE = (
     1e-9,
     1e-7,
 )  # the last step; next to a crossing, in parts of a panel, where S is not singular
-MOST_TERMS = 1000  # of S
+MOST_TERMS_OF_SUM = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 SHRINKS, SHRUNK = (
     0.93,
     0.95,
 )  # of weights, what is wanted to be left of them, and what is left at most
-ROUNDED = (
-    256 * EPS
-)  # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
-ENTRIES = 2**19  # of what delay lines show, at a time
-LINKED = 0.75 * ROUNDED  # of a link of a delay line, which is 1
-LARGER = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
+# of the terms of a sum, and so much for each state of a line, three quarters of it for its link
+SUM_ROUNDING = 256 * EPS
+LINE_ENTRIES_AT_ONCE = 2**19  # of what delay lines show, at a time
+LINKED = 0.75 * SUM_ROUNDING  # of a link of a delay line, which is 1
+# by which a circle is larger than the unit circle, outside of which another eigenvalue is while one
+# crosses
+LARGER_CIRCLE = 1e-7
 COUNTED_AT = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
 
 @dataclass(frozen=True, slots=True)
 class _Boxes(Rows):
-    """Boxes of panels: middle and half of each side, x on the panel and theta; splits: how often each was halved."""
+    """Boxes of panels: middle and half of each side, x on the panel and theta; splits: how often
+    each was halved."""
 
     panel: np.ndarray
     x: np.ndarray
@@ -66,7 +71,8 @@ class _Boxes(Rows):
 
 
 class _Bounds(NamedTuple):
-    """Bounds on the second derivatives of S by the angle, by both, and by x, and on its rounding."""
+    """Bounds on the second derivatives of S by the angle, by both, and by x, and on its
+    rounding."""
 
     by_angle: np.ndarray
     by_both: np.ndarray
@@ -75,7 +81,8 @@ class _Bounds(NamedTuple):
 
 
 class _Crossings(NamedTuple):
-    """Crossings at x of panels, the angles of the eigenvalues there, and how far rounding may move them along x."""
+    """Crossings at x of panels, the angles of the eigenvalues there, and how far rounding may
+    move them along x."""
 
     panel: np.ndarray
     x: np.ndarray
@@ -84,10 +91,12 @@ class _Crossings(NamedTuple):
 
 
 class _Series(NamedTuple):
-    """Entries as Chebyshev series on panels: those that A, B and C in each term have, one after the other.
+    """Entries as Chebyshev series on panels: those that A, B and C in each term have, one after the
+    other.
 
-    constant: first coefficients, `(panels, entries)`. varies: which entries have others; c: all of these, `(panels, degrees,
-    varying)`. error: bounds on errors, and bends: on second derivatives, both `(panels, entries)`.
+    constant: first coefficients, `(panels, entries)`. varies: which entries have others; c: all of
+    these, `(panels, degrees, varying)`. error: bounds on errors, and bends: on second derivatives,
+    both `(panels, entries)`.
     """
 
     constant: np.ndarray
@@ -116,10 +125,12 @@ class _Series(NamedTuple):
 
 
 class ReducedEquation:
-    """S and its derivatives on panels, for the states that no delay line has: `z - 1 - A - sum_m G_m z^-m`.
+    """S and its derivatives on panels, for the states that no delay line has: `z - 1 - A - sum_m
+    G_m z^-m`.
 
-    A term of G_m is the product of an entry of B, from where a state enters a line, and one of C, from where the line is read
-    m steps later. lag: m of each term. place: the entry of S that it belongs to, as a matrix of ones, `(terms, n n)`.
+    A term of G_m is the product of an entry of B, from where a state enters a line, and one of C,
+    from where the line is read m steps later. lag: m of each term. place: the entry of S that it
+    belongs to, as a matrix of ones, `(terms, n n)`.
     """
 
     def __init__(self, panels: Panels, lines: DelayLines) -> None:
@@ -139,7 +150,7 @@ class ReducedEquation:
     @property
     def portion(self) -> int:
         """Points at a time."""
-        return max(1, ENTRIES // (self.series.constant.shape[1] + self.n**2))
+        return max(1, LINE_ENTRIES_AT_ONCE // (self.series.constant.shape[1] + self.n**2))
 
     def split(self, flat):
         """A, and the entries of B and of C in each term, of rows of entries."""
@@ -155,7 +166,8 @@ class ReducedEquation:
         series = self.series
         degree = self.degrees
         angle = np.arccos(np.clip(x, -1, 1))[:, None]
-        # T_k(cos a) = cos(k a), and its derivative k sin(k a)/sin(a); at the ends of a panel that is k^2.
+        # T_k(cos a) = cos(k a), and its derivative k sin(k a)/sin(a); at the ends of a panel that
+        # is k^2.
         with np.errstate(all="ignore"):
             rising = degree * np.sin(degree * angle) / np.sin(angle)
         at_end = np.abs(x) >= 1
@@ -171,7 +183,8 @@ class ReducedEquation:
         return value, slope
 
     def bounds(self, panel, value, slope, wide) -> _Bounds:
-        """Bounds on the second derivatives and on the rounding of S in parts of panels that are so wide."""
+        """Bounds on the second derivatives and on the rounding of S in parts of panels that are
+        so wide."""
         unit = np.eye(self.n)
         wide = wide[:, None]
         bends = self.series.bends[panel]
@@ -186,7 +199,7 @@ class ReducedEquation:
             by_angle=unit + self.summed(self.lag**2 * C * B),
             by_both=self.summed(self.lag * (C1 * B + C * B1)),
             by_x=A2 + self.summed(C2 * B + 2 * C1 * B1 + C * B2),
-            rounding=of_entries + ROUNDED * terms,
+            rounding=of_entries + SUM_ROUNDING * terms,
         )
 
     def around(self, value, slope, theta, radius=1.0):
@@ -204,7 +217,8 @@ class ReducedEquation:
         return S, by_angle, by_x
 
     def judged(self, boxes: _Boxes, radius=1.0):
-        """Whether boxes are proved, and whether it is rather x than the angle that keeps them open."""
+        """Whether boxes are proved, and whether it is rather x than the angle that keeps them
+        open."""
         good = np.zeros(boxes.x.size, bool)
         by_x = np.zeros(boxes.x.size, bool)
         for first in range(0, boxes.x.size, self.portion):
@@ -229,7 +243,8 @@ class ReducedEquation:
         of_angles = a**2 / 2 * R_tt + a * b * R_tx
         rest = np.abs(back) @ (radius**2 * of_angles + b**2 / 2 * R_xx + rounding)
         change = turned + moved + rest
-        # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w = s (w - 1) < s w
+        # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w =
+        # s (w - 1) < s w
         weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((boxes.x.size, self.n, 1)))
         good = ((weight > 0) & (change @ weight <= SHRUNK * weight)).all((1, 2))
         weight = np.abs(change) @ np.abs(weight)
@@ -266,7 +281,8 @@ class ReducedEquation:
             return np.abs(a) * off / np.abs(a.real * b.imag - a.imag * b.real)
 
     def newton_step(self, panel, x, theta):
-        """The steps of angles and of x to where det S is 0, to first order, `(2, points)`; log det S has traces as slopes."""
+        """The steps of angles and of x to where det S is 0, to first order, `(2, points)`; log
+        det S has traces as slopes."""
         step = np.zeros((2, x.size))
         for first in range(0, x.size, self.portion):
             index = slice(first, first + self.portion)
@@ -283,7 +299,8 @@ class ReducedEquation:
 
 
 def _terms(nonzero, lines):
-    """Terms of S: row, column, the delayed states that are entered and read, and the lag, `(terms,)` each."""
+    """Terms of S: row, column, the delayed states that are entered and read, and the lag,
+    `(terms,)` each."""
     solved = lines.solved
     terms = []
     for line in lines.lines:
@@ -316,22 +333,22 @@ def halved(boxes: _Boxes, by_x) -> _Boxes:
 def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     """Return the tiles of the spans of columns, as `covering.tiles_of` does.
 
-    None if delay lines are short, or something is left open. points: of the span, at which frames show their lines; errors,
-    slack: see `stable_along_any`.
+    None if delay lines are short, or something is left open. points: of the span, at which frames
+    show their lines; errors, slack: see `stable_along_any`.
     """
-    if panels.error.shape[-1] < LONG:
+    if panels.error.shape[-1] < LONG_LINES:
         return None
     column = np.unique(panels.column)
     E, _ = errors(np.repeat(column, points.size), np.tile(points, column.size))
     if not np.isfinite(E).all():
         return None
     lines = DelayLines.of(E)
-    if lines.delayed.size < max(LONG, E.shape[-1] / 2):
+    if lines.delayed.size < max(LONG_LINES, E.shape[-1] / 2):
         return None
     if not _same_lines(panels, lines):
         return None
     equation = ReducedEquation(panels, lines)
-    if equation.lag.size > MOST_TERMS:
+    if equation.lag.size > MOST_TERMS_OF_SUM:
         return None
     pad = 4 * EPS * np.abs(span).max() / panels.half
     low = (panels.low - panels.middle) / panels.half - pad
@@ -353,7 +370,8 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
 def _same_lines(panels, lines):
     """Whether all panels have these lines, as frames at some points have.
 
-    No other entry of theirs is anything but exactly 0, since a loop of large gains may be closed by the smallest one.
+    No other entry of theirs is anything but exactly 0, since a loop of large gains may be closed by
+    the smallest one.
     """
     rows = lines.delayed[:, None]
     links = -np.eye(panels.error.shape[-1])
@@ -367,7 +385,7 @@ def _same_lines(panels, lines):
 
 def _around_circle(equation, panel, low, high):
     """Boxes of parts of panels, with arcs of the upper half of the circle each."""
-    count = int(np.ceil(np.pi * equation.longest / (2 * TURN)))
+    count = int(np.ceil(np.pi * equation.longest / (2 * FIRST_TURN)))
     many = panel.size * count
     arcs = np.pi * np.arange(1, 2 * count, 2) / (2 * count)
     x = np.repeat((low + high) / 2, count)
@@ -397,13 +415,14 @@ def _left_open(equation, boxes, splits, radius=1.0):
 
 
 def _windows(panels, panel, x, theta, moved, span, slack):
-    """Windows about the crossings, those that meet joined; a crossing that is found again is the same one."""
+    """Windows about the crossings, those that meet joined; a crossing that is found again is the
+    same one."""
     value = panels.middle[panel] + panels.half[panel] * x
     column = panels.column[panel]
     inside = (value >= span[0]) & (value <= span[1])
     order = np.flatnonzero(inside)[np.lexsort((value[inside], column[inside]))]
     value = value[order]
-    half = np.maximum(slack(value) / 2, OF_ERRORS * (panels.half[panel] * moved)[order])
+    half = np.maximum(slack(value) / 2, WINDOW_OF_ERRORS * (panels.half[panel] * moved)[order])
     low = np.maximum(value - half, span[0])
     high = np.minimum(value + half, span[1])
     column = column[order]
@@ -417,7 +436,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
     kind = np.full(order.size, WINDOW)
     found = Tiles(column, low, high, kind, value, theta[order], EPS * np.abs(value), kind)
     windows = found.take(np.array(kept, int))
-    wide = windows.high - windows.low > 2 * OF_ERRORS * slack(windows.value)
+    wide = windows.high - windows.low > 2 * WINDOW_OF_ERRORS * slack(windows.value)
     return replace(windows, doubt=np.where(wide, Doubt.ROUNDING, Doubt.NONE))
 
 
@@ -461,7 +480,8 @@ def _stretches(panels, windows):
 
 
 def _counted(stretches, errors):
-    """Tiles of stretches in which nothing crosses, with the number of eigenvalues outside, as far as a count is clear."""
+    """Tiles of stretches in which nothing crosses, with the number of eigenvalues outside, as
+    far as a count is clear."""
     column, low, high = stretches
     outside = np.full(column.size, -1)
     for share in COUNTED_AT:
@@ -474,7 +494,8 @@ def _counted(stretches, errors):
 
 
 def _labelled(windows, stretches, equation, errors):
-    """Windows, those as OVERLAID in which another eigenvalue is outside of a larger circle all the while."""
+    """Windows, those as OVERLAID in which another eigenvalue is outside of a larger circle all
+    the while."""
     panels = equation.panels
     label = windows.outside.copy()
     for at, (column, low, high) in enumerate(
@@ -490,10 +511,10 @@ def _labelled(windows, stretches, equation, errors):
         )
         ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
         left = _left_open(
-            equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER
+            equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER_CIRCLE
         )
         E, dE = errors(np.array([column]), windows.value[at : at + 1])
-        smaller = (E - LARGER * np.eye(E.shape[-1])) / (1 + LARGER)
+        smaller = (E - LARGER_CIRCLE * np.eye(E.shape[-1])) / (1 + LARGER_CIRCLE)
         count, clear = count_outside(smaller, dE)
         if left is not None and not left.x.size and clear[0] and count[0] > 0:
             label[at] = OVERLAID

@@ -1,4 +1,5 @@
-"""Between the crossings: the count of unstable eigenvalues of each region, and whether it fits the crossings."""
+"""Between the crossings: the count of unstable eigenvalues of each region, and whether it fits
+the crossings."""
 
 from dataclasses import dataclass, replace
 
@@ -16,8 +17,9 @@ from wavesweep.engine.rows import Rows
 SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
 USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
-NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
-NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
+# of the span, which an end is given in addition: one next to zero has few digits of itself
+SHARE_OF_SPAN = 1e-5
+ALWAYS_COUNTED = 1e-6  # of the span; eigenvalues of so small a region are always counted
 SHARES = (
     0.5,
     0.1,
@@ -31,12 +33,15 @@ MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it
 
 @dataclass(frozen=True, slots=True)
 class Regions(Rows):
-    """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
+    """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the
+    circle inside one.
 
-    column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the range ends there. unstable:
-    number of eigenvalues outside the unit circle; -1 if that is not known. doubt: reason why the region is in doubt (see
-    `doubts`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and the counts
-    change in agreement with the crossings. residual: the larger of the ends' relative residuals (0 at an end of the range).
+    column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the
+    range ends there. unstable: number of eigenvalues outside the unit circle; -1 if that is not
+    known. doubt: reason why the region is in doubt (see `doubts`); NONE if rounding cannot change
+    the label, both ends satisfy the characteristic equation, and the counts change in agreement
+    with the crossings. residual: the larger of the ends' relative residuals (0 at an end of the
+    range).
     """
 
     column: np.ndarray
@@ -60,9 +65,10 @@ class Regions(Rows):
 class CutSpan:
     """A span cut at its crossings: regions sorted by column and value, before they are labelled.
 
-    column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of unstable eigenvalues from the
-    region before, as the crossings predict it. has_previous, has_next: whether a region has a neighbour below, or above, it in
-    the same column. order: the crossings in the order of the regions' inner ends.
+    column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of
+    unstable eigenvalues from the region before, as the crossings predict it. has_previous,
+    has_next: whether a region has a neighbour below, or above, it in the same column. order: the
+    crossings in the order of the regions' inner ends.
     """
 
     column: np.ndarray
@@ -80,7 +86,8 @@ class CutSpan:
         return self.low + share * (self.high - self.low)
 
     def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
-        """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
+        """Return regions from the counts and the doubt of each, and the doubt and the residual
+        of each inner end."""
         doubt = doubt.copy()
         residual = np.zeros(self.column.size)
         end_doubt = np.where(
@@ -134,14 +141,16 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -
 
 
 def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Crossings) -> Regions:
-    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
+    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one
+    per column.
 
-    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
-    the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the
-    crossings before them. If eigenvalues were counted in a column's first region, they are also counted in every region whose
-    count comes to 0, which makes an interval stable; in narrow regions they are counted in all columns. If the crossings of a
-    column are not all proved, or one of its counts is not clear, every region of it is counted at many points, and a region has
-    no label if these disagree.
+    The count of the first region of each column follows from that of infinite values, which is one
+    number of the loop, and from the directions of all crossings between (`_first_counts`); the
+    counts of the other regions follow from the directions of the crossings before them. If
+    eigenvalues were counted in a column's first region, they are also counted in every region whose
+    count comes to 0, which makes an interval stable; in narrow regions they are counted in all
+    columns. If the crossings of a column are not all proved, or one of its counts is not clear,
+    every region of it is counted at many points, and a region has no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
     found = crossings.column, crossings.value, crossings.theta, crossings.jump
@@ -157,7 +166,7 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
         return loops.closed(*numbers), loops.errors_of_closed(*numbers)
 
     least = np.minimum.reduceat(rise, first)
-    narrow = spans.high - spans.low < NARROW * (span[1] - span[0])
+    narrow = spans.high - spans.low < ALWAYS_COUNTED * (span[1] - span[0])
     follows = np.isfinite(crossings.growth_to_infinity) & ~narrow[first]
 
     def count_first(columns):
@@ -189,13 +198,16 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
 
 
 def _first_counts(owner, growth_to_infinity, follows, least, count):
-    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
+    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and
+    whether they were counted there.
 
-    growth_to_infinity: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`,
-    the lowest count relative to the first region. count(columns): eigenvalues outside. At infinite values of the number as many
-    eigenvalues are outside as the loop has zeros there from the number's product to the signal that it multiplies, for any
-    value of the other one. That count less the growth at the crossings must be the same in the first and the last column of a
-    loop for which all crossings are known; then it holds for those between, unless a count there is negative.
+    growth_to_infinity: see `Crossings`; follows: `(columns,)`, whether the count may follow from
+    it. least: `(columns,)`, the lowest count relative to the first region. count(columns):
+    eigenvalues outside. At infinite values of the number as many eigenvalues are outside as the
+    loop has zeros there from the number's product to the signal that it multiplies, for any value
+    of the other one. That count less the growth at the crossings must be the same in the first and
+    the last column of a loop for which all crossings are known; then it holds for those between,
+    unless a count there is negative.
     """
     columns = np.flatnonzero(follows)
     new = np.diff(owner[columns], prepend=-1) != 0
@@ -226,7 +238,8 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
 
 
 def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
-    """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
+    """Return residual and doubt of each inner end; ends of stable regions are in doubt if
+    rounding could matter."""
     error = np.zeros(spans.order.size)
     doubt = np.zeros(spans.order.size, int)
     of_stable = np.flatnonzero(
@@ -237,7 +250,7 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     value = crossings.value[ends]
     theta = crossings.theta[ends]
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
-    least = NEAR_ZERO * (span[1] - span[0])
+    least = SHARE_OF_SPAN * (span[1] - span[0])
     if crossings.many is None:
         resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
         left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
@@ -264,10 +277,11 @@ def _errors_of_many_states(loop, along, places, many, least):
 
 
 def count_where_clear(spans: CutSpan, index, matrices):
-    """Count the regions `index` at the first of SHARES at which no eigenvalue is within rounding of the circle.
+    """Count the regions `index` at the first of SHARES at which no eigenvalue is within rounding of
+    the circle.
 
-    The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less identity of these regions
-    at these values, and bounds on the errors of their entries.
+    The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less
+    identity of these regions at these values, and bounds on the errors of their entries.
     """
     unstable = np.full(index.size, -1)
     for share in SHARES:
@@ -281,7 +295,8 @@ def count_where_clear(spans: CutSpan, index, matrices):
 
 
 def count_where_all_agree(spans: CutSpan, index, matrices):
-    """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
+    """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is
+    clear at none, or differs."""
     unstable = np.full(index.size, -1)
     agreed = np.ones(index.size, bool)
     for share in MANY_SHARES:

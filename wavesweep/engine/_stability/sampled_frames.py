@@ -7,16 +7,16 @@ import numpy as np
 from wavesweep.engine.rows import Rows
 
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
-LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
+ZERO_LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
 
 
 @dataclass(frozen=True, slots=True)
 class Frames(Rows):
     """Frames at values of a number.
 
-    E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions of the number that are analytic if none has a zero:
-    one is zero if an algebraic loop has no solution, others are divisors. Frames are analytic if none is zero. condition:
-    `(n,)`, see `Block`.
+    E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions of the number that are
+    analytic if none has a zero: one is zero if an algebraic loop has no solution, others are
+    divisors. Frames are analytic if none is zero. condition: `(n,)`, see `Block`.
     """
 
     E: np.ndarray
@@ -25,7 +25,8 @@ class Frames(Rows):
 
     @staticmethod
     def of(frames: "Frames | np.ndarray") -> "Frames":
-        """Return frames as they are, and matrices `(..., order, order)` as frames, flattened to one axis.
+        """Return frames as they are, and matrices `(..., order, order)` as frames, flattened to one
+        axis.
 
         The matrices have to be analytic everywhere.
         """
@@ -36,7 +37,8 @@ class Frames(Rows):
 
 
 def level(pivots: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-    """Return the mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims, points, k)`."""
+    """Return the mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims,
+    points, k)`."""
     with np.errstate(all="ignore"):
         return np.average(np.log(np.abs(pivots)), axis=1, weights=weights)
 
@@ -44,17 +46,18 @@ def level(pivots: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
 def pole_inside(pivots: np.ndarray, inner: np.ndarray) -> np.ndarray:
     """Return whether frames may have a pole inside of a rim.
 
-    pivots: `(rims, points, k)` at points of the upper half of an ellipse about a segment, evenly in the angle of its Chebyshev
-    polynomials; inner: their `level` at Chebyshev points of the segment.
+    pivots: `(rims, points, k)` at points of the upper half of an ellipse about a segment, evenly in
+    the angle of its Chebyshev polynomials; inner: their `level` at Chebyshev points of the segment.
 
-    A pole of small weight is not visible in samples about it, but a pivot has a zero there, and by the argument principle it
-    turns once about 0 along the rim. The values on the lower half are the conjugates. If there were as many zeros as points,
-    the pivot would turn by whole turns from each point to the next; but the logarithm of a function without zeros is a
-    Chebyshev series, so the mean of its real part on the rim is that on the segment, and zeros between raise it (as in Jensen's
-    formula).
+    A pole of small weight is not visible in samples about it, but a pivot has a zero there, and by
+    the argument principle it turns once about 0 along the rim. The values on the lower half are the
+    conjugates. If there were as many zeros as points, the pivot would turn by whole turns from each
+    point to the next; but the logarithm of a function without zeros is a Chebyshev series, so the
+    mean of its real part on the rim is that on the segment, and zeros between raise it (as in
+    Jensen's formula).
     """
     around = np.concatenate([pivots, np.conj(pivots[:, ::-1]), pivots[:, :1]], axis=1)
     with np.errstate(all="ignore"):
         turns = np.angle(around[:, 1:] / around[:, :-1])
         still = (np.abs(turns) < STEEPEST).all(1) & (np.abs(turns.sum(1)) < 1)
-        return ~(still & (np.abs(level(pivots) - inner) < LEVEL)).all(-1)
+        return ~(still & (np.abs(level(pivots) - inner) < ZERO_LEVEL)).all(-1)

@@ -1,4 +1,5 @@
-"""Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and their number outside."""
+"""Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and
+their number outside."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -9,26 +10,29 @@ from wavesweep.engine._monodromy.rounding import TELLING, at_angles_of, balance,
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.rows import different
 
-ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
-BACKWARD = (
-    16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
-)
+CIRCLE_ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
+# of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+BACKWARD = 16
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
-UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
-MANY = 100  # states, from which on a bound on a singular value stands for it
-LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
-FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no more than roundings
-SPARSE = (
-    200  # states, from which on an import pays that finds the blocks of a matrix of few entries
-)
+# times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
+HIDING_ENTRY = 1e3
+BOUNDED_STATES = 100  # states, from which on a bound on a singular value stands for it
+# states, from which on delays are left out of singular values, if they are most of them
+STATES_WITHOUT_DELAYS = 40
+# of the largest entry, or of 1, errors of entries that are no more than roundings
+ROUNDED_ENTRIES = 1e-12
+# states, from which on an import pays that finds the blocks of a matrix of few entries
+SPARSE = 200
 
 
 def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is.
+    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and
+    whether it is.
 
-    If the states are of several loops of which one acts on another, but none on itself by way of others, the eigenvalues are
-    those of each loop by itself (see `diagonal_blocks`): equal loops in a row would lose nearly all of their digits.
+    If the states are of several loops of which one acts on another, but none on itself by way of
+    others, the eigenvalues are those of each loop by itself (see `diagonal_blocks`): equal loops in
+    a row would lose nearly all of their digits.
     """
     finite = np.isfinite(E).all((-1, -2))
     E = np.where(finite[..., None, None], E, 0.0)
@@ -46,8 +50,9 @@ def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class AlikeBlocks(NamedTuple):
     """Matrices with the same diagonal blocks in some order of the states.
 
-    index: of the matrices (flat). blocks: of several states, which all act on one another, `(matrices, k, k)` each. alone: that
-    of all other states, `(matrices, others, others)`: triangular in some order, so its eigenvalues are on its diagonal.
+    index: of the matrices (flat). blocks: of several states, which all act on one another,
+    `(matrices, k, k)` each. alone: that of all other states, `(matrices, others, others)`:
+    triangular in some order, so its eigenvalues are on its diagonal.
     """
 
     index: np.ndarray
@@ -56,7 +61,8 @@ class AlikeBlocks(NamedTuple):
 
 
 def diagonal_blocks(E) -> list[AlikeBlocks]:
-    """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have a single one."""
+    """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have a
+    single one."""
     n = E.shape[-1]
     if n < 2 or not E.size:
         return []
@@ -82,7 +88,8 @@ def diagonal_blocks(E) -> list[AlikeBlocks]:
 
 
 def states_of_blocks(E) -> list[np.ndarray]:
-    """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of those of a single state."""
+    """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of
+    those of a single state."""
     if not E.size:
         return []
     several, alone = _blocks_of_pattern(E.shape[-1], (E != 0).tobytes())
@@ -104,7 +111,8 @@ def _blocks_of(acts):
 
 @lru_cache(maxsize=32)
 def _blocks_of_pattern(n, pattern):
-    """The states of every diagonal block of several, and those of no such block; a single block has all."""
+    """The states of every diagonal block of several, and those of no such block; a single block
+    has all."""
     name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
     blocks = [np.flatnonzero(name == value) for value in different(name)]
     several = [block for block in blocks if block.size > 1]
@@ -119,14 +127,19 @@ def excess(delta: np.ndarray) -> np.ndarray:
         return 2 * delta.real + delta.real**2 + delta.imag**2
 
 
-GONE = 0.1  # share of a mode below which it is over within a clock of its spec, and its damping ratio says nothing
-LOST = 1e-6  # the same within a frame, however many clocks it has: what is left of a smaller one is rounding
+# share of a mode below which it is over within a clock of its spec, and its damping ratio says
+# nothing
+GONE = 0.1
+# the same within a frame, however many clocks it has: what is left of a smaller one is rounding
+LOST_EIGENVALUE = 1e-6
 
 
 def damping_ratio(delta: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0.
+    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for
+    the eigenvalues 1 and 0.
 
-    turns: `Im s T` of the mode's line in the spectrum, of which the eigenvalue has an image; by default its angle.
+    turns: `Im s T` of the mode's line in the spectrum, of which the eigenvalue has an image; by
+    default its angle.
     """
     with np.errstate(all="ignore"):
         s = np.log1p(delta)
@@ -136,12 +149,12 @@ def damping_ratio(delta: np.ndarray, turns: np.ndarray | None = None) -> np.ndar
 
 
 def size_gone(period: np.ndarray | float, seconds: float, clocks: float = 1.0) -> np.ndarray:
-    """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many seconds, to GONE in a clock of
-    its spec, or to LOST in a frame.
+    """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many
+    seconds, to GONE in a clock of its spec, or to LOST_EIGENVALUE in a frame.
 
     period: of the frame (s), which takes so many clocks.
     """
-    over = max(GONE ** max(clocks, 1.0), LOST)
+    over = max(GONE ** max(clocks, 1.0), LOST_EIGENVALUE)
     if not seconds:
         return np.full(np.shape(period), over)
     return np.maximum(over, np.exp(-np.asarray(period, float) / seconds))
@@ -154,13 +167,16 @@ def least_damping(
     pairs: bool = False,
     turns: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
+    """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether
+    rounding leaves it as it is.
 
-    turns: of each of the `eigenvalues` what its mode turns in a frame (rad), by its line in the spectrum; by default its angle.
+    turns: of each of the `eigenvalues` what its mode turns in a frame (rad), by its line in the
+    spectrum; by default its angle.
 
-    One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit circle. The ratio is known if no
-    rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower ratio, at the
-    angle of each eigenvalue, and if none makes a pair of real eigenvalues that are left out.
+    One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit
+    circle. The ratio is known if no rounding of E lowers it by more than TELLING, by the smallest
+    singular values on the spiral of that lower ratio, at the angle of each eigenvalue, and if none
+    makes a pair of real eigenvalues that are left out.
     """
     delta, finite = eigenvalues(E)
     size = np.abs(1 + delta)
@@ -185,9 +201,11 @@ def least_damping(
 
 
 def _is_alone(balanced, delta, rounding):
-    """Whether an eigenvalue of `I + E` below 0 has no other one near it that rounding could join to it; all above 0 have not.
+    """Whether an eigenvalue of `I + E` below 0 has no other one near it that rounding could join to
+    it; all above 0 have not.
 
-    Near is TELLING of its size; rounding does not reach so far if the smallest singular values say so on the rim.
+    Near is TELLING of its size; rounding does not reach so far if the smallest singular values say
+    so on the rim.
     """
     near = TELLING * np.abs(1 + delta)
     distances = np.abs(delta[:, :, None] - delta[:, None, :])
@@ -198,11 +216,12 @@ def _is_alone(balanced, delta, rounding):
 
 
 def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
-    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
-    thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
+    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could
+    move it by a thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
 
-    hidden: which are so uncertain, if the caller knows (see `MarginalModes.frame_with_reliability`). Otherwise only eigenvalues
-    that nearly meet are. Then the radius counts as known if no rounding of E makes one that is that much larger, by the
+    hidden: which are so uncertain, if the caller knows (see
+    `MarginalModes.frame_with_reliability`). Otherwise only eigenvalues that nearly meet are. Then
+    the radius counts as known if no rounding of E makes one that is that much larger, by the
     smallest singular value there at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
@@ -221,7 +240,8 @@ def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
 
 
 def _is_rounding(distance, E):
-    """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding alone; NaN is not."""
+    """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding
+    alone; NaN is not."""
     n = E.shape[-1]
     distance = np.asarray(distance)
     tolerance = BACKWARD * np.finfo(float).eps
@@ -254,7 +274,7 @@ def _sure_radius(E, radius, delta):
     angle = np.abs(np.angle(1 + delta[matrix, eigenvalue]))  # E is real
     points = further * np.exp(1j * angle) - 1
     rounding = BACKWARD * np.finfo(float).eps * size
-    if n < LARGE:
+    if n < STATES_WITHOUT_DELAYS:
         reached = _smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]
         sure[index[matrix[reached]]] = np.nan
         return sure.reshape(np.shape(radius))
@@ -271,19 +291,19 @@ def _sure_radius(E, radius, delta):
 
 @np.errstate(all="ignore")
 def _by_eigenvectors(E, w):
-    """Return bounds from below on the smallest singular value of `w - E` at w `(points,)`, in O(n^3) for all of them.
+    """Return bounds from below on the smallest singular value of `w - E` at w `(points,)`, in
+    O(n^3) for all of them.
 
-    0 if there is none. With `E V = V L + R` the matrix is `V (w - L - V^-1 R) V^-1` (F. L. Bauer, C. T. Fike, Numer. Math. 2,
-    1960). The norm of V^-1 is at most twice that of its computed value Z if `1 - Z V` has a norm below 1/2, and rounding of
-    R and of that product is added.
+    0 if there is none. With `E V = V L + R` the matrix is `V (w - L - V^-1 R) V^-1` (F. L. Bauer,
+    C. T. Fike, Numer. Math. 2, 1960). The norm of V^-1 is at most twice that of its computed value
+    Z if `1 - Z V` has a norm below 1/2, and rounding of R and of that product is added.
     """
     values, V = np.linalg.eig(E)
     Z = inverse(V)
     of_V = np.linalg.norm(V)
     of_Z = np.linalg.norm(Z)
-    rounding = (
-        2 * (len(E) + 4) * np.finfo(float).eps
-    )  # of a sum of that many complex products, and of a norm
+    # of a sum of that many complex products, and of a norm
+    rounding = 2 * (len(E) + 4) * np.finfo(float).eps
     off = np.linalg.norm(np.eye(len(E)) - Z @ V) + rounding * of_Z * of_V
     EV = E @ V.real + 1j * (E @ V.imag)  # E is real, which saves half of the products
     missed = np.linalg.norm(EV - V * values)
@@ -294,10 +314,12 @@ def _by_eigenvectors(E, w):
 
 
 def _at_least(E, units, w):
-    """Return bounds from below on the smallest singular value of `w - E` in these units, at w `(points,)`; 0 if there is none.
+    """Return bounds from below on the smallest singular value of `w - E` in these units, at w
+    `(points,)`; 0 if there is none.
 
-    They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
-    are most of its states, of the remaining states as their Schur complement, and of the ways between these.
+    They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the
+    delays that E has, if these are most of its states, of the remaining states as their Schur
+    complement, and of the ways between these.
     """
     from wavesweep.engine._monodromy.resolvent import DelayLines
 
@@ -326,15 +348,17 @@ def _at_least(E, units, w):
 
 
 def _outgrows(delta, size, radius):
-    """Whether rounding might move an eigenvalue beyond the radius by more than it may be off, `(matrices, n)`.
+    """Whether rounding might move an eigenvalue beyond the radius by more than it may be off,
+    `(matrices, n)`.
 
-    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry. If m of them are as near to one of them as a
-    relative rounding of e may move it, by the size times e^(1/m), it may move so far, as it does for a Jordan block.
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry. If m of them are as near
+    to one of them as a relative rounding of e may move it, by the size times e^(1/m), it may move
+    so far, as it does for a Jordan block.
     """
     n = delta.shape[-1]
     allowed = (radius + TELLING * np.maximum(radius, 1))[:, None]
     beyond = np.abs(1 + delta) - allowed
-    move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (
+    move = np.asarray(size)[:, None, None] * (CIRCLE_ROUNDINGS * np.finfo(float).eps) ** (
         1 / np.arange(2, n + 1)
     )
     with np.errstate(invalid="ignore"):  # a matrix that is not finite
@@ -345,7 +369,8 @@ def _outgrows(delta, size, radius):
 
 
 def is_stable(E: np.ndarray) -> np.ndarray:
-    """Return whether every eigenvalue of `I + E` is inside the unit circle by more than rounding; false if E is not finite."""
+    """Return whether every eigenvalue of `I + E` is inside the unit circle by more than
+    rounding; false if E is not finite."""
     delta, finite = eigenvalues(E)
     distance = -excess(delta).max(-1, initial=-1.0) / 2
     return (
@@ -354,17 +379,19 @@ def is_stable(E: np.ndarray) -> np.ndarray:
 
 
 def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of E can change it.
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of
+    E can change it.
 
-    E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by default of a rounding each.
-    The count is -1 if E is not finite. See `_count_outside`; where errors are larger than roundings, or an eigenvalue is near
-    the circle, no matrix within dE of E may have the nearest eigenvalues on the circle (see `may_have`).
+    E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by
+    default of a rounding each. The count is -1 if E is not finite. See `_count_outside`; where
+    errors are larger than roundings, or an eigenvalue is near the circle, no matrix within dE of E
+    may have the nearest eigenvalues on the circle (see `may_have`).
     """
     count, clear = _count_outside(E)
     if dE is None or not E.size:
         return count, clear
     size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
-    index = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
+    index = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= ROUNDED_ENTRIES * size))
     if index.size:
         delta = eigenvalues(E[index])[0]
         clear[index] = ~may_have(
@@ -375,13 +402,16 @@ def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarr
 
 @np.errstate(over="ignore", invalid="ignore")
 def _count_outside(E):
-    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies
+    within rounding of it.
 
-    The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
-    small. Eigenvalues that nearly meet keep only a root of the digits, and others may lose many. So if one is near the circle,
-    or if some are so near to each other that this could bring them there (`may_cross`), those nearest to it also count as
-    within rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z I - (I + E)` at the
-    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
+    The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its
+    computed distance from it is that small. Eigenvalues that nearly meet keep only a root of the
+    digits, and others may lose many. So if one is near the circle, or if some are so near to each
+    other that this could bring them there (`may_cross`), those nearest to it also count as within
+    rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z
+    I - (I + E)` at the nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra
+    and Pseudospectra, 2005, Theorem 2.1).
     """
     groups = diagonal_blocks(E)
     if groups:
@@ -398,14 +428,14 @@ def _count_outside(E):
     delta, finite = eigenvalues(E)
     outside = excess(delta)
     size = np.abs(E).max((-1, -2), initial=0)
-    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, size)
+    tolerance = CIRCLE_ROUNDINGS * np.finfo(float).eps * np.maximum(1, size)
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
-    again = np.flatnonzero(finite & ~clear & (size > UNEVEN))
+    again = np.flatnonzero(finite & ~clear & (size > HIDING_ENTRY))
     if again.size:  # in units in which its entries are much smaller
         even = balance(E[again])[0]
-        better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
+        better = size[again] > HIDING_ENTRY * np.abs(even).max((-1, -2), initial=0)
         if better.any():
             count[again[better]], clear[again[better]] = _count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
@@ -428,27 +458,29 @@ def _count_outside(E):
 
 
 def may_cross(delta, size) -> np.ndarray:
-    """Return whether rounding might move eigenvalues onto the circle that are nearer to each other than to it.
+    """Return whether rounding might move eigenvalues onto the circle that are nearer to each other
+    than to it.
 
-    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of them are within four times
-    the distance of one of them from the circle, a relative rounding of e moves that one by up to the size times e^(1/m), as it
-    does for a Jordan block, which becomes m eigenvalues around a circle.
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of
+    them are within four times the distance of one of them from the circle, a relative rounding of e
+    moves that one by up to the size times e^(1/m), as it does for a Jordan block, which becomes m
+    eigenvalues around a circle.
     """
     far = np.abs(np.abs(1 + delta) - 1)
     apart = np.abs(delta[..., None, :] - delta[..., :, None])
     m = (apart <= 4 * far[..., :, None]).sum(-1)
-    moved = np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m)
+    moved = np.asarray(size)[..., None] * (CIRCLE_ROUNDINGS * np.finfo(float).eps) ** (1 / m)
     return ((m > 1) & (far < moved)).any(-1)
 
 
 def _smallest(E, delta):
     """Smallest singular values of `delta I - E` at the points delta = z - 1, `(matrices, points)`.
 
-    Of many states it is a lower bound, which takes an eighth of the time: 1 over the Frobenius norm of the inverse, nearly the
-    value itself if that is small beside the others.
+    Of many states it is a lower bound, which takes an eighth of the time: 1 over the Frobenius norm
+    of the inverse, nearly the value itself if that is small beside the others.
     """
     A = delta[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
-    if E.shape[-1] < MANY:
+    if E.shape[-1] < BOUNDED_STATES:
         return np.linalg.svd(A, compute_uv=False)[..., -1]
     with np.errstate(all="ignore"):
         bound = 1 / np.sqrt((np.abs(inverse(A)) ** 2).sum((-1, -2)))

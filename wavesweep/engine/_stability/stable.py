@@ -19,9 +19,11 @@ from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubts import Doubt
 
-MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+# states; the coefficients of a polynomial of a higher degree have lost the digits that a proof
+# needs
+MOST_POLYNOMIAL_STATES = 64
 FEW_STATES = 8  # up to which they have enough of them for all that arcs could prove
-ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
+ROUGH_FRAME = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
 @np.errstate(
@@ -34,22 +36,25 @@ def stable_intervals(
     fixed: np.ndarray,
     radius: np.ndarray | None = None,
 ) -> Intervals:
-    """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and every value of the other one.
+    """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and
+    every value of the other one.
 
-    cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other number.
-    radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
+    cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of
+    the other number. radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
 
-    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`). A column is
-    certified if three conditions hold. The signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no
-    further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
-    ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
-    (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
-    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Loops with
-    more than MOST_STATES states are followed on arcs of the circle instead (`arcs`). Columns that fail are in doubt, and the
-    regions whose label is not known are left out: they may be computed again as along any number (`along_any`). If the frame of
-    a loop overflows, nothing is known of it.
-    Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
-    hundred-thousandth of the span together.
+    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space
+    (`boundary`). A column is certified if three conditions hold. The signs of Bernstein
+    coefficients, or Smith's discs, prove that the polynomial has no further real root for any
+    coefficients within their measured error (`isolate`), so that no pair of crossings can hide.
+    Both ends satisfy the characteristic equation to rounding, and rounding of the loop's own
+    entries cannot move them by more (`boundary.end_errors`). The counts of unstable eigenvalues
+    follow by the crossings' directions, from region to region and from one number per loop, on
+    which the eigenvalues counted in its first and last column agree (`regions`). Loops with more
+    than MOST_POLYNOMIAL_STATES states are followed on arcs of the circle instead (`arcs`). Columns
+    that fail are in doubt, and the regions whose label is not known are left out: they may be
+    computed again as along any number (`along_any`). If the frame of a loop overflows, nothing is
+    known of it. Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or
+    more; at the least 1e-9 of the end and a hundred-thousandth of the span together.
     """
     fixed = np.asarray(fixed, float)
     if along != FIRST and cut.integrates and np.any(fixed == 0):
@@ -70,7 +75,8 @@ def stable_intervals(
 
 
 def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
-    """The intervals, without any in columns of which a block that the numbers do not act on is unstable, or may be."""
+    """The intervals, without any in columns of which a block that the numbers do not act on is
+    unstable, or may be."""
     if not cut.uncontrolled:
         return intervals
     outside = np.zeros(cut.batch, int)
@@ -83,7 +89,8 @@ def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
 
 
 def _in_even_units(cut: LinearFractional) -> LinearFractional:
-    """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
+    """Return the loops in states of such units that none of their entries is large, see
+    `uneven_units`."""
 
     def of_each(matrix):
         return np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
@@ -119,7 +126,8 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
 
 
 def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
-    """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
+    """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first
+    method that proves it."""
     pending = np.arange(fixed.size)
     answered = np.zeros(fixed.size, bool)
     done = []
@@ -156,7 +164,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
 
 def _methods(order: int) -> list:
     """The methods for loops of so many states, in their order."""
-    if order > MOST_STATES:
+    if order > MOST_POLYNOMIAL_STATES:
         return [_by_arcs]
     if order > FEW_STATES:
         return [_by_polynomial, _by_polynomial_alone, _by_arcs]
@@ -178,7 +186,8 @@ def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
 def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
     """Return regions and doubts from one polynomial per loop, shared by all its columns.
 
-    followed: `(columns,)`, whether another method is there for a column: it is left to that one if its roots are not proved.
+    followed: `(columns,)`, whether another method is there for a column: it is left to that one if
+    its roots are not proved.
     """
     rough = cut.remembered("rough", lambda: _is_rough(cut))
 
@@ -199,12 +208,14 @@ def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
 
 
 def _by_polynomial_alone(*columns):
-    """The same for columns whose other number is 0, of loops that have poles at z = 1, which are divided out."""
+    """The same for columns whose other number is 0, of loops that have poles at z = 1, which are
+    divided out."""
     return _by_polynomial(*columns, alone=True)
 
 
 def _by_arcs(cut, owner, along, fixed, span, _):
-    """The same from interpolants on arcs of the circle, for loops of more states than a polynomial has digits for."""
+    """The same from interpolants on arcs of the circle, for loops of more states than a
+    polynomial has digits for."""
     from wavesweep.engine._stability.arcs import arc_crossings, columns_together
 
     rough = cut.remembered("rough", lambda: _is_rough(cut))[
@@ -224,12 +235,13 @@ def _by_arcs(cut, owner, along, fixed, span, _):
 
 
 def _is_rough(cut):
-    """Whether errors of the entries of a frame, in no units of the states small, may hide a crossing that none points to."""
+    """Whether errors of the entries of a frame, in no units of the states small, may hide a
+    crossing that none points to."""
     E = np.broadcast_to(np.abs(cut.E), (*cut.batch, *cut.E.shape[-2:]))
     dE = np.broadcast_to(cut.dE, (*cut.batch, *cut.dE.shape[-2:]))
     with np.errstate(all="ignore"):
         error = np.sqrt((dE * (E + dE).mT).max((-1, -2), initial=0.0))
-        return error > ROUGH * np.maximum(1.0, size_of(E))
+        return error > ROUGH_FRAME * np.maximum(1.0, size_of(E))
 
 
 def _along_second(cut, along, span, fixed, radius) -> Intervals:

@@ -1,4 +1,5 @@
-"""What a call of the library asks for: axes, a span and frequencies, as a spec's [sweep] and [bode] would have them."""
+"""What a call of the library asks for: axes, a span and frequencies, as a spec's [sweep] and
+[bode] would have them."""
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -38,7 +39,8 @@ def key_named(spec: Spec, name: object) -> Key:
 
 
 def axis_along(spec: Spec, name: str, span: object) -> Axis:
-    """The axis of intervals that a call names, searched over `span`, (low, high). Errors: UsageError."""
+    """The axis of intervals that a call names, searched over `span`, (low, high). Errors:
+    UsageError."""
     key = key_named(spec, name)
     if span is None and spec.drawing:
         span = next(
@@ -65,7 +67,8 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
 def axes_asked(
     spec: Spec, axes: Mapping[str, object], along: Axis | None = None
 ) -> tuple[Axis, ...]:
-    """The axes that a call names, with their values; along: that of the intervals. Errors: UsageError, SpecError."""
+    """The axes that a call names, with their values; along: that of the intervals. Errors:
+    UsageError, SpecError."""
     axes_read = tuple(_axis(spec, name, values) for name, values in axes.items())
     for number, axis in enumerate(axes_read):
         if axis.path in [earlier.path for earlier in axes_read[:number]]:
@@ -85,7 +88,8 @@ def _refuse_values(spec: Spec, axes: Sequence[Axis]) -> None:
     together, limited = [], {} if spec.drawing else LIMITS
     linked = {*limited, *(path for limits in limited.values() for path in limits)}
     for axis in axes:
-        # What is next to 0, or NaN, is neither the least nor the largest, and is refused on its own.
+        # What is next to 0, or NaN, is neither the least nor the largest, and is refused on its
+        # own.
         ends = tuple(
             dict.fromkeys(
                 (axis.start, axis.stop, *(value for value in axis.values if not computable(value)))

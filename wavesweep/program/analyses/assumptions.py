@@ -1,4 +1,5 @@
-"""What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
+"""What a result is for: integration of the wall, delay and velocity, and which of them the spec
+left to the defaults."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -28,7 +29,8 @@ INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "
 
 @dataclass(frozen=True, slots=True)
 class RunWords:
-    """What a single run has, in words: its frames, empty if all have the spec's length, and when messages come."""
+    """What a single run has, in words: its frames, empty if all have the spec's length, and when
+    messages come."""
 
     frames: str = ""
     messages: str = ""
@@ -42,11 +44,12 @@ def assumes(
 ) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
-    swept: paths of the axes of the result, which have no single value. nominal: whether the result is of the spec's own
-    numbers and frames alone, with all messages in time. run: what the result is a run of. If the spec gives one of the three
-    no value of its own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A
-    drawn loop shows all of that itself; its sentence says which numbers act continuously, and within which limits of its blocks
-    it is linear.
+    swept: paths of the axes of the result, which have no single value. nominal: whether the result
+    is of the spec's own numbers and frames alone, with all messages in time. run: what the result
+    is a run of. If the spec gives one of the three no value of its own, the sentence says so, and
+    names the usual practice of engines, which is less kind than the default. A drawn loop shows all
+    of that itself; its sentence says which numbers act continuously, and within which limits of its
+    blocks it is linear.
     """
     in_run = run or (IN_TIME if nominal else None)  # of the spec's own numbers
     varied = {}
@@ -148,7 +151,8 @@ def _ticks(spec: Spec) -> list[str]:
 
 
 def losses(spec: Spec) -> list[str]:
-    """How messages may be late or lost in answers for all that they may do, or slow results be lost, in words."""
+    """How messages may be late or lost in answers for all that they may do, or slow results be
+    lost, in words."""
     return [*_messages(spec, ())] if spec.drawing else _lost(spec.for_all)
 
 
@@ -184,7 +188,8 @@ def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
 
 
 def _continuous(spec) -> Iterator[str]:
-    """Yield which numbers act continuously, between ticks too: the factors of terms by which plants act on each other."""
+    """Yield which numbers act continuously, between ticks too: the factors of terms by which
+    plants act on each other."""
     ports: dict[str, list[str]] = {}
     for port, terms in spec.drawing.couplings:
         names = []
@@ -212,7 +217,8 @@ def _continuous(spec) -> Iterator[str]:
 
 
 def _frames_that_vary(spec, varied, read, order, of_run) -> Iterator[str]:
-    """Yield which frames may follow each other, when their results are in place, and over what time the wall integrates.
+    """Yield which frames may follow each other, when their results are in place, and over what time
+    the wall integrates.
 
     of_run: the frames of a run, in words.
     """
@@ -297,7 +303,8 @@ def _unit(spec, axis) -> str:
 
 
 def _limits(spec, swept) -> Iterator[str]:
-    """Yield the limits of each block that has some, with the values of numbers that are not swept."""
+    """Yield the limits of each block that has some, with the values of numbers that are not
+    swept."""
 
     def shown(tree):
         moving = {path_of(name) for name, _ in names_in(tree)} & set(swept)
@@ -316,10 +323,11 @@ def _limits(spec, swept) -> Iterator[str]:
 
 
 def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str]:
-    """Yield a sentence for each cycle of blocks that read one another in the same tick, and are solved together.
+    """Yield a sentence for each cycle of blocks that read one another in the same tick, and are
+    solved together.
 
-    swept: paths of the axes of a result. Of those that decide how the loop is built, the least MOST_BUILT values are looked at,
-    since small ones take a delay away.
+    swept: paths of the axes of a result. Of those that decide how the loop is built, the least
+    MOST_BUILT values are looked at, since small ones take a delay away.
     """
     if not spec.drawing:
         return
@@ -346,7 +354,8 @@ USUAL = MappingProxyType(
 
 
 def unusual(spec: Spec) -> Iterator[str]:
-    """Yield a sentence for each number of the spec that is so far from those of devices that its unit may be wrong."""
+    """Yield a sentence for each number of the spec that is so far from those of devices that its
+    unit may be wrong."""
     for path, (low, high) in USUAL.items():
         if path in spec.given and not low <= spec.values[path] <= high:
             unit = KEYS[path].unit
@@ -355,7 +364,8 @@ def unusual(spec: Spec) -> Iterator[str]:
 
 
 def near_rates(spec: Spec) -> Iterator[str]:
-    """Yield which slow rates near the spec's own divide the fast one, if that does not: their frames are short."""
+    """Yield which slow rates near the spec's own divide the fast one, if that does not: their
+    frames are short."""
     if spec.uneven and "rates.ratio" in keys_of_page(spec.values):
         fast = float(spec.values["rates.fast_hz"])
         ratio = float(spec.values["rates.ratio"])
@@ -366,7 +376,8 @@ def near_rates(spec: Spec) -> Iterator[str]:
 
 
 def notices_of(grid: Grid) -> list[str]:
-    """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
+    """A sentence for each axis that the controller does not read, and one for numbers that a
+    preset does not give."""
     kind = grid.spec.kind
     ignored = [
         f"{axis.name} is not read by {kind}: evaluated once, its rows repeated"
@@ -376,7 +387,8 @@ def notices_of(grid: Grid) -> list[str]:
 
 
 def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:
-    """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
+    """Yield a sentence about the numbers of a preset device that the spec itself gives
+    otherwise; options: other numbers."""
     if spec.preset:
         used = {**spec.values, **options}
         differing = []
@@ -394,7 +406,8 @@ def assumed_by(
     nominal: bool = False,
     run: RunWords | None = None,
 ) -> str:
-    """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
+    """The sentence of one spec, or those of several, a line each with its name; swept: of any;
+    nominal, run: see `assumes`."""
     said = []
     for spec in specs:
         swept_here = set(swept)

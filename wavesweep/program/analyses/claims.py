@@ -1,7 +1,8 @@
-"""A claim: what is known of which loops. All words about it follow from it, and whether it answers what a spec asks.
+"""A claim: what is known of which loops. All words about it follow from it, and whether it answers
+what a spec asks.
 
-A prover makes a claim of the plan that it used, and never of the spec: a claim that is made of a narrower plan does not cover
-what the spec asks, and is then no answer.
+A prover makes a claim of the plan that it used, and never of the spec: a claim that is made of a
+narrower plan does not cover what the spec asks, and is then no answer.
 """
 
 from __future__ import annotations
@@ -24,10 +25,9 @@ RATIO, DELAY = "rates.ratio", "environment.delay"
 OPERATOR, LINEAR, PUSHES = "operator", "linear", "any wall that pushes and never pulls"
 PASSIVE_HANDS = "every passive hand"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
-LONGEST = (
-    60  # letters of a scope that is named in full; of a longer one the table that has it is named
-)
-LISTED = 6  # values
+# letters of a scope that is named in full; of a longer one the table that has it is named
+LONGEST_PATTERN_TEXT = 60
+LENGTHS_LISTED = 6  # values
 WIDEST = 120  # letters of the line of a verdict
 CURVED = "saturation"  # the type of blocks that contact is about beside a wall
 
@@ -49,7 +49,8 @@ class Status(IntEnum):
 
 
 class Property(NamedTuple):
-    """What a claim says of a loop, in words: if it holds, is proved, does not hold, and is in question."""
+    """What a claim says of a loop, in words: if it holds, is proved, does not hold, and is in
+    question."""
 
     holds: str
     proved: str
@@ -91,7 +92,7 @@ def listed_values(values: Iterable[float | str]) -> str:
     """Some values in words: in order, those of long lists by their number and ends."""
     texts = [each for each in values if isinstance(each, str)]
     numbers = sorted(each for each in values if not isinstance(each, str))
-    if len(numbers) > LISTED:
+    if len(numbers) > LENGTHS_LISTED:
         whole = numbers == list(range(int(numbers[0]), int(numbers[-1]) + 1))
         count = "" if whole else f"{len(numbers)} values from "
         return ", ".join([f"{count}{numbers[0]:g} to {numbers[-1]:g}", *texts])
@@ -110,8 +111,9 @@ class Order(IntEnum):
 class Frames:
     """Which frames follow each other, and when their results are in place.
 
-    lengths: in ticks. delays: of results, in ticks, or WITH_FRAME. lost: results in a row that may be lost; loss: the
-    probability that one is. chances: of all of that at random, by which two claims are of the same.
+    lengths: in ticks. delays: of results, in ticks, or WITH_FRAME. lost: results in a row that may
+    be lost; loss: the probability that one is. chances: of all of that at random, by which two
+    claims are of the same.
     """
 
     order: Order = Order.CONSTANT
@@ -146,7 +148,8 @@ class Frames:
 
 
 class Range(NamedTuple):
-    """A number that is constant and not known: its path, and its values, or the ends of its range."""
+    """A number that is constant and not known: its path, and its values, or the ends of its
+    range."""
 
     path: str
     low: float
@@ -175,7 +178,8 @@ class Range(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """What the messages of a channel may do: come late by so many ticks at most, be lost so many in a row; or at random."""
+    """What the messages of a channel may do: come late by so many ticks at most, be lost so many
+    in a row; or at random."""
 
     channel: str
     late: int = 0
@@ -199,7 +203,8 @@ class Messages(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """The shortest and the longest time of a fast tick (s), each of which may come at any time; equal if all are alike."""
+    """The shortest and the longest time of a fast tick (s), each of which may come at any time;
+    equal if all are alike."""
 
     low: float
     high: float
@@ -218,9 +223,10 @@ class Tick(NamedTuple):
 class Scope:
     """Which loops a claim is about.
 
-    numbers: those that have ranges; all others have the spec's own values. messages: of channels that are not always in time.
-    hands: the spec's own operator, or others in words. walls: LINEAR, PUSHES, or those of `curve_of`: each function with
-    slopes from 0 to 1 in place of the linear one. tick: None for ticks that are all the spec's own.
+    numbers: those that have ranges; all others have the spec's own values. messages: of channels
+    that are not always in time. hands: the spec's own operator, or others in words. walls: LINEAR,
+    PUSHES, or those of `curve_of`: each function with slopes from 0 to 1 in place of the linear
+    one. tick: None for ticks that are all the spec's own.
     """
 
     numbers: tuple[Range, ...] = ()
@@ -231,7 +237,8 @@ class Scope:
     tick: Tick | None = None
 
     def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
-        """Whether all loops of another scope are in this one; own: the spec's own values, by their paths."""
+        """Whether all loops of another scope are in this one; own: the spec's own values, by
+        their paths."""
         ranges = {each.path: each for each in self.numbers}
         numbers = {each.path: each for each in asked.numbers}
         for path in {*ranges, *numbers}:
@@ -270,7 +277,7 @@ class Scope:
         said += [each.in_words() for each in self.messages]
         said += self.tick.in_words() if self.tick else ()
         loops = ", ".join(said)
-        if len(loops) > LONGEST:
+        if len(loops) > LONGEST_PATTERN_TEXT:
             at_random = self.frames.order is Order.AT_RANDOM
             at_random |= any(each.chances for each in self.messages)
             loops = f"all of [for_all]{', at random' if at_random else ''}"
@@ -350,7 +357,8 @@ def own_scope(spec: Spec) -> Scope:
 
 
 def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
-    """All that [for_all] and the channels of a spec name; at_random: what is at random there, in place of any order."""
+    """All that [for_all] and the channels of a spec name; at_random: what is at random there, in
+    place of any order."""
     table = spec.for_all
     varied = {axis.path: _values(axis) for axis in table.changing}
     changes = varied or table.lost or table.loss
@@ -389,7 +397,8 @@ def _values(axis: Axis) -> tuple[float, ...]:
 
 
 def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> Frames:
-    """The frames of a spec; varied: path -> values of the numbers that change from frame to frame."""
+    """The frames of a spec; varied: path -> values of the numbers that change from frame to
+    frame."""
     values = spec.values
     if not spec.drawing:
         lengths = varied.get(RATIO, (values[RATIO],))
@@ -411,7 +420,8 @@ def _timing(spec: Spec) -> set[str]:
 
 
 def questions(spec: Spec) -> list[Question]:
-    """What a spec asks of its loops: of those of [for_all], what [sweep] requires or stability, and the rest through contact."""
+    """What a spec asks of its loops: of those of [for_all], what [sweep] requires or stability,
+    and the rest through contact."""
     what = required(spec)
     asked = []
     table = spec.for_all
@@ -497,7 +507,8 @@ class Verdict(NamedTuple):
         return self.worst.status
 
     def lines(self, subject: str) -> Iterator[str]:
-        """Yield the verdict in a line that begins with its subject, and the answers that this does not say in full."""
+        """Yield the verdict in a line that begins with its subject, and the answers that this
+        does not say in full."""
         worst = self.worst
         said = [worst] if self.status <= Status.UNKNOWN else [*self.answers]
         whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"

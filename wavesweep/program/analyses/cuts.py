@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 
 def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
-    """What is expected and found of a signal at which a loop cannot be cut, and a suggestion; None if it can."""
+    """What is expected and found of a signal at which a loop cannot be cut, and a suggestion;
+    None if it can."""
     between_ticks = set()  # a factor there would be in the tick
     for plant in drawing.plants:
         between_ticks |= {name for name, _ in plant.sensed}

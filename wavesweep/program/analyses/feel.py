@@ -15,24 +15,33 @@ from wavesweep.program.spec import Spec
 BAND_HZ = (1.0, 3.0, 10.0)  # of a hand that explores a wall
 LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
 TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
-SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+# of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a
+# rule
+SLOW_SHARE = 8e-4
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
-NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
+# of the impedance over the highest frequency, what a damping of 0 may be off by
+ZERO_DAMPING = 1e-9
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
-LARGE = 300  # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
-SURE = 1e-6  # relative error of an impedance that is shown
+# states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
+MOST_FELT_STATES = 300
+KNOWN_IMPEDANCE = 1e-6  # relative error of an impedance that is shown
 
 
 def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
-    """What the hand feels of the wall over frequency as a JSON-able dict; None without a wall that can be taken away.
+    """What the hand feels of the wall over frequency as a JSON-able dict; None without a wall that
+    can be taken away.
 
-    It is what the wall adds to free motion: the impedance less that of the same loop whose wall has the stiffness and damping
-    0. So neither a mass counts nor a brake. loop: that of the spec at the hand. stiffness: that at rest, N/m.
-    hz; at each impedance (N/m), its size, and free (N/m), the size of that of free motion, both missing if they are not known.
-    holds_to_hz: the frequency up to which the size is within a tenth of that at rest, None if it is so up to `HIGHEST_HZ`, or
-    half the fast rate. outweighed_bands_hz: [from, to] in which free motion has more than the wall adds; to is None of one that
-    goes on; outweighed_hz: where the first begins, None without. They are looked for at 80 frequencies a decade from 1e-4 Hz
-    on, and located to a thousandth; a resonance that is narrower may be missed.
+    It is what the wall adds to free motion: the impedance less that of the same loop whose wall has
+    the stiffness and damping
+    0. So neither a mass counts nor a brake. loop: that of the spec at the hand. stiffness: that at
+       rest, N/m.
+    hz; at each impedance (N/m), its size, and free (N/m), the size of that of free motion, both
+    missing if they are not known. holds_to_hz: the frequency up to which the size is within a tenth
+    of that at rest, None if it is so up to `HIGHEST_HZ`, or half the fast rate.
+    outweighed_bands_hz: [from, to] in which free motion has more than the wall adds; to is None of
+    one that goes on; outweighed_hz: where the first begins, None without. They are looked for at 80
+    frequencies a decade from 1e-4 Hz on, and located to a thousandth; a resonance that is narrower
+    may be missed.
     """
     if not spec.wall:
         return None
@@ -64,9 +73,11 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
 
 
 def _runs(grid, so):
-    """Yield the runs of frequencies at which something is so: the last one before, the first and the last of it.
+    """Yield the runs of frequencies at which something is so: the last one before, the first and
+    the last of it.
 
-    so(): at all of the grid; so(low, high): at FINE frequencies between two of it. The last is None of one that goes on.
+    so(): at all of the grid; so(low, high): at FINE frequencies between two of it. The last is None
+    of one that goes on.
     """
     changes = np.flatnonzero(np.diff(so(), prepend=False, append=False))
     for first, beyond in changes.reshape(-1, 2).tolist():
@@ -82,7 +93,8 @@ def _runs(grid, so):
 
 
 def _added(loop, free, hertz):
-    """The sizes of what the wall adds to the impedance and of that of free motion, and whether they are known, at each Hz."""
+    """The sizes of what the wall adds to the impedance and of that of free motion, and whether
+    they are known, at each Hz."""
     walled = respond(loop, hertz)
     without = respond(free, hertz)
     with np.errstate(all="ignore"):
@@ -91,7 +103,7 @@ def _added(loop, free, hertz):
         off = (
             np.abs(walled.impedance) * walled.impedance_error + size_free * without.impedance_error
         )
-        return added, size_free, off <= SURE * added
+        return added, size_free, off <= KNOWN_IMPEDANCE * added
 
 
 def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
@@ -124,7 +136,7 @@ def outweighed_in_words(band: Mapping[str, object]) -> str:
 def felt_at_rest(spec: Spec, loop) -> dict | None:
     """Stiffness and damping of the wall as the hand feels it towards 0 Hz; None without a hand.
 
-    `felt_over_band` is beside them if the loop has up to LARGE states.
+    `felt_over_band` is beside them if the loop has up to MOST_FELT_STATES states.
     """
     if loop is None:
         return None
@@ -132,7 +144,7 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
-    small = loop.order <= LARGE
+    small = loop.order <= MOST_FELT_STATES
     band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
     stiffness, damping = (
         float(number) if np.isfinite(number) else None for number in (stiffness, damping)
@@ -141,12 +153,14 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
 
 
 def _damping(response, low):
-    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
+    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to
+    ROUGHLY.
 
-    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
-    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
-    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
-    if one further down differs by more than its rounding. response: of frequencies.
+    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow
+    mode does less, and rounding more: a pair is as good as it agrees with one next to it, and its
+    own rounding allows. Pairs above a slow mode may agree better than those below it, so the best
+    is looked for among those that agree with the lowest good one, and nothing is known if one
+    further down differs by more than its rounding. response: of frequencies.
     """
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
     at_port = response(frequency.ravel())
@@ -155,7 +169,8 @@ def _damping(response, low):
     with np.errstate(all="ignore"):
         values = impedance.imag / (2 * np.pi * frequency)
         unsure = error * np.abs(impedance) / (2 * np.pi * frequency)
-        # Extrapolated to 0 Hz: a damping is even in frequency, and the second of a pair is half the first.
+        # Extrapolated to 0 Hz: a damping is even in frequency, and the second of a pair is half the
+        # first.
         damping = (4 * values[:, 1] - values[:, 0]) / 3
         rounding = (4 * unsure[:, 1] + unsure[:, 0]) / 3
         apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
@@ -171,5 +186,5 @@ def _damping(response, low):
             return np.nan
         if off[best] <= ROUGHLY * np.abs(damping[best]):
             return damping[best]
-        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
+        nothing = abs(damping[best]) <= off[best] <= ZERO_DAMPING * np.abs(impedance[0, 0]) / low
         return 0.0 if nothing else np.nan

@@ -1,4 +1,5 @@
-"""What an encoder, friction and a motor do to a loop: bounds on the force of the encoder's rounding, and on walls."""
+"""What an encoder, friction and a motor do to a loop: bounds on the force of the encoder's
+rounding, and on walls."""
 
 from __future__ import annotations
 
@@ -18,12 +19,14 @@ if TYPE_CHECKING:
     from wavesweep.engine.response import PeakGain
 
 GIVEN = ("resolution", "friction", "max_force")  # of `Spec.hardware`
-TICKS = 10  # of a limit cycle, below which its force is no square wave that is late by half a tick
+# of a limit cycle, below which its force is no square wave that is late by half a tick
+LEAST_CYCLE_TICKS = 10
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
 
 
 def readings(drawn: MultirateLoop, device: str) -> MultirateLoop:
-    """Return the loop with the error of its encoder as an input: each junction that reads the device's position has it too.
+    """Return the loop with the error of its encoder as an input: each junction that reads the
+    device's position has it too.
 
     The position of the hand's port is the device's own.
     """
@@ -36,7 +39,8 @@ def readings(drawn: MultirateLoop, device: str) -> MultirateLoop:
 
 
 def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
-    """Return the peak gain from the error of the encoder to the force of the motors (N/m) or another signal, of one loop.
+    """Return the peak gain from the error of the encoder to the force of the motors (N/m) or
+    another signal, of one loop.
 
     None without a device that the hand holds and a force against it, and as for `l1_norm`.
     """
@@ -57,15 +61,18 @@ def peaks_of(loops: Loops, size: int) -> np.ndarray:
 
 
 def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
-    """What the encoder, the friction and the motors of a spec do to its own design, as a JSON-able dict; None if not known.
+    """What the encoder, the friction and the motors of a spec do to its own design, as a JSON-able
+    dict; None if not known.
 
-    Of [simulate] or the device preset, each if it is given: resolution D (m), friction f_c (N), max_force (N). step_force (N):
-    the largest force of the motors after one step of the encoder, at any time. chatter (N): a bound on what the encoder's
-    rounding adds to the force of the linear loop, whatever the hand does; see `l1_norm`. moves (m), speed (m/s): the same of
-    the device's position and velocity. All of these are of stable loops alone. holds_to, passive_to: see `limits_of_walls`;
-    passive: whether the wall is below both, where both are known and it has no damping and no delay. cycle_hz,
-    cycle_amplitude (m): see `cycle_of_encoder`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
-    motors end, max_force over the stiffness felt at rest.
+    Of [simulate] or the device preset, each if it is given: resolution D (m), friction f_c (N),
+    max_force (N). step_force (N): the largest force of the motors after one step of the encoder, at
+    any time. chatter (N): a bound on what the encoder's rounding adds to the force of the linear
+    loop, whatever the hand does; see `l1_norm`. moves (m), speed (m/s): the same of the device's
+    position and velocity. All of these are of stable loops alone. holds_to, passive_to: see
+    `limits_of_walls`; passive: whether the wall is below both, where both are known and it has no
+    damping and no delay. cycle_hz, cycle_amplitude (m): see `cycle_of_encoder`. depth (m), by
+    `verdict`: to which the wall can be pressed, slowly, before the motors end, max_force over the
+    stiffness felt at rest.
     """
     limits: dict[str, float | None] = {
         name: spec.hardware[name] for name in GIVEN if spec.hardware[name]
@@ -94,7 +101,8 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
 
 
 def _is_plain_wall(spec: Spec) -> bool:
-    """Whether the wall is a spring alone that direct coupling renders without a delay, as Abbott and Okamura have it."""
+    """Whether the wall is a spring alone that direct coupling renders without a delay, as Abbott
+    and Okamura have it."""
     delays = (
         "device.delay",
         "device.dead_time",
@@ -105,17 +113,19 @@ def _is_plain_wall(spec: Spec) -> bool:
 
 
 def cycle_of_encoder(spec: Spec) -> dict[str, float]:
-    """Return the frequency (Hz) and amplitude (m) of a limit cycle that the encoder's steps are expected to cause, if any.
+    """Return the frequency (Hz) and amplitude (m) of a limit cycle that the encoder's steps are
+    expected to cause, if any.
 
-    cycle_hz, cycle_amplitude: a prediction for a spring that direct coupling renders at every tick, under a push that holds the
-    device at the edge of a step of its encoder. The encoder is then a relay, of height K D, whose first harmonic is
-    `2 K D/pi`; late by half a tick and by the amplifier, it drives the device, mass m, damping d, friction f_c:
-    `m w^2 A = (2 K D/pi) cos(w tau)` and `w d A + 4 f_c/pi = (2 K D/pi) sin(w tau)`. There is no cycle if `2 f_c >= K D`, as
-    friction holds the device then. Source: the describing functions of a relay and of friction (A. Gelb, W. Vander Velde,
-    Multiple-Input Describing Functions, 1968).
-    Accuracy: in 180 simulations the frequency was right to a quarter and the amplitude to a factor of 2 without friction, and
-    both to a factor of 3 with it; most cycles are slower and larger, since a reading is late by up to a tick. Cycles with fewer
-    than TICKS ticks, or beyond a step, are not predicted.
+    cycle_hz, cycle_amplitude: a prediction for a spring that direct coupling renders at every tick,
+    under a push that holds the device at the edge of a step of its encoder. The encoder is then a
+    relay, of height K D, whose first harmonic is `2 K D/pi`; late by half a tick and by the
+    amplifier, it drives the device, mass m, damping d, friction f_c: `m w^2 A = (2 K D/pi) cos(w
+    tau)` and `w d A + 4 f_c/pi = (2 K D/pi) sin(w tau)`. There is no cycle if `2 f_c >= K D`, as
+    friction holds the device then. Source: the describing functions of a relay and of friction (A.
+    Gelb, W. Vander Velde, Multiple-Input Describing Functions, 1968). Accuracy: in 180 simulations
+    the frequency was right to a quarter and the amplitude to a factor of 2 without friction, and
+    both to a factor of 3 with it; most cycles are slower and larger, since a reading is late by up
+    to a tick. Cycles with fewer than LEAST_CYCLE_TICKS ticks, or beyond a step, are not predicted.
     """
     values, step, friction = (
         spec.values,
@@ -139,18 +149,21 @@ def cycle_of_encoder(spec: Spec) -> dict[str, float]:
     if values["operator.stiffness"] or not begins.size:
         return {}
     hz, size = float(omega[begins[0]] / (2 * np.pi)), float(amplitude[begins[0]])
-    usual = TICKS * hz <= values["rates.fast_hz"] and size < step
+    usual = LEAST_CYCLE_TICKS * hz <= values["rates.fast_hz"] and size < step
     return {"cycle_hz": hz, "cycle_amplitude": size} if usual else {}
 
 
 def limits_of_walls(spec: Spec) -> dict[str, float]:
-    """Stiffnesses (N/m) from which on friction and encoder, or sampling and delay, may make a wall buzz; each if it applies.
+    """Stiffnesses (N/m) from which on friction and encoder, or sampling and delay, may make a wall
+    buzz; each if it applies.
 
-    holds_to: `2 f_c/D`. A device at rest whose reading changes by one step D sees its force change by the stiffness times D;
-    friction f_c holds it in both readings if half of that is less. passive_to: `d/(T/2 + delay)`, of direct coupling without
-    B_VE and with no delay or one of whole frames, that of the amplifier included: the wall up to which the damping d of the
-    device takes up what sampling and delay generate. Sources: Abbott and Okamura 2005, Effects of position quantization and
-    sampling rate on virtual-wall passivity; with a delay Diolaiti and others 2006, Stability of haptic rendering.
+    holds_to: `2 f_c/D`. A device at rest whose reading changes by one step D sees its force change
+    by the stiffness times D; friction f_c holds it in both readings if half of that is less.
+    passive_to: `d/(T/2 + delay)`, of direct coupling without B_VE and with no delay or one of whole
+    frames, that of the amplifier included: the wall up to which the damping d of the device takes
+    up what sampling and delay generate. Sources: Abbott and Okamura 2005, Effects of position
+    quantization and sampling rate on virtual-wall passivity; with a delay Diolaiti and others 2006,
+    Stability of haptic rendering.
     """
     limits, values = {}, spec.values
     step, friction = spec.hardware["resolution"], spec.hardware["friction"]

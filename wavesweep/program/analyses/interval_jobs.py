@@ -14,7 +14,7 @@ from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.frames import FEW, open_loops
+from wavesweep.engine.frames import REMEMBERED_LOOPS, open_loops
 from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, unanswered
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
@@ -48,14 +48,15 @@ from wavesweep.program.sweep.job import (
 # Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
 # parameter but the wall, and for crowded poles of high order.
 BY_POLYNOMIAL, BY_DOMINANCE = 0.2e-6, 15e-6
-CROWDED = 24  # states
+CROWDED_STATES = 24  # states
 VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
-MOST_TICKS = 64  # pieces of a range, up to which one is a sample
+MOST_PIECES_SAMPLED = 64  # pieces of a range, up to which one is a sample
 
 
 class Way(Enum):
-    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by dominance, or both."""
+    """How the intervals along a number are found: from a cut, where it is one scalar gain of a
+    frame, by dominance, or both."""
 
     CUT = "cut"
     DOMINANCE = "dominance"
@@ -63,12 +64,14 @@ class Way(Enum):
 
 
 class Guarantee:
-    """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass of a capability is one.
+    """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass
+    of a capability is one.
 
-    kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of its own columns. method: how
-    they are found, in a line. own_ticks: whether forces are held over the ticks of the spec, which are then not divided out. Of
-    those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
-    whether other hands are in the place of the spec's operator. own_felt: whether what the hand feels at rest of the spec's own
+    kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of
+    its own columns. method: how they are found, in a line. own_ticks: whether forces are held over
+    the ticks of the spec, which are then not divided out. Of those for hands, word: what
+    --for-hands has for it; order: of the rows in a table; replaces: whether other hands are in the
+    place of the spec's operator. own_felt: whether what the hand feels at rest of the spec's own
     loop is what it feels of all that they hold for.
     """
 
@@ -104,8 +107,9 @@ class Guarantee:
 class IntervalQuery:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
 
-    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
-    every mode, in place of stability alone. checked: what of it is only checked, in words; empty if nothing is.
+    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the
+    spec's own loop. require: of every mode, in place of stability alone. checked: what of it is
+    only checked, in words; empty if nothing is.
     """
 
     axis: Axis
@@ -165,7 +169,8 @@ def searches_of(job: Job, chunk: Chunk) -> Searches:
 def ball_prover(
     loops: Loops, along: str, period: np.ndarray, **limits: float
 ) -> Callable[[int, float, float], Any] | None:
-    """The prover in ball arithmetic, if the capability is there; limits: `operations` for each loop."""
+    """The prover in ball arithmetic, if the capability is there; limits: `operations` for each
+    loop."""
     module = offered("prover")
     return module.ball_prover(loops, along, period, **limits) if module else None
 
@@ -174,7 +179,8 @@ _PAIRS = (("low", "high"), ("low_omega", "high_omega"))
 
 
 def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:
-    """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
+    """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at
+    their ends.
 
     parts: (members, loops) pairs. A loop whose search fails in arithmetic is in doubt everywhere.
     """
@@ -202,7 +208,8 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
 
 
 def _joined(pieces):
-    """The records of pieces of a range, of which those that meet are one; none is known better than the piece known least."""
+    """The records of pieces of a range, of which those that meet are one; none is known better
+    than the piece known least."""
     rows = [row for piece in pieces for row in piece if row["intervals"]]
     joined = rows[:1]
     for row in rows[1:]:
@@ -241,19 +248,21 @@ def _columns(job, combination, records):
 
 
 def _sample(job):
-    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
+    """The job in one of the pieces into which dead times of other whole ticks cut its range, and
+    the times it is of that."""
     spec, axis = job.grid.spec, job.asked.axis
     if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
         return job, 1
     ends = own_loop(spec, axis.path).breaks(axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2
-    at = min(middle, MOST_TICKS)
+    at = min(middle, MOST_PIECES_SAMPLED)
     longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
     piece = replace(axis, start=ends[at], stop=ends[at + 1])
     return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
 
 
-# Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file, measured on millions of rows.
+# Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file,
+# measured on millions of rows.
 INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
@@ -271,8 +280,9 @@ def _searches(
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
-    changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt: whether to give what is felt at the ends and the lines of a spectrum. checked, prover: see `Search`.
+    changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow
+    the axis, whose values are factors of it. felt: whether to give what is felt at the ends and the
+    lines of a spectrum. checked, prover: see `Search`.
     """
     by_bound: dict = {}
     path, require = asked.axis.path, asked.require
@@ -294,18 +304,21 @@ def _searches(
 
 
 def _varied(spec, path, require):
-    """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is asked for, in its own ticks."""
+    """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is
+    asked for, in its own ticks."""
     return "" if spec.drawing and require and require.bound.gains else path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
-    """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
+    """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is
+    computed."""
     axis, other_axes = sweep_axes(spec, along)
     return job_over(make_grid(spec, other_axes, axis.path), axis, require=spec.require)
 
 
 def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Job:
-    """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it cannot be done."""
+    """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it
+    cannot be done."""
     spec, query = grid.spec, IntervalQuery(axis, require=require)
     if axis.structural and spec.builds(
         axis.path, [axis.path, *(loop_axis.path for loop_axis in grid.loop_axes)]
@@ -332,7 +345,11 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         loops.domain(axis.path, query.span)
-    orders = _orders_of_few(spec, query, changes, index.size, resolved) if index.size <= FEW else []
+    orders = (
+        _orders_of_few(spec, query, changes, index.size, resolved)
+        if index.size <= REMEMBERED_LOOPS
+        else []
+    )
     ways = [Way.CUT] * len(orders)
     if not orders:
         orders, ways = zip(
@@ -352,7 +369,8 @@ def guaranteed(job: Job, guarantee: Guarantee) -> Job:
 
 
 def _orders_of_few(spec, asked, changes, size, resolved):
-    """States of loops that are all cut at the number, as their search cuts them, which remembers them; otherwise nothing."""
+    """States of loops that are all cut at the number, as their search cuts them, which remembers
+    them; otherwise nothing."""
     with suppress(IllPosedLoopError, *FAILURES):
         searches = _searches(spec, asked, changes, size, resolved, checked=True).searches
         opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
@@ -374,9 +392,10 @@ def _order_of_drawing(drawing, path, items):
 def expected_cost(order: int, way: Way) -> float:
     """Seconds that a slice of a loop with `order` states takes, roughly.
 
-    A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
+    A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was
+    stopped.
     """
-    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_DOMINANCE
+    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED_STATES else BY_DOMINANCE
     return share * max(order, 2) ** 2
 
 
@@ -393,7 +412,8 @@ def _order_of(spec, loops, axis):
 
 
 def _like_own(spec, loops):
-    """The values of loops, those of the spec in place of others of the same sign, which have the same structure as a rule.
+    """The values of loops, those of the spec in place of others of the same sign, which have the
+    same structure as a rule.
 
     A compiled loop is asked about other values again and again.
     """
@@ -420,11 +440,12 @@ def at_points(
     require: TableValue | None = None,
     prover: Prover | None = None,
 ) -> Columns:
-    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
+    """Stable intervals along `axis` at single points, as the records of a table, with the column
+    `slice`: the point's number.
 
-    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
-    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
-    `IntervalQuery`. prover: see `Search`.
+    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers
+    that follow the axis; their values are the factors. felt: compute the felt stiffness at the ends
+    too, which is missing otherwise. require: see `IntervalQuery`. prover: see `Search`.
     """
     count = len(next(iter(points.values())))
     asked, how = (

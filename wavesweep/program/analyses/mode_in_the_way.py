@@ -1,4 +1,5 @@
-"""The mode that keeps a loop from being stable, or from what is required of its modes, where no interval is."""
+"""The mode that keeps a loop from being stable, or from what is required of its modes, where no
+interval is."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -11,13 +12,14 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_of_each, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 
-PLACES = 33  # of the span, at which the modes are looked at
-LARGEST = 200  # states of a loop whose modes are looked at: a tenth of a second at each place
+SPAN_PLACES = 33  # of the span, at which the modes are looked at
+# states of a loop whose modes are looked at: a tenth of a second at each place
+MOST_STATES_LOOKED_AT = 200
 STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
 
 Beyond = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
-"""By how much eigenvalues less 1 are outside of where they have to be, from these, what their modes turn in a frame by their
-lines in the spectrum (rad), and the frame's period (s)."""
+"""By how much eigenvalues less 1 are outside of where they have to be, from these, what their
+modes turn in a frame by their lines in the spectrum (rad), and the frame's period (s)."""
 
 
 def outside(delta: np.ndarray, _: np.ndarray, __: float) -> np.ndarray:
@@ -29,18 +31,20 @@ def outside(delta: np.ndarray, _: np.ndarray, __: float) -> np.ndarray:
 def mode_in_the_way(
     loops: Loops, along: str, span: tuple[float, float], beyond: Beyond, *, by_lines: bool = False
 ) -> dict[str, Any]:
-    """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a loop, or a large one.
+    """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a
+    loop, or a large one.
 
-    loops: a single loop. along: path of the number, span: its range. value: of the number, one of PLACES in it. z_re, z_im: the
-    eigenvalue of a frame. hz, damping_ratio: of its strongest line in the spectrum. time_constant_s: in which it falls to 1/e, negative if
-    it grows, None if it stays. states: that take part. by_lines: whether what is beyond depends on the lines.
+    loops: a single loop. along: path of the number, span: its range. value: of the number, one of
+    SPAN_PLACES in it. z_re, z_im: the eigenvalue of a frame. hz, damping_ratio: of its strongest
+    line in the spectrum. time_constant_s: in which it falls to 1/e, negative if it grows, None if
+    it stays. states: that take part. by_lines: whether what is beyond depends on the lines.
     """
     nearest, found = np.inf, {}
-    for value in np.linspace(*span, PLACES + 2)[1:-1].tolist():
+    for value in np.linspace(*span, SPAN_PLACES + 2)[1:-1].tolist():
         with suppress(IllPosedLoopError):
             loop = loops.changed({along: value}).read
             drawn, drift = loop.drawn(), loop.drift()
-            if len(drift.remaining) > LARGEST:
+            if len(drift.remaining) > MOST_STATES_LOOKED_AT:
                 return {}
             E = loop.frames(drift)
             names, (delta, shares) = named_modes(E.reshape(E.shape[-2:]), drawn, drift)
@@ -59,20 +63,23 @@ def mode_in_the_way(
 
 
 def only_oscillates(delta: np.ndarray) -> bool:
-    """Whether all modes are pairs on the unit circle, as those of a loop that conserves energy; delta: eigenvalues less 1."""
+    """Whether all modes are pairs on the unit circle, as those of a loop that conserves energy;
+    delta: eigenvalues less 1."""
     z = 1 + delta
     z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
     return bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
 
 
 def conserves(loops: Loops) -> bool:
-    """Whether a single loop seems to conserve energy: all of its modes are pairs on the unit circle but for rounding."""
+    """Whether a single loop seems to conserve energy: all of its modes are pairs on the unit
+    circle but for rounding."""
     E = loops.frames(loops.drift())
     return only_oscillates(eigenvalues(E)[0].ravel())
 
 
 def turns_of_modes(loop: Loops, delta: np.ndarray) -> np.ndarray:
-    """What the modes of a single loop turn in a frame (rad) by their strongest lines; delta: their eigenvalues less 1."""
+    """What the modes of a single loop turn in a frame (rad) by their strongest lines; delta:
+    their eigenvalues less 1."""
     drawn = loop.drawn()
     period = float(np.ravel(drawn.period)[0]) * drawn.ticks
     with np.errstate(divide="ignore"):
@@ -97,7 +104,8 @@ def _described(value: float, delta: complex, turned: float, period: float) -> di
 
 
 def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
-    """A mode that is in the way, in words; name, unit: of the number along which the intervals are."""
+    """A mode that is in the way, in words; name, unit: of the number along which the intervals
+    are."""
     imaginary = f" +- {mode['z_im']:.4g}j" if mode["z_im"] else ""
     time = mode["time_constant_s"]
     if time is None:

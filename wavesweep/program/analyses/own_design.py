@@ -1,4 +1,5 @@
-"""The numbers of a spec's own design: stability, the feel at rest, and its slowest and least damped modes."""
+"""The numbers of a spec's own design: stability, the feel at rest, and its slowest and least
+damped modes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -23,23 +24,28 @@ from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
-FAR = 10.0  # factor up to which a number is followed
+FARTHEST_FACTOR = 10.0  # factor up to which a number is followed
 USUAL = {
     "K_VE": 1000.0,
     "B_VE": 10.0,
     "Kp": 20.0,
     "K_LM": 1000.0,
     "B_LM": 10.0,
-}  # followed up to FAR times that, from 0
-SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
+}  # followed up to FARTHEST_FACTOR times that, from 0
+SAME_MODE = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
-    """The range about the value of a number in which its stable intervals are looked for, and that of [sweep] with it."""
+    """The range about the value of a number in which its stable intervals are looked for, and
+    that of [sweep] with it."""
     value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
-    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    ends = [start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))]
+    start = (
+        0.0
+        if path in wall or not (value or spec.drawing)
+        else value / FARTHEST_FACTOR or -FARTHEST_FACTOR * usual
+    )
+    ends = [start, float(np.clip(FARTHEST_FACTOR * (value or usual), -LARGEST, LARGEST))]
     ends += [
         end
         for axis in spec.sweep
@@ -51,17 +57,20 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
 
 @np.errstate(all="ignore")  # of numbers that overflow
 def own_design(spec: Spec, loop=None) -> dict:
-    """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
+    """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a
+    missing number is None.
 
-    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
-    only_oscillates (of a radius of 1: whether all modes are pairs on the circle, as those of a loop that conserves energy),
-    stays (of a radius of 1: the states of a mode that neither grows nor decays nor oscillates, empty if there is none),
-    period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
-    feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
-    `felt_over_band`; slowest: time constant (s), and at the strongest line that a spectrum of the states shows of it (see
-    `lines_of`) the damping ratio and the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more than a third
-    of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping ratio, if it is
-    another one. A drawn loop is felt at the hand's port if it has one.
+    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it
+    is not known to be stable), only_oscillates (of a radius of 1: whether all modes are pairs on
+    the circle, as those of a loop that conserves energy), stays (of a radius of 1: the states of a
+    mode that neither grows nor decays nor oscillates, empty if there is none), period_s (of the
+    frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as
+    the hand feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has
+    a limit, and over_band, see `felt_over_band`; slowest: time constant (s), and at the strongest
+    line that a spectrum of the states shows of it (see `lines_of`) the damping ratio and the
+    frequency (rad/s) of the slowest mode, the second line (Hz) if it has more than a third of the
+    energy, and the states that take part most; least_damped: the same of the mode with the lowest
+    damping ratio, if it is another one. A drawn loop is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
     nominal = own_loop(spec)
@@ -101,7 +110,8 @@ def own_design(spec: Spec, loop=None) -> dict:
 def _least_damped(
     loops: Loops, modes: Sequence[tuple[complex, list[str]]]
 ) -> tuple[complex, list[str]] | None:
-    """The mode with the lowest damping ratio; None if it is the first one, the slowest, or its conjugate."""
+    """The mode with the lowest damping ratio; None if it is the first one, the slowest, or its
+    conjugate."""
     if not modes:
         return None
     delta = np.array([mode for mode, _ in modes])
@@ -110,12 +120,15 @@ def _least_damped(
     of_lasting = damping_ratio(delta[lasting], turns_of_modes(loops, delta[lasting]))
     ratios[lasting] = np.nan_to_num(of_lasting, nan=1.0)
     damped, slowest = modes[int(np.argmin(ratios))], modes[0][0]
-    another = abs(damped[0] - slowest) > SAME and abs(damped[0] - slowest.conjugate()) > SAME
+    another = (
+        abs(damped[0] - slowest) > SAME_MODE and abs(damped[0] - slowest.conjugate()) > SAME_MODE
+    )
     return damped if another else None
 
 
 def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
-    """What is known of the loop with the spec's own numbers; found: see `own_design`, and `limits` if there are some."""
+    """What is known of the loop with the spec's own numbers; found: see `own_design`, and
+    `limits` if there are some."""
     radius = found["spectral_radius"]
     scope = own_scope(spec)
     if found["stable"]:
@@ -130,8 +143,9 @@ def own_claim(spec: Spec, found: Mapping[str, Any]) -> Claim:
 def own_lines(
     spec: Spec, found: Mapping[str, Any], verdict: Verdict | None = None
 ) -> Iterator[str]:
-    """Yield the verdict on what the spec asks, if that is more than that its design is stable, and whether this is, in a line
-    or two, with what it assumes if that decides what it is: see `is_first`.
+    """Yield the verdict on what the spec asks, if that is more than that its design is stable, and
+    whether this is, in a line or two, with what it assumes if that decides what it is: see
+    `is_first`.
 
     found: see `own_design`.
     """
@@ -157,7 +171,8 @@ def own_lines(
 
 
 def _own_in_words(spec: Spec) -> str:
-    """The spec's own numbers, those by name for which [for_all] has others, and messages in time; what else is of them."""
+    """The spec's own numbers, those by name for which [for_all] has others, and messages in
+    time; what else is of them."""
     axes = spec.for_all.axes if spec.for_all else ()
     values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
     named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
@@ -170,12 +185,14 @@ def _own_in_words(spec: Spec) -> str:
 
 
 def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:
-    """Whether what is assumed is said with the verdict: what a drawn loop means, or defaults by which alone it is better."""
+    """Whether what is assumed is said with the verdict: what a drawn loop means, or defaults by
+    which alone it is better."""
     return bool(spec.drawing and found["assumes"]) or FAVOURABLE in found["assumes"]
 
 
 def _mode(spec, mode, states, period):
-    """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one, and the states."""
+    """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one,
+    and the states."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
         s = np.log1p(mode)
         hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()

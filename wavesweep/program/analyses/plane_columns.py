@@ -1,11 +1,14 @@
-"""Stable regions of a plane: the intervals of a table, and further ones that are computed between them.
+"""Stable regions of a plane: the intervals of a table, and further ones that are computed between
+them.
 
-At the values of x that a table has, the intervals are known. Between two of them nothing is known, however close they are: a
-region may end there and another may begin. Further columns are therefore computed by the code of the table: the middles of all
-cells that are not decided yet, in one batch a round. A cell is known if the line between its ends is right in its middle to
-half a pixel. Where columns are dear, this is asked of the table's own columns first, three by three. An interval that begins or
-ends within a cell is located to a pixel, or to LOOSE of them where more are in doubt or too dear. What is certified at two
-neighbouring values of the table is joined only by columns that are certified too.
+At the values of x that a table has, the intervals are known. Between two of them nothing is known,
+however close they are: a region may end there and another may begin. Further columns are therefore
+computed by the code of the table: the middles of all cells that are not decided yet, in one batch a
+round. A cell is known if the line between its ends is right in its middle to half a pixel. Where
+columns are dear, this is asked of the table's own columns first, three by three. An interval that
+begins or ends within a cell is located to a pixel, or to LOOSE of them where more are in doubt or
+too dear. What is certified at two neighbouring values of the table is joined only by columns that
+are certified too.
 """
 
 from __future__ import annotations
@@ -23,11 +26,14 @@ import numpy as np
 from wavesweep.program.columns import INCOMPLETE, Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
-LOGGER = logging.getLogger(
+CURVES_LOGGER = logging.getLogger(
     "wavesweep.figure.curves"
 )  # hears which share of the further columns is computed
-BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
-FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
+# s that the further columns may take; by an estimate, so that equal tables give equal pictures
+BUDGET = 1.5
+# cells along a picture that are examined, however few values the table has; fewer if columns are
+# dear
+FEWEST_CELLS = 64
 DEAR, ROUND = (
     6e-3,
     0.1,
@@ -42,7 +48,8 @@ KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A stable interval; an end is real unless the swept range ends there. felt_low, felt_high: N/m, NaN if not known."""
+    """A stable interval; an end is real unless the swept range ends there. felt_low, felt_high:
+    N/m, NaN if not known."""
 
     low: float
     high: float
@@ -55,15 +62,16 @@ class Interval:
 
 Span = tuple[float, float]
 Column = tuple[tuple[Interval, ...], tuple[Span, ...]]
-"""The intervals at one value of x, and the spans in which open places lie, or others may be missing."""
+"""The intervals at one value of x, and the spans in which open places lie, or others may be
+missing."""
 
 
 @dataclass(eq=False)
 class PlaneCurve:
     """The intervals of one design over x, and the state of the gaps between neighbouring columns.
 
-    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED.
-    in_table: the values of x that the table has.
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or,
+    if missing, UNDECIDED. in_table: the values of x that the table has.
     """
 
     columns: dict[float, Column]
@@ -79,7 +87,8 @@ class PlaneCurve:
 
 @dataclass(frozen=True)
 class View:
-    """The plane of a picture: the axis x and whether it is logarithmic, its size in pixels, and the same of the other axis."""
+    """The plane of a picture: the axis x and whether it is logarithmic, its size in pixels, and
+    the same of the other axis."""
 
     x: str
     logarithmic: bool
@@ -88,7 +97,8 @@ class View:
     by_factors: bool = False
 
     def height(self, value: Any) -> Any:
-        """The coordinate along the other axis in which the picture is straight; values on a scale of factors are positive."""
+        """The coordinate along the other axis in which the picture is straight; values on a
+        scale of factors are positive."""
         return np.log(value) if self.by_factors else value
 
     def position(self, x: Any) -> Any:
@@ -96,7 +106,8 @@ class View:
         return np.log(x) if self.logarithmic else x
 
     def closest(self, values: Sequence[float]) -> float:
-        """The distance of the two values of x that are next to each other, as a share of the picture."""
+        """The distance of the two values of x that are next to each other, as a share of the
+        picture."""
         places = self.position(np.sort(values))
         return float(np.diff(places).min() / np.ptp(places)) if places.size > 1 else 1.0
 
@@ -109,7 +120,8 @@ class View:
 
 
 def incomplete(columns: Columns) -> np.ndarray:
-    """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
+    """Flags of the rows of slices that are known in part only; figures hatch them outside the
+    known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
     guaranteed = [word for word, kind in row_kinds().items() if kind.guaranteed]
     at_values = False if whose is None else np.isin(whose.astype(str), guaranteed)
@@ -117,7 +129,8 @@ def incomplete(columns: Columns) -> np.ndarray:
 
 
 def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[PlaneCurve]:
-    """The curves of some designs over x, with further columns if the facts have the spec that they were computed from.
+    """The curves of some designs over x, with further columns if the facts have the spec that they
+    were computed from.
 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
@@ -141,7 +154,8 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
 
 
 def seconds_of_curves(spec: Any, axis: Any, axes: Sequence[Any], slice_seconds: float) -> float:
-    """Seconds that further columns may take, at most; axes: of the table, slice_seconds: of one of its slices."""
+    """Seconds that further columns may take, at most; axes: of the table, slice_seconds: of one
+    of its slices."""
     from wavesweep.program.analyses.interval_jobs import Way, cost_of
     from wavesweep.program.sweep.grid import is_plain
 
@@ -176,7 +190,8 @@ def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
 
 
 def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
-    """Of each row the span of its open places; all values in the first row of a slice that is known in part, and not where."""
+    """Of each row the span of its open places; all values in the first row of a slice that is
+    known in part, and not where."""
     places = rows.get("open_places", np.zeros(len(rows["interval"]), int))
     everywhere = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
     ends = ("open_low", -np.inf), ("open_high", np.inf)
@@ -194,7 +209,7 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     width_of_all = float(max(ends) - min(ends))
     # A batch of dear columns costs much by itself, so that a few more of them save time.
     halves = 4 if source.batch else 2
-    smallest = width_of_all / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
+    smallest = width_of_all / min(FEWEST_CELLS, max(1, int(BUDGET / source.cost / len(curves) / 4)))
     for curve in curves if source.batch else ():
         curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, smallest)
     cells = [
@@ -210,7 +225,7 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     cells.sort(key=width, reverse=True)
     left, proofs, skipped = BUDGET, MOST_PROVED, []
     while cells:
-        LOGGER.info("%f", 1 - left / BUDGET)
+        CURVES_LOGGER.info("%f", 1 - left / BUDGET)
         examined: list[tuple[int, list[float]]] = []
         wanted: list[tuple[int, float]] = []
         designs: set[int] = set()
@@ -246,7 +261,8 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
 
 
 def _gaps_of_neighbours(columns, view, tolerance, smallest):
-    """The gaps of which a line is right over two, by the column between; none is wider than `smallest`."""
+    """The gaps of which a line is right over two, by the column between; none is wider than
+    `smallest`."""
     gaps = {}
     places = sorted(columns)
     for three in zip(places, places[1:], places[2:], strict=False):
@@ -256,7 +272,8 @@ def _gaps_of_neighbours(columns, view, tolerance, smallest):
 
 
 def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
-    """Leave out the columns that are in doubt although the table's on both sides of them are certified.
+    """Leave out the columns that are in doubt although the table's on both sides of them are
+    certified.
 
     A gap that is left and no wider than LOOSE pixels is narrow; a wider one is not known.
     """
@@ -285,7 +302,8 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
 def known_gaps(
     columns: Mapping[float, Column], view: View, tolerance: float
 ) -> dict[tuple[float, float], str]:
-    """The gaps of columns, two by two, in which lines are right to the tolerance (see `View.height`), by the middle column."""
+    """The gaps of columns, two by two, in which lines are right to the tolerance (see
+    `View.height`), by the middle column."""
     places = sorted(columns)
     gaps: dict[tuple[float, float], str] = {}
     for a, middle, b in zip(places[:-2:2], places[1::2], places[2::2], strict=True):
@@ -297,7 +315,8 @@ def known_gaps(
 def _is_straight(
     before: Column, middle: Column, after: Column, view: View, tolerance: float
 ) -> bool:
-    """Whether all three columns have the same intervals, and those in the middle lie on lines between the others.
+    """Whether all three columns have the same intervals, and those in the middle lie on lines
+    between the others.
 
     An end may be that of the swept range on one side: a line to it is as right as any other.
     """
@@ -319,7 +338,8 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
         return None
     from wavesweep.program.spec import load
 
-    # Facts have the order and the cutoff that follow from band edges next to these; a spec has one or the other.
+    # Facts have the order and the cutoff that follow from band edges next to these; a spec has one
+    # or the other.
     filters = {
         name: {
             key: value
@@ -350,9 +370,9 @@ Design = tuple[
 class _Source:
     """A source of further columns.
 
-    axis: that of the intervals. x: the path of the other one if it is read. cost, batch: s of a column, and of a batch of them
-    for a design, at least. keys: the design of each member. designs: the different ones among them, by which `ask` numbers
-    them.
+    axis: that of the intervals. x: the path of the other one if it is read. cost, batch: s of a
+    column, and of a batch of them for a design, at least. keys: the design of each member. designs:
+    the different ones among them, by which `ask` numbers them.
     """
 
     spec: Any
@@ -368,7 +388,8 @@ class _Source:
         return max(self.cost * columns, self.batch * designs)
 
     def ask(self, wanted: list[tuple[int, float]], proofs: int) -> tuple[list[Column], int]:
-        """The intervals at (number of a design, x), and how many of the proofs that may be asked for were asked for."""
+        """The intervals at (number of a design, x), and how many of the proofs that may be asked
+        for were asked for."""
         places = [(number, x if self.x else 0.0) for number, x in wanted]
         columns, asked = self._columns_at(list(dict.fromkeys(places))), 0
         designs = {number for number, _ in columns}
@@ -419,8 +440,8 @@ def _doubtful(column: Column) -> bool:
 
 
 def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _Source | None:
-    """None if columns cannot be computed: without a spec, along whole numbers, and for guarantees for hands, each of which
-    takes from tenths of a second to some seconds.
+    """None if columns cannot be computed: without a spec, along whole numbers, and for guarantees
+    for hands, each of which takes from tenths of a second to some seconds.
     """
     spec, rows = spec_of(facts), members[0]
     hand = str(rows[whose][0]) if (whose := whose_column(rows)) not in ("", "spec") else ""

@@ -1,4 +1,5 @@
-"""The closed-loop poles of a spec's own loop, or over a number, with frequency, damping and the states that take part."""
+"""The closed-loop poles of a spec's own loop, or over a number, with frequency, damping and the
+states that take part."""
 
 from collections.abc import Iterator
 
@@ -17,20 +18,21 @@ from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
 
-ON_CIRCLE = (
-    1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
-)
-MOST = 3  # states that are named of a mode
-LEAST = 0.05  # share of a mode, below which a state is not named
+# distance from the unit circle, up to which a pole is on it: it is known to rounding
+ON_CIRCLE = 1e-6
+MOST_STATES_NAMED = 3  # states that are named of a mode
+LEAST_PARTICIPATION = 0.05  # share of a mode, below which a state is not named
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # of a pole of 0 or of 1
 def poles(spec: Spec, axis: Axis | None = None) -> Columns:
-    """The columns of all poles per frame, the slowest first, of the spec's own loop or of those over the values of an axis.
+    """The columns of all poles per frame, the slowest first, of the spec's own loop or of those
+    over the values of an axis.
 
-    What drifts is left out. frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the
-    states shows; second_hz: the next one, if it has more than a third of the energy. doubt: "rounding" of poles that rounding
-    could move across the circle, "overflow" of a row without numbers for a loop whose frame is not known.
+    What drifts is left out. frequency_hz: as it is seen once a frame; shown_hz: the strongest line
+    that a spectrum of the states shows; second_hz: the next one, if it has more than a third of the
+    energy. doubt: "rounding" of poles that rounding could move across the circle, "overflow" of a
+    row without numbers for a loop whose frame is not known.
 
     Errors: SpecError for a loop without a solution.
     """
@@ -101,5 +103,5 @@ def _finite_or_missing(array: np.ndarray) -> np.ndarray:
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:
     """The names of the states that take part most in a mode, those with the largest share first."""
-    order = np.argsort(-shares, kind="stable")[:MOST]
-    return [names[index] for index in order if shares[index] >= LEAST]
+    order = np.argsort(-shares, kind="stable")[:MOST_STATES_NAMED]
+    return [names[index] for index in order if shares[index] >= LEAST_PARTICIPATION]

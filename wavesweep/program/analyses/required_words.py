@@ -6,7 +6,8 @@ from wavesweep.capabilities import offered
 
 
 def required_in_words(written: Mapping[str, object], *, drawn: bool) -> str:
-    """What [sweep] require asks for, in words; written: its table. drawn: whether the spec draws its loop."""
+    """What [sweep] require asks for, in words; written: its table. drawn: whether the spec draws
+    its loop."""
     module = offered("bound")
     return (
         module.words_of(written, "tick" if drawn else "T_s")
@@ -16,6 +17,7 @@ def required_in_words(written: Mapping[str, object], *, drawn: bool) -> str:
 
 
 def where_nothing_decides() -> str:
-    """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if it finds none."""
+    """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if
+    it finds none."""
     module = offered("bound")
     return module.BOUNDED if module else ""

@@ -38,15 +38,17 @@ RESPONSE = _record(NUMBERS, ERRORS)
 TRANSFER = _record(
     ("omega_Ts", *(f"response_{suffix}" for suffix in PARTS)), ("response_error",)
 )  # of a signal to an input
-TICKS = (
-    100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
-)
-WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
+# responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
+RESPONSES_OF_CHUNK = 100_000
+# frequencies of a chunk: the last digits depend on those that are computed together, so few tables
+# are cut there
+FREQUENCIES_OF_CHUNK = 10_000
 
 
 @dataclass(frozen=True, slots=True)
 class ResponseQuery:
-    """Frequencies (Hz), the names of all columns before the spec's name, the keys that the controller reads, and the route."""
+    """Frequencies (Hz), the names of all columns before the spec's name, the keys that the
+    controller reads, and the route."""
 
     frequency: np.ndarray
     names: tuple[str, ...]
@@ -55,7 +57,8 @@ class ResponseQuery:
 
 
 def one_spec(spec, axes, frequency, read, route: Route | None = None) -> Columns:
-    """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its controller reads."""
+    """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its
+    controller reads."""
     return in_memory(
         response_job(spec, axes, frequency, tuple(axis.name for axis in axes), read, route)
     )
@@ -64,12 +67,13 @@ def one_spec(spec, axes, frequency, read, route: Route | None = None) -> Columns
 def response_job(
     spec, axes, frequency_hz, names: tuple[str, ...], read=None, route: Route | None = None
 ) -> Job:
-    """The job of one spec over `axes`; names: the axes of all specs. Raises UsageError if it cannot be done.
+    """The job of one spec over `axes`; names: the axes of all specs. Raises UsageError if it cannot
+    be done.
 
     route: an input and an output, between which the responses are, in place of those at the hand.
 
-    A slice is a loop at a frequency. A chunk has all frequencies of some curves or, if these are more than WIDE, a part of
-    those of one curve.
+    A slice is a loop at a frequency. A chunk has all frequencies of some curves or, if these are
+    more than FREQUENCIES_OF_CHUNK, a part of those of one curve.
     """
     read, frequency = keys_of(spec) if read is None else read, np.asarray(frequency_hz, float)
     grid = make_grid(spec, axes, read=read, apart=False)
@@ -81,9 +85,9 @@ def response_job(
         ticks = _ticks_drawn(spec, at_hand=route is None)
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
-    curves = TICKS // ticks // points if 0 < points <= WIDE else 1
+    curves = RESPONSES_OF_CHUNK // ticks // points if 0 < points <= FREQUENCIES_OF_CHUNK else 1
     chunks, query = (
-        Chunks(grid.loops, points, max(1, curves), min(points, WIDE)),
+        Chunks(grid.loops, points, max(1, curves), min(points, FREQUENCIES_OF_CHUNK)),
         ResponseQuery(frequency, names, read, route),
     )
     if route:
@@ -101,14 +105,16 @@ def response_job(
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
 def _ticks_drawn(spec, *, at_hand):
-    """The ticks of a drawn loop's frame. Errors: SpecError if the responses are at the hand, and it has no port of one."""
+    """The ticks of a drawn loop's frame. Errors: SpecError if the responses are at the hand, and
+    it has no port of one."""
     if at_hand:
         port_at_hand(spec)
     return loops_of(spec, spec.values).drawn().ticks
 
 
 def _refuse_aliases(grid, frequency):
-    """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
+    """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over
+    a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
     axis_of_bode = Axis(
         "frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False
@@ -182,7 +188,8 @@ TRANSFERS = JobKind(_task, _columns, "responses", certifies=False, row_bytes=300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
-    """Loops of one drawing, ready for any frequency. at: which of a batch they are. slow: ticks in a sample of the slow rate.
+    """Loops of one drawing, ready for any frequency. at: which of a batch they are. slow: ticks in
+    a sample of the slow rate.
 
     gain: gives the worst-case gain; None of loops between an input and an output.
     """
@@ -245,10 +252,11 @@ def _prepared(loops, size, ratio, route) -> list[Prepared]:
 
 
 def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
-    """The word of each row (see `program.doubts`); errors: bounds on relative errors, NaN if a number is not known.
+    """The word of each row (see `program.doubts`); errors: bounds on relative errors, NaN if a
+    number is not known.
 
-    An unstable loop has no steady response, even if its digits are good; one that overflows within a frame has no number.
-    marginal: the spectral radius is below 1 by rounding alone, or 1.
+    An unstable loop has no steady response, even if its digits are good; one that overflows within
+    a frame has no number. marginal: the spectral radius is below 1 by rounding alone, or 1.
     """
     return words(_doubts(errors, stable, lost, marginal))
 
@@ -265,7 +273,8 @@ def _doubts(errors, stable, lost, marginal=False):
 
 
 def own_value(spec, name, read):
-    """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys (`read`)."""
+    """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys
+    (`read`)."""
     key = spec.names.find(name)
     value = None if key is None else spec.own(key.path)
     if value is None or key.type == "integer":
@@ -274,7 +283,8 @@ def own_value(spec, name, read):
 
 
 def units_in(several, name: str) -> list[tuple[str, str]]:
-    """The unit of a column of an axis in each spec that has values there; several: specs, each with its axes."""
+    """The unit of a column of an axis in each spec that has values there; several: specs, each
+    with its axes."""
     return [
         (spec.name, spec.names.find(name).unit)
         for spec, axes in several

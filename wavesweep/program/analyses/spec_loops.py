@@ -1,4 +1,5 @@
-"""The loops of a spec: their radii over axes, the port of its own loop, and what has no solution."""
+"""The loops of a spec: their radii over axes, the port of its own loop, and what has no
+solution."""
 
 from __future__ import annotations
 
@@ -31,8 +32,8 @@ def refuse_singular(spec, drawing: Drawing) -> None:
 def radius_over(spec, axes) -> np.ndarray:
     """Spectral radius per frame for every combination of the axes, flat, the first axis slowest.
 
-    That of a controller of which nothing runs at the slow rate, as of direct coupling, is counted per T_s of its spec, whether
-    the rates divide or not.
+    That of a controller of which nothing runs at the slow rate, as of direct coupling, is counted
+    per T_s of its spec, whether the rates divide or not.
     """
     grid = make_grid(spec, axes)
     radii = np.empty(grid.loops)
@@ -49,7 +50,8 @@ def radius_over(spec, axes) -> np.ndarray:
 
 
 def port_at_hand(spec) -> Port:
-    """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that no plant has in every tick."""
+    """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that
+    no plant has in every tick."""
     from wavesweep.engine.response import NoPositionError, port_of_loops
 
     if missing := spec.without_hand():

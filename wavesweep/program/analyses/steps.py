@@ -1,9 +1,17 @@
-"""Step responses of a spec's own loop: of an output to an input of [ports], or of a signal to a step that is added to it."""
+"""Step responses of a spec's own loop: of an output to an input of [ports], or of a signal to a
+step that is added to it."""
 
 from dataclasses import replace
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response import MOST, Route, Step, port_between, ports_of_batch, step_of
+from wavesweep.engine.response import (
+    MOST_SAMPLED_STATES,
+    Route,
+    Step,
+    port_between,
+    ports_of_batch,
+    step_of,
+)
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
@@ -20,14 +28,16 @@ def routes_of(spec: Spec) -> list[Route]:
     )
 
 
-def step_between(spec: Spec, route: Route, most: int = MOST) -> Step:
-    """The response of an output to a step of an input, route, both of [ports]. most, errors: see `step_of`."""
+def step_between(spec: Spec, route: Route, most: int = MOST_SAMPLED_STATES) -> Step:
+    """The response of an output to a step of an input, route, both of [ports]. most, errors: see
+    `step_of`."""
     _, port = next(ports_of_batch(own_loop(spec), 1, route))
     return step_of(port, most)
 
 
-def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
-    """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is read.
+def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
+    """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is
+    read.
 
     The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
     """

@@ -61,13 +61,15 @@ def verbosity() -> Verbosity:
 
 
 INTERRUPTED = 130
-# Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
+# Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported
+# for this.
 LEAST_MEMORY = 400e6  # bytes of address space, with which OpenBLAS and Arrow load
 # What the system says of a library for which there is no memory.
 NO_ROOM = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
-# The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
+# The short helps are listed here so that `wavesweep --help` need not import the commands; a test
+# holds them against these.
 CORE = MappingProxyType(
     {
         "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
@@ -203,9 +205,9 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 def group(context: click.Context) -> None:
     """Stability, rendering range and transparency of multirate wave-variable haptic loops.
 
-    A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr. The options below belong to every
-    command, and may stand anywhere in the line.
-    Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
+    A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr. The options
+    below belong to every command, and may stand anywhere in the line. Exit codes: 0 done, 1 failed,
+    2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
     if memory_limit() < LEAST_MEMORY:
         raise WavesweepError(
@@ -221,17 +223,20 @@ def group(context: click.Context) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code.
 
-    arguments: the words after the program's name, those of this process by default.
-    Exit codes: 0 done; 1 failed; 2 usage or spec error; 129 hung up (SIGHUP); 130 interrupted (SIGINT); 143 terminated
-    (SIGTERM). A second Ctrl-C ends the process at once. A traceback is printed only if --debug is given.
+    arguments: the words after the program's name, those of this process by default. Exit codes: 0
+    done; 1 failed; 2 usage or spec error; 129 hung up (SIGHUP); 130 interrupted (SIGINT); 143
+    terminated (SIGTERM). A second Ctrl-C ends the process at once. A traceback is printed only if
+    --debug is given.
     """
     as_program = arguments is None
     if as_program:
         _replace_closed_streams()
-        # A BLAS reads these when numpy loads it. Workers have one thread, and last digits of responses depend on the number.
+        # A BLAS reads these when numpy loads it. Workers have one thread, and last digits of
+        # responses depend on the number.
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
-        # A notebook names its own, and matplotlib does not even start if it cannot find it. No window is ever opened here.
+        # A notebook names its own, and matplotlib does not even start if it cannot find it. No
+        # window is ever opened here.
         os.environ.pop("MPLBACKEND", None)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     (spoken, words), stopped = Verbosity.of(arguments), False
@@ -247,8 +252,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stopped = isinstance(error, Stopped) or _lacks_memory(error)
     code = _flushed(code if isinstance(code, int) else 0)
     if as_program and stopped:
-        # Python's own end would wait for threads, a further signal would change the exit code, and libraries that lacked
-        # memory may crash.
+        # Python's own end would wait for threads, a further signal would change the exit code, and
+        # libraries that lacked memory may crash.
         os._exit(code)
     return code
 
@@ -360,7 +365,8 @@ def _warnings_unsaid(debug: bool) -> Iterator[None]:
 def _replace_closed_streams() -> None:
     """Put the null device in place of closed standard streams: no other file may get their numbers, and None has no `write`.
 
-    That of stdout can only be read, so that a table that goes there is an error and not silently lost.
+    That of stdout can only be read, so that a table that goes there is an error and not silently
+    lost.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
@@ -380,7 +386,8 @@ def _replace_closed_streams() -> None:
 def _flushed(code: int) -> int:
     """Flush stdout and stderr, and return the exit code: 1 if a part of stdout is lost.
 
-    Text that cannot be written is dropped here, because Python would try again at its end and make the exit code 120.
+    Text that cannot be written is dropped here, because Python would try again at its end and make
+    the exit code 120.
     """
     for stream in (sys.stdout, sys.stderr):
         try:

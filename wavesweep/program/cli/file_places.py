@@ -11,17 +11,17 @@ from pathlib import Path
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import read_file, write_files
 
-LONGEST = 80  # letters of what --set changes, in the name of a folder
+LONGEST_SET = 80  # letters of what --set changes, in the name of a folder
 
 
 def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
     """Return the folder for results without --out: `mine`, or `mine,b=40` with --set b=40, which keeps the spec's own results.
 
-    Characters other than letters, digits and . = , + - become _, for all file systems and shells. If something was changed
-    or cut off, a digest distinguishes such names.
+    Characters other than letters, digits and . = , + - become _, for all file systems and shells.
+    If something was changed or cut off, a digest distinguishes such names.
     """
     stems, said = "+".join(names), ",".join(overrides)
-    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST].rstrip(".")
+    plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST_SET].rstrip(".")
     digest = "" if plain == said else f"-{sha256(said.encode()).hexdigest()[:8]}"
     return Path("results", f"{stems},{plain}{digest}" if said else stems)
 
@@ -78,8 +78,9 @@ def refuse_no_folder(target: Path) -> None:
 def write_whole(*files: tuple[Path, str], overwrite: bool = True, expected: str = "") -> None:
     """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk.
 
-    Without `overwrite`, UsageError if one is there with another content; expected: the end of its message. One with the same
-    content is no reason to refuse: a run that was killed may have put some of the files in place.
+    Without `overwrite`, UsageError if one is there with another content; expected: the end of its
+    message. One with the same content is no reason to refuse: a run that was killed may have put
+    some of the files in place.
     """
     contents = {target: text.encode(errors="backslashreplace") for target, text in files}
     for target, content in contents.items():

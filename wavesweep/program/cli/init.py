@@ -26,7 +26,8 @@ from wavesweep.program.spec.studies import DEFAULT_FREQUENCIES
 
 DEFAULT = "pmw"
 WIDTH = 110  # of a comment
-# What a design begins with; every other key that the loop reads is a comment with its default, until a user decides.
+# What a design begins with; every other key that the loop reads is a comment with its default,
+# until a user decides.
 CHOSEN = {
     "rates.fast_hz": 1000.0,
     "rates.slow_hz": 50.0,
@@ -59,7 +60,8 @@ AXES = {
     "b": "[10, 25, 40, 80]",
 }
 
-# Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with, too.
+# Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with,
+# too.
 DRAWN = {
     "templates": "Drawn loops of drives, robots and haptic devices:",
     "recipes": "Loops that somebody asked about in public, with question, answer and source:",
@@ -108,11 +110,12 @@ def command(
 ) -> None:
     """Write a commented spec to begin with.
 
-    KIND names a drawn loop, e.g. drive, position-loop or haptic, or one of the built-in controllers; pmw is the default, and
-    `wavesweep init --list` shows all names. Each number is in the file with its unit and meaning. The name of a log of the
-    documents, e.g. pushed.csv, writes this log.
-    With a controller, keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
-    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
+    KIND names a drawn loop, e.g. drive, position-loop or haptic, or one of the built-in
+    controllers; pmw is the default, and `wavesweep init --list` shows all names. Each number is in
+    the file with its unit and meaning. The name of a log of the documents, e.g. pushed.csv, writes
+    this log. With a controller, keys that have their defaults are comments. Integration, delay and
+    velocity of the wall are those of an ordinary engine, since their defaults are the kindest ones.
+    If the file exists, it is replaced only with --overwrite.
 
     \b
       wavesweep init drive --set J=0.01 --set kp=5
@@ -263,8 +266,9 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
 def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = ()) -> str:
     """The text of a spec with a controller of that kind; with a device, its numbers; settings: as for --set.
 
-    path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device, UsageError
-    for a setting of a key that the loop does not read, SpecError for a value that a spec refuses.
+    path: the file's name in the commands that the text shows. Errors: KeyError if there is no such
+    kind or device, UsageError for a setting of a key that the loop does not read, SpecError for a
+    value that a spec refuses.
     """
     from wavesweep.haptics.controller_page import keys_of_page
 

@@ -18,7 +18,7 @@ from wavesweep.program.reading.tables import tables
 from wavesweep.program.spec import describing
 from wavesweep.program.spec.describing import Description, default_of, meaning_of
 
-NARROWEST = 24  # letters of a meaning in a line
+NARROWEST_MEANING = 24  # letters of a meaning in a line
 EACH_AXIS = (
     f"AXIS is one of {' '.join(SYMBOLS)} or the path of any other number, such as device.damping. It takes a list of\n"
     "values, or { start, stop, num, scale }."
@@ -34,9 +34,10 @@ Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more 
 def command(name: str | None, schema: bool) -> None:
     """Explain the keys of a spec: values, units and defaults.
 
-    KEY is a path (device.mass), a symbol (b), an axis (sweep.b) or a table (filters.lp1). Without it all keys are listed.
-    `wavesweep keys device.preset` lists the devices with their numbers and the sources of these, `wavesweep keys block` the
-    types of blocks of drawn loops. With --json the keys are printed as one JSON object.
+    KEY is a path (device.mass), a symbol (b), an axis (sweep.b) or a table (filters.lp1). Without
+    it all keys are listed. `wavesweep keys device.preset` lists the devices with their numbers and
+    the sources of these, `wavesweep keys block` the types of blocks of drawn loops. With --json the
+    keys are printed as one JSON object.
     """
     if schema:
         from wavesweep.program.spec.schema import schema as of_specs
@@ -80,7 +81,7 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
     across = get_terminal_size(
         (sys.maxsize, 0)
     ).columns  # what is no terminal has lines of any length
-    room = max(across - indent, NARROWEST)
+    room = max(across - indent, NARROWEST_MEANING)
     for (path, key), row in zip(keys.items(), rows, strict=True):
         if path.partition(".")[0] != table:
             yield from [""] * (table is not None)

@@ -20,11 +20,11 @@ NARROWEST, WIDEST = 80, 100  # letters in a line
 SCHEMA_VERSION = 2  # of what --json prints; another one if a key goes away or changes its meaning
 FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
-SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
-LOOK = 0.5  # s
+SHORTEST_ESTIMATE = 1.0  # s from which on an estimate is one, and a terminal has a bar
+LOOK_AT_PROGRESS = 0.5  # s
 WRITING = "writing"  # the activity of commands that have --no-plot
 OTHER = 300  # times as long for as much: another kind of work
-START = 5.0  # s of the first report from which on it is more than the start of workers
+FIRST_REPORT = 5.0  # s of the first report from which on it is more than the start of workers
 
 
 def show_json(summary: Mapping[str, Any]) -> None:
@@ -76,7 +76,7 @@ def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress 
         opened.enter_context(_listening("wavesweep.figure", _Drawn(watch.draw).hear))
 
         def keep_looking() -> None:
-            while not over.wait(LOOK):
+            while not over.wait(LOOK_AT_PROGRESS):
                 watch.look()
 
         Thread(target=keep_looking, daemon=True).start()
@@ -147,8 +147,9 @@ class _Drawn:
 class Watch:
     """What is said of work while it is done, also if no report comes.
 
-    A line after FIRST_WORD seconds and then each time the work has taken twice as long; and one at once if there is more than a
-    minute left, when that is known. On a terminal a bar in their place, as soon as there is a report.
+    A line after FIRST_WORD seconds and then each time the work has taken twice as long; and one at
+    once if there is more than a minute left, when that is known. On a terminal a bar in their
+    place, as soon as there is a report.
 
     doing, less: see `progress`. bar: moves the bar of a terminal. clock: gives the time in seconds.
     """
@@ -180,7 +181,8 @@ class Watch:
                 self._estimated = False
                 self._begun = False
             self._reports.append((seconds, done))
-            # Neither what a checkpoint had nor the time in which workers start says how fast the work is.
+            # Neither what a checkpoint had nor the time in which workers start says how fast the
+            # work is.
             while len(self._reports) > 2 and (self._reports[1][0] < seconds / 6 or not self._begun):
                 del self._reports[0]
                 self._begun = True
@@ -214,11 +216,14 @@ class Watch:
             left = self._left(seconds)
             if not self._estimated and left > MINUTE and seconds >= FIRST_WORD:
                 self._estimated, self._next = True, 2 * seconds
-                say("\n" * (self._bar is not None and seconds > SHORT) + self._line(seconds, left))
+                say(
+                    "\n" * (self._bar is not None and seconds > SHORTEST_ESTIMATE)
+                    + self._line(seconds, left)
+                )
             elif (self._bar is None or not self._reports) and seconds >= self._next:
                 self._next = 2 * seconds
                 say(self._line(seconds, left))
-            if self._bar and self._reports and seconds > SHORT:
+            if self._bar and self._reports and seconds > SHORTEST_ESTIMATE:
                 self._bar(self._reports[-1][1], self._total, self._certified, left)
 
     def end(self) -> None:
@@ -231,7 +236,9 @@ class Watch:
         if not self._reports:
             return 0.0
         (began, before), (reported, done) = self._reports[0], self._reports[-1]
-        if done == before or reported - began < (SHORT if self._begun else max(SHORT, START)):
+        if done == before or reported - began < (
+            SHORTEST_ESTIMATE if self._begun else max(SHORTEST_ESTIMATE, FIRST_REPORT)
+        ):
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
         seconds_each = max(
@@ -254,7 +261,7 @@ class Watch:
         less = f"; {self._less}" if self._less and left > MINUTE else ""
         what = self._figure or f"{done:,} of {total:,} done"
         return f"{doing}{what} ({100 * done // total} %) {after}" + (
-            f", about {_duration(left)} left{less}" if left > LOOK else ""
+            f", about {_duration(left)} left{less}" if left > LOOK_AT_PROGRESS else ""
         )
 
 
@@ -286,7 +293,7 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
                 else []
             )
             said += [] if certified is None else [f"{certified:,} certified"]
-            time_left = [f"about {_duration(left)} left"] if left > LOOK else []
+            time_left = [f"about {_duration(left)} left"] if left > LOOK_AT_PROGRESS else []
             bar.update(done - bar.pos, "  ".join([*time_left, *said * shown]))
 
     return move

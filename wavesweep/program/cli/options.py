@@ -97,7 +97,8 @@ def _declared(option: Callable[..., Any], default: Any = None, of: str = "all") 
 class Options:
     """How a run is done and where its results go; each field declares its option.
 
-    Commands that work in chunks have those of "workers" as well, and those whose tables can be long that of "long".
+    Commands that work in chunks have those of "workers" as well, and those whose tables can be long
+    that of "long".
     """
 
     out: str | None = _declared(

@@ -40,7 +40,8 @@ INTERVALS = (
     "zwidth-specs",
 )  # commands that sweep all axes of [sweep]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
-NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
+# rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
+NOTABLE = 20_000
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -54,9 +55,10 @@ def produce(
 ) -> None:
     """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
 
-    kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
-    scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
-    from a loaded spec to the one whose digest the results carry. less: what would take less time.
+    kinds: every table that the command can write, the main one first. compute: a function (specs,
+    jobs=, backend=, scheduler=, progress=, checkpoint=, force=) that returns the tables of this
+    run, in the same order. asked: a function from a loaded spec to the one whose digest the results
+    carry. less: what would take less time.
     """
     from wavesweep.program import results, spec
     from wavesweep.program.tables.table import digest_of
@@ -157,8 +159,8 @@ def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractCo
 
 
 def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
-    """Yield a notice for each number that --set gives a value although the command sweeps it, and one for a spec with
-    [for_all] if the command analyses only the spec's own numbers."""
+    """Yield a notice for each number that --set gives a value although the command sweeps it,
+    and one for a spec with [for_all] if the command analyses only the spec's own numbers."""
     from wavesweep.program.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
@@ -281,8 +283,8 @@ def produce_intervals(
 ) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
-    along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which go with the intervals of the
-    loop itself into a table KIND-hands.
+    along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which
+    go with the intervals of the loop itself into a table KIND-hands.
     """
     from wavesweep.program import results
     from wavesweep.program.tables.hand_rows import hands_of
@@ -311,8 +313,8 @@ def produce_intervals(
 def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
     """Return the file for the finished chunks of a run.
 
-    Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the new run begins anew, and
-    the old one goes on if the edit is undone.
+    Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the
+    new run begins anew, and the old one goes on if the edit is undone.
     """
     from wavesweep.program.store.checkpoint import SUFFIX
     from wavesweep.program.tables.table import digest_of

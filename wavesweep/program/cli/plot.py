@@ -59,8 +59,9 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
 def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     """Draw the figure of a table again, as PNG, SVG, PDF or EPS.
 
-    TABLE is a Parquet file of another command, or a CSV with its data package beside it. The spec is in either, so the
-    figure is the one that the command itself draws. A figure that is there already is replaced.
+    TABLE is a Parquet file of another command, or a CSV with its data package beside it. The spec
+    is in either, so the figure is the one that the command itself draws. A figure that is there
+    already is replaced.
     """
     from wavesweep.program import plots, results
     from wavesweep.program.cli.file_places import refuse_other_things
@@ -74,7 +75,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     directory, stem, formats = _figure_place(path, formats, out)
     results.refuse_unusable(directory)
     refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
-    # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
+    # A run that replaces the table meanwhile would be given this figure. Without a table there is
+    # nothing to hold.
     busy = (lambda _: None) if verbosity().quiet else partial(say, warning=True)
     with (
         results.at_work([path.stem], directory, wait=True, say=busy)

@@ -13,7 +13,7 @@ from wavesweep.program.platform_compat import HANGUP, STOPPING
 
 # Their messages; the exit code is 128 plus the number of the signal, as in a shell.
 STOPPED = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
-SOON = 0.01  # s
+SOON_SECONDS = 0.01  # s
 
 
 class Stopped(BaseException):
@@ -28,8 +28,9 @@ class Stopped(BaseException):
 def signals_unwind(to_the_end: bool) -> Iterator[None]:
     """Let signals that stop a run unwind the stack, so that temporary files are removed and workers end.
 
-    The second Ctrl-C or SIGTERM ends the process at once. A signal that is ignored stays so (nohup, jobs in the background).
-    to_the_end: leave none of Python's own afterwards, whose errors have tracebacks while Python shuts down.
+    The second Ctrl-C or SIGTERM ends the process at once. A signal that is ignored stays so (nohup,
+    jobs in the background). to_the_end: leave none of Python's own afterwards, whose errors have
+    tracebacks while Python shuts down.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -81,7 +82,9 @@ def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[
             hook(failed)
             return
         stopped.clear()
-        timer = threading.Timer(SOON, os.kill, (os.getpid(), failed.exc_value.exit_code - 128))
+        timer = threading.Timer(
+            SOON_SECONDS, os.kill, (os.getpid(), failed.exc_value.exit_code - 128)
+        )
         timer.daemon = True
         timer.start()
 

@@ -47,20 +47,23 @@ def refuse_equal_names(sources: tuple[str, ...]) -> None:
 def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
-    The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
-    the damping B_VE (N*s/m). SPEC is a TOML file; its [sweep] table gives the range of K_VE, the values of B_VE, and those of
-    any other axis, such as the wave impedance b. `stability-region` gives the same table along any other number.
+    The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has
+    the stiffness K_VE (N/m) and the damping B_VE (N*s/m). SPEC is a TOML file; its [sweep] table
+    gives the range of K_VE, the values of B_VE, and those of any other axis, such as the wave
+    impedance b. `stability-region` gives the same table along any other number.
 
-    The table has a row per stable interval of K_VE, from low to high. There can be several, with unstable walls between
-    them; all are found. felt_low and felt_high are the stiffness that the hand feels at both ends, which is below K_VE if
-    waves give way. The column certified is 1 if an interval is verified within bounds on rounding; otherwise the
-    column doubt gives the reason.
+    The table has a row per stable interval of K_VE, from low to high. There can be several, with
+    unstable walls between them; all are found. felt_low and felt_high are the stiffness that the
+    hand feels at both ends, which is below K_VE if waves give way. The column certified is 1 if an
+    interval is verified within bounds on rounding; otherwise the column doubt gives the reason.
 
-    With --for-hands the rows go to zwidth-hands.*, beside zwidth.*, with a column hand that says for whom each is: free, the
-    device alone; operator, the spec's own; or a word of --for-hands. The column settled is 1 if a row for a box is proved but
-    for a thousandth of the interval at each end, and 0 if a search found no unstable hand.
+    With --for-hands the rows go to zwidth-hands.*, beside zwidth.*, with a column hand that says
+    for whom each is: free, the device alone; operator, the spec's own; or a word of --for-hands.
+    The column settled is 1 if a row for a box is proved but for a thousandth of the interval at
+    each end, and 0 if a search found no unstable hand.
 
-    Of several specs the table is zwidth-specs.*, with the column spec, and the figure has a colour for each.
+    Of several specs the table is zwidth-specs.*, with the column spec, and the figure has a colour
+    for each.
 
     \b
     Examples:
@@ -91,10 +94,10 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
 def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
-    SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
-    such as "device.damping"), and its [sweep] table the range of that axis and the values of the others. The columns are
-    those of zwidth, and along K_VE, the default, the whole table is that of zwidth; with --for-hands the files are
-    stability-region-hands.*.
+    SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or
+    the path of any number, such as "device.damping"), and its [sweep] table the range of that axis
+    and the values of the others. The columns are those of zwidth, and along K_VE, the default, the
+    whole table is that of zwidth; with --for-hands the files are stability-region-hands.*.
 
     \b
     Examples:
@@ -112,13 +115,15 @@ def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) ->
 def bode(specs: tuple[str, ...], options: Options) -> None:
     """Compute transmitted admittance and impedance over frequency, or the responses between inputs and outputs.
 
-    The admittance is the motion that the hand gets for its force (m/N), the impedance the force that it feels for its motion
-    (N/m): at low frequency the stiffness felt. Each SPEC is a TOML file; its [bode] table gives the frequencies, and axes,
-    whose values give one curve per combination. Without that table there are 400 frequencies from 0.1 to 50 Hz, or in the
-    same ratio up to half the rate of the ticks, if that is less.
+    The admittance is the motion that the hand gets for its force (m/N), the impedance the force
+    that it feels for its motion (N/m): at low frequency the stiffness felt. Each SPEC is a TOML
+    file; its [bode] table gives the frequencies, and axes, whose values give one curve per
+    combination. Without that table there are 400 frequencies from 0.1 to 50 Hz, or in the same
+    ratio up to half the rate of the ticks, if that is less.
 
-    Of a drawn loop whose [ports] have inputs and outputs and no hand, the responses are those from each input to each output;
-    of one with a hand too, if [bode] names an end: from = "INPUT", to = "OUTPUT". Their table is bode-ports.
+    Of a drawn loop whose [ports] have inputs and outputs and no hand, the responses are those from
+    each input to each output; of one with a hand too, if [bode] names an end: from = "INPUT", to =
+    "OUTPUT". Their table is bode-ports.
 
     \b
     Examples:

@@ -31,8 +31,9 @@ def _count(context: click.Context, option: click.Parameter, prove: str | None) -
 def command(directory: str, prove: int) -> int:
     """Hold results against their data packages, and compute a sample of the rows again.
 
-    DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared, and some of its rows with
-    what the spec gives now. The exit code is 1 if anything differs, or if a proof refutes a certified row.
+    DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared,
+    and some of its rows with what the spec gives now. The exit code is 1 if anything differs, or if
+    a proof refutes a certified row.
 
     \b
     Examples:

@@ -1,4 +1,5 @@
-"""Figures of tables. Each kind of table has a function of (columns, facts) that gives a matplotlib `Figure`.
+"""Figures of tables. Each kind of table has a function of (columns, facts) that gives a matplotlib
+`Figure`.
 
 A function is imported at its first use, so a run without a figure imports none.
 """
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.table import Table
 
-IN_MEMORY = 300_000  # rows of a table that are drawn at once
+ROWS_IN_MEMORY = 300_000  # rows of a table that are drawn at once
 
 
 def __getattr__(name):
@@ -32,7 +33,8 @@ def __getattr__(name):
 
 
 def figure_of(kind: str) -> Callable[..., Any]:
-    """The function that draws the tables of a kind from columns and facts; one of no capability that there is, plainly."""
+    """The function that draws the tables of a kind from columns and facts; one of no capability
+    that there is, plainly."""
     if kind == "bench":
         return program("benchmarks/bench").draw
     if kind not in HOMES:
@@ -44,7 +46,8 @@ def figure_of(kind: str) -> Callable[..., Any]:
 
 
 def diagram(spec: Spec) -> Any:
-    """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
+    """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none
+    does."""
     module = offered("diagram")
     if module is None:
         raise UsageError(
@@ -54,7 +57,8 @@ def diagram(spec: Spec) -> Any:
 
 
 def timing(spec: Spec) -> Any:
-    """The picture of time of a spec, which a capability draws. Errors: UsageError if none does, or nothing runs in ticks."""
+    """The picture of time of a spec, which a capability draws. Errors: UsageError if none does,
+    or nothing runs in ticks."""
     module = offered("timing")
     if module is None:
         raise UsageError(
@@ -64,7 +68,8 @@ def timing(spec: Spec) -> Any:
 
 
 def refuse_settings() -> None:
-    """Raise UsageError if the current folder has settings that matplotlib, which reads them when imported, cannot read."""
+    """Raise UsageError if the current folder has settings that matplotlib, which reads them when
+    imported, cannot read."""
     place = Path("matplotlibrc")
     if place.exists() and not place.is_file() and not place.is_dir():
         raise UsageError(
@@ -92,7 +97,7 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     options = {"say": say} if "bode" in table.kind else {}
 
     def draw() -> Any:
-        rows = table.blocks if table.rows > IN_MEMORY else table.columns
+        rows = table.blocks if table.rows > ROWS_IN_MEMORY else table.columns
         return figure_of(table.kind)(rows, table.facts, **options)
 
     return with_figure(table, draw)

@@ -16,7 +16,8 @@ MOST_MARKS, PRINTED = (
 
 
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
-    """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
+    """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its
+    metadata.
 
     The same drawing gives the same bytes: there is no date in the file.
     """
@@ -57,7 +58,8 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
 def save_all(
     canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]
 ) -> list[Path]:
-    """Write a figure in several formats, each whole or not at all, into a folder, which is created; returns the paths.
+    """Write a figure in several formats, each whole or not at all, into a folder, which is created;
+    returns the paths.
 
     about: see `save`.
     """

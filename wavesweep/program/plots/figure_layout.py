@@ -1,4 +1,5 @@
-"""The roles of a table's axes in the figure of its intervals, and a note on the values that are not shown."""
+"""The roles of a table's axes in the figure of its intervals, and a note on the values that are
+not shown."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass
@@ -64,7 +65,8 @@ class Layout:
 
 
 def having(columns: Columns, wanted: Mapping[str, Sequence[float]]) -> np.ndarray:
-    """Flags of the rows with these values of the axes, or whose loop does not read an axis (NaN)."""
+    """Flags of the rows with these values of the axes, or whose loop does not read an axis
+    (NaN)."""
     flags = np.ones(len(next(iter(columns.values()))), bool)
     for axis, values in wanted.items():
         flags &= np.isin(columns[axis], values) | np.isnan(columns[axis])
@@ -88,12 +90,14 @@ def lay_out(
     smooth: Collection[str] = (),
     dampings: Sequence[str] = (),
 ) -> Layout:
-    """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
+    """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a
+    family of lines, panels.
 
-    The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which
-    the figure always shows. hands: the members are hands or specs, so no axis is a family. smooth: axes along which further
-    columns can be computed; a single one of these is along the figure however few values it has.
-    dampings: the names of the damping of walls in drawn loops.
+    The family is the first axis that fits into one panel, or the first of all. best: the values of
+    the best design, which the figure always shows. hands: the members are hands or specs, so no
+    axis is a family. smooth: axes along which further columns can be computed; a single one of
+    these is along the figure however few values it has. dampings: the names of the damping of walls
+    in drawn loops.
     """
     several = {
         name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1
@@ -126,7 +130,8 @@ def lay_out(
 
 
 def _single_smooth(several: Mapping[str, Sequence[float]], smooth: Collection[str]) -> str | None:
-    """The single axis, if further columns can be computed along it and it has more than a pair of values."""
+    """The single axis, if further columns can be computed along it and it has more than a pair
+    of values."""
     if len(several) != 1:
         return None
     (name,) = several
@@ -198,10 +203,10 @@ def evenly(
 def best_row(columns: Columns) -> dict[str, Any]:
     """The row with the largest stable value or, of walls, with the largest stiffness felt.
 
-    Empty if none is stable. If there are any, rows of what is promised, for all numbers or for hands, come first, then
-    certified ones, then those with a known stiffness felt. Besides its columns it has `value`, the end of the interval that is
-    the best one, `merit`, by which it is, and `largest`, the largest high end of the rows that are promised and certified
-    alike.
+    Empty if none is stable. If there are any, rows of what is promised, for all numbers or for
+    hands, come first, then certified ones, then those with a known stiffness felt. Besides its
+    columns it has `value`, the end of the interval that is the best one, `merit`, by which it is,
+    and `largest`, the largest high end of the rows that are promised and certified alike.
     """
     rows = columns["intervals"] > 0
     if not rows.any():
@@ -235,7 +240,8 @@ def best_row(columns: Columns) -> dict[str, Any]:
 
 
 def _promise(columns: Columns) -> np.ndarray:
-    """How much each row promises, by its kind: the more, the earlier its kind is listed; 0 of what is only computed."""
+    """How much each row promises, by its kind: the more, the earlier its kind is listed; 0 of
+    what is only computed."""
     whose = whose_column(columns)
     if whose not in ("guarantee", "hand"):
         return np.zeros(len(columns["intervals"]), int)
@@ -245,7 +251,8 @@ def _promise(columns: Columns) -> np.ndarray:
 
 
 def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The best of the best rows of some blocks, the first of those that are alike but for rounding."""
+    """The best of the best rows of some blocks, the first of those that are alike but for
+    rounding."""
     candidates = [row for row in rows if row]
     if not candidates:
         return {}

@@ -8,7 +8,8 @@ from wavesweep.program.spec import Spec
 
 
 def facts_of_marks(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
-    """What the points in the figure of a table of that kind are, as facts of the run. Errors: UsageError.
+    """What the points in the figure of a table of that kind are, as facts of the run. Errors:
+    UsageError.
 
     They are stored with the table, so that `plot` draws the points of the run.
     """

@@ -30,7 +30,8 @@ def width_of(text: str) -> float:
 
 
 def style_of(text: str) -> dict[str, Any]:
-    """Return the settings of a style of matplotlib, by its name or from a file. Errors: UsageError for anything else."""
+    """Return the settings of a style of matplotlib, by its name or from a file. Errors:
+    UsageError for anything else."""
     refuse_settings()
     import matplotlib
     import matplotlib.style

@@ -1,4 +1,5 @@
-"""The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
+"""The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of
+several hands or specs."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -64,7 +65,8 @@ from wavesweep.program.plots.style import (
 )
 from wavesweep.program.tables.columns import numbers_of, unlike_units
 
-LOGGER = logging.getLogger("wavesweep.figure.panels")  # hears which panel of how many is drawn
+# hears which panel of how many is drawn
+PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
 _FILL, _THIN, _THICK = (
@@ -73,7 +75,7 @@ _FILL, _THIN, _THICK = (
     4.0,
 )  # of the distance between two values of x, bars at most; and their width in points
 _PANEL_WIDTH = 0.8  # of its part of the figure
-_ROOM = 1.03  # times the largest value of a boundary
+_ROOM_OF_BOUNDARY = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 _HOW = {  # how stable sets are drawn, in the notes below the figure
     "strokes": "Strokes point to the unstable side.",
@@ -85,11 +87,13 @@ _HOW = {  # how stable sets are drawn, in the notes below the figure
 def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw the stable intervals of a `zwidth` or `stability-region` table.
 
-    A line or an area lies between two values of x only if the intervals between them were computed, see `plane_columns`. What
-    is known at the values of the table alone, as what is guaranteed for hands or for [for_all], are bars at these values. A
-    single region is filled. Several are outlined, with strokes to the unstable side, so that none hides the hole of another.
-    Boundaries are dashed red if not certified, and slices that are only partly known are hatched outside of their intervals.
-    One further axis is a family of lines, the next one gives panels through the best design.
+    A line or an area lies between two values of x only if the intervals between them were computed,
+    see `plane_columns`. What is known at the values of the table alone, as what is guaranteed for
+    hands or for [for_all], are bars at these values. A single region is filled. Several are
+    outlined, with strokes to the unstable side, so that none hides the hole of another. Boundaries
+    are dashed red if not certified, and slices that are only partly known are hatched outside of
+    their intervals. One further axis is a family of lines, the next one gives panels through the
+    best design.
     """
     blocks = blocks_of(table)
     values_of: dict[str, np.ndarray] = {}
@@ -148,7 +152,7 @@ def _draw(shown: Shown) -> Any:
         reached = list(shown.view)
         how: set[str] = set()
         for number, (axes, value) in enumerate(zip(grid.flat, panels, strict=False)):
-            LOGGER.info("%d of %d", number, len(panels))
+            PANELS_LOGGER.info("%d of %d", number, len(panels))
             reached += _draw_panel(shown, axes, value, inches, how)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
@@ -207,7 +211,8 @@ def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> 
 def _draw_panel(
     shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]
 ) -> list[float]:
-    """Draw a panel, and return how far boundaries go between the values of the table, with some room.
+    """Draw a panel, and return how far boundaries go between the values of the table, with some
+    room.
 
     how: is added what of _HOW occurs.
     """
@@ -247,7 +252,8 @@ def _draw_plane(
     inches: tuple[float, float],
     how: set[str],
 ) -> tuple[list[float], dict[str, Bars]]:
-    """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees stand."""
+    """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees
+    stand."""
     x = shown.layout.x
     low = shown.layout.points[0]
     high = shown.layout.points[-1]
@@ -289,7 +295,7 @@ def _draw_plane(
             how.add("between")
             if not filled:
                 how.add("strokes")
-            reached += [_ROOM * y for _, y in line]
+            reached += [_ROOM_OF_BOUNDARY * y for _, y in line]
         if region.bars:
             how.add("bars")
         if shown.felt:

@@ -28,7 +28,7 @@ from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.program.row_kinds import COMPUTED, row_kind
 from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
-_BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
+_BESIDE_PANEL = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
 _SMALL = 7  # points, of a legend above a figure of one column
 BEST = {
@@ -111,7 +111,8 @@ def _extent(shown: Shown, member: Member) -> str:
 def _marks(
     shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]
 ) -> list[Any]:
-    """The entries of the legend for single points and for lines that no member has alone; artists: what is drawn."""
+    """The entries of the legend for single points and for lines that no member has alone;
+    artists: what is drawn."""
     from matplotlib.lines import Line2D
 
     certain = all(member.rows["certified"].all() for member in members)
@@ -211,7 +212,7 @@ def draw_legends(
 
 def _in_a_row(entries: Sequence[Any], width: float) -> int:
     """How many entries are side by side above the panels of a figure of this width, inches."""
-    return fitting([entry.get_label() for entry in entries], width - _BESIDE, _SMALL)
+    return fitting([entry.get_label() for entry in entries], width - _BESIDE_PANEL, _SMALL)
 
 
 def rows_of(entries: Sequence[Any], width: float) -> int:

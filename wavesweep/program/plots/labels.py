@@ -9,7 +9,7 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.results import fields
 from wavesweep.program.tables.columns import at_port, unlike_units
 
-LONGEST_NAME = 48  # letters of a spec in a legend
+LONGEST_LEGEND_NAME = 48  # letters of a spec in a legend
 _POWER = r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))"  # of a unit: ^-1, ^(1/2)
 _SYMBOLS = {
     "K_VE": r"$K_\mathrm{VE}$",
@@ -36,7 +36,8 @@ for _filter in ("lp1", "hp", "lp2"):
 
 
 def symbol(name: str) -> str:
-    """The name of an axis as a paper prints it; a number of a drawn loop as its spec has it, but for gains such as Ki."""
+    """The name of an axis as a paper prints it; a number of a drawn loop as its spec has it, but
+    for gains such as Ki."""
     if name in _SYMBOLS:
         return _SYMBOLS[name]
     if re.fullmatch("[A-Z][a-z]", name):
@@ -51,7 +52,8 @@ def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
 
 
 def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
-    """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn loop."""
+    """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn
+    loop."""
     return with_unit(symbol(name), printed(unlike_units(facts).get(name, ())) or unit(name, facts))
 
 
@@ -82,7 +84,8 @@ def with_unit(text: str, printed_unit: str) -> str:
 
 
 def printed(units: Iterable[str]) -> str:
-    """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
+    """Units as a paper prints them, those of several specs with "or" between them; nothing for a
+    number without a unit."""
     texts = []
     for each in units:
         if each in ("1", RATIO):
@@ -96,14 +99,15 @@ def printed(units: Iterable[str]) -> str:
 
 
 def as_it_stands(text: str) -> str:
-    """A text of a user, such as the name of a spec, without a meaning for the program that sets it."""
+    """A text of a user, such as the name of a spec, without a meaning for the program that sets
+    it."""
     return text.replace("$", r"\$")
 
 
 def shortened(name: str) -> str:
     """The name of a spec as a legend has it, without the middle of a long one."""
-    half = LONGEST_NAME // 2
-    if len(name) > LONGEST_NAME:
+    half = LONGEST_LEGEND_NAME // 2
+    if len(name) > LONGEST_LEGEND_NAME:
         name = f"{name[:half]}...{name[3 - half :]}"
     return as_it_stands(name)
 
@@ -115,5 +119,6 @@ def assumption(facts: Mapping[str, Any]) -> str:
 
 
 def assumed(facts: Mapping[str, Any]) -> str:
-    """What a run assumes of wall, delay and velocity, with the names of specs; empty if it assumes nothing."""
+    """What a run assumes of wall, delay and velocity, with the names of specs; empty if it
+    assumes nothing."""
     return as_it_stands(str(facts.get("assumes") or ""))

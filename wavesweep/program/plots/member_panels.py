@@ -1,4 +1,5 @@
-"""What a panel of stable intervals shows: the members of a family, hands or specs, as curves or as bars."""
+"""What a panel of stable intervals shows: the members of a family, hands or specs, as curves or
+as bars."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,9 +35,9 @@ from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
 # Letters of a line of a bar's name: of what is guaranteed, in a narrow figure, and else.
-SHORTEST = 14
-SHORT = 24
-LONG = 60
+NARROW_LETTERS = 14
+GUARANTEE_LETTERS = 24
+WIDE_LETTERS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,8 @@ class Member:
 
     @property
     def at_values(self) -> bool:
-        """Whether its intervals are known at the swept values alone, and nothing can be computed between them."""
+        """Whether its intervals are known at the swept values alone, and nothing can be computed
+        between them."""
         return self.guarantee not in ("", *COMPUTED)
 
     @property
@@ -72,7 +74,8 @@ def members_of(
 ) -> list[Member]:
     """The members of a panel, whose rows these are.
 
-    bars: the values of the axes of each member of a family. specs: all specs of a comparison, in the order of their looks.
+    bars: the values of the axes of each member of a family. specs: all specs of a comparison, in
+    the order of their looks.
     """
     whose = whose_column(columns)
     if whose == "spec":
@@ -198,7 +201,8 @@ def _draw_unknown_bars(axes: Any, place: int, spans: Sequence[tuple[float, float
 
 
 def _draw_stable_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
-    """Draw the bar of a stable interval, with strokes at the ends that are ends of the stable set."""
+    """Draw the bar of a stable interval, with strokes at the ends that are ends of the stable
+    set."""
     low = row["low"]
     high = row["high"]
     if row["certified"]:
@@ -238,8 +242,8 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
-    short = SHORT if is_narrow() else LONG
-    names = [fill(member.name, SHORTEST if member.guarantee else short) for member in members]
+    short = GUARANTEE_LETTERS if is_narrow() else WIDE_LETTERS
+    names = [fill(member.name, NARROW_LETTERS if member.guarantee else short) for member in members]
     if any(names):
         axes.set_yticks(range(len(names)), names)
     else:

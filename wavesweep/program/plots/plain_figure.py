@@ -8,11 +8,12 @@ import numpy as np
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.style import GRID, ONE_COLUMN, figure, note_below
 
-MOST = 12  # panels
+MOST_PLAIN_PANELS = 12  # panels
 
 
 def plain(columns: Columns, facts: Mapping[str, Any]) -> Any:
-    """Draw each column of numbers over the first one that grows from row to row, or over the number of the row."""
+    """Draw each column of numbers over the first one that grows from row to row, or over the
+    number of the row."""
     del facts
     numbers = {
         name: column.astype(float) for name, column in columns.items() if column.dtype.kind in "fiu"
@@ -24,7 +25,7 @@ def plain(columns: Columns, facts: Mapping[str, Any]) -> Any:
     drawn = {
         name: column for name, column in numbers.items() if name != x and np.isfinite(column).any()
     }
-    shown = list(drawn)[:MOST]
+    shown = list(drawn)[:MOST_PLAIN_PANELS]
     with figure(2 * ONE_COLUMN, 0.6 + 1.1 * max(1, -(-len(shown) // 3))) as canvas:
         panels = canvas.subplots(max(1, -(-len(shown) // 3)), 3, squeeze=False, sharex=True).flat
         for name, axes in zip(shown, panels, strict=False):

@@ -1,4 +1,5 @@
-"""What a picture shows of the stable region of a plane: areas, lines along their boundary, bars, and what is not known."""
+"""What a picture shows of the stable region of a plane: areas, lines along their boundary, bars,
+and what is not known."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ class Region:
 
 
 class _Followed(NamedTuple):
-    """The intervals of a curve followed over x, the lines across x where they jump, and those that nothing joins."""
+    """The intervals of a curve followed over x, the lines across x where they jump, and those
+    that nothing joins."""
 
     chains: list[Chain]
     across: list[tuple[Line, bool]]
@@ -54,9 +56,10 @@ class _Followed(NamedTuple):
 def region_of(curve: PlaneCurve, view: View) -> Region:
     """The areas, lines and bars of a curve.
 
-    In a narrow gap an interval or a hole may end, in its middle; all other ends go straight through. If more ends there, the
-    intervals of both sides go on to its middle, and what only one side has ends in a line across x, unless other intervals may
-    be missing: an interval that is not known has not ended.
+    In a narrow gap an interval or a hole may end, in its middle; all other ends go straight
+    through. If more ends there, the intervals of both sides go on to its middle, and what only one
+    side has ends in a line across x, unless other intervals may be missing: an interval that is not
+    known has not ended.
     """
     followed = _followed(curve, view)
     edges = followed.across
@@ -133,10 +136,11 @@ def _go_on(growing: Sequence[Chain], x: float, intervals: Sequence[Interval]) ->
 def _at_fold(
     before: Sequence[Interval], after: Sequence[Interval]
 ) -> tuple[list[Interval], list[Interval]] | None:
-    """The intervals of both sides in the middle of a narrow gap, in which the boundary turns back at most once.
+    """The intervals of both sides in the middle of a narrow gap, in which the boundary turns back
+    at most once.
 
-    There two neighbouring ends of one side meet, which are those of an interval or of a hole. The other ends are on both sides,
-    and their means in the middle. None if more happens in the gap.
+    There two neighbouring ends of one side meet, which are those of an interval or of a hole. The
+    other ends are on both sides, and their means in the middle. None if more happens in the gap.
     """
     fewer, more = sorted((before, after), key=len)
     ends_of_fewer = np.array([(interval.low, interval.high) for interval in fewer]).ravel()
@@ -197,7 +201,8 @@ def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, f
 
 
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
-    """The steps along both real ends of an interval, and whether they are certified at both sides."""
+    """The steps along both real ends of an interval, and whether they are certified at both
+    sides."""
     for (left, a), (right, b) in pairwise(chain):
         certified = a.certified and b.certified
         if a.low_real and b.low_real:
@@ -207,7 +212,8 @@ def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
 
 
 def _felt(chain: Chain) -> Iterator[Line]:
-    """The steps along the stiffness felt at the upper limit; there is none where the swept range ends the interval."""
+    """The steps along the stiffness felt at the upper limit; there is none where the swept range
+    ends the interval."""
     for (left, a), (right, b) in pairwise(chain):
         if a.high_real and b.high_real and not np.isnan(a.felt_high + b.felt_high):
             yield [(left, a.felt_high), (right, b.felt_high)]
@@ -229,7 +235,8 @@ def _jumps(
 
 
 def _joined(lines: Sequence[Line]) -> list[Line]:
-    """The lines, each followed by that which begins where it ends: dashes and strokes run on along a boundary."""
+    """The lines, each followed by that which begins where it ends: dashes and strokes run on
+    along a boundary."""
     begins = {line[0]: line for line in reversed(lines)}
     ends = {line[-1] for line in lines}
     starts = [line for line in lines if line[0] not in ends]

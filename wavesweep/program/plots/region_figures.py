@@ -1,4 +1,5 @@
-"""How stable regions are drawn: areas and boundaries, what is open under [for_all], and the end of the swept range."""
+"""How stable regions are drawn: areas and boundaries, what is open under [for_all], and the end
+of the swept range."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -40,7 +41,8 @@ Span = tuple[float, float]
 
 
 def view_of(x: str, logarithmic: bool, width: float, height: float, factors: bool = False) -> View:
-    """The view of a panel of `width` by `height` inches with its labels. factors: whether its axis upwards goes by factors."""
+    """The view of a panel of `width` by `height` inches with its labels. factors: whether its
+    axis upwards goes by factors."""
     return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
@@ -63,7 +65,8 @@ def handles_of(
 
 
 def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: int = 1) -> None:
-    """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
+    """Draw the known part of a stable region: its area, or strokes from its boundary to the
+    unstable side if not `filled`.
 
     members: of the panel; the strokes of many lines are fewer.
     """
@@ -107,7 +110,8 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
 
 @dataclass(frozen=True)
 class Bars:
-    """Where bars stand, and how wide: over the values of x, at each of which those of several members are side by side.
+    """Where bars stand, and how wide: over the values of x, at each of which those of several
+    members are side by side.
 
     shift, width: points.
     """
@@ -128,9 +132,11 @@ class Bars:
 
 
 def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | None = None) -> None:
-    """Draw the intervals that are known at values of x alone, as bars there, whose ends have strokes.
+    """Draw the intervals that are known at values of x alone, as bars there, whose ends have
+    strokes.
 
-    An end of the swept range has none. span: that range, of intervals whose ends do not say whether the range has set them.
+    An end of the swept range has none. span: that range, of intervals whose ends do not say whether
+    the range has set them.
     """
     place = at.place(axes)
     bottom = -np.inf
@@ -164,7 +170,8 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
 def draw_unknown_at_values(
     axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars
 ) -> None:
-    """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be seen in the span."""
+    """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be
+    seen in the span."""
     least = _SEEN * (span[1] - span[0])
     seen = [(x, low, high) for x, low, high in open_parts if high - low > least]
     if seen:
@@ -179,7 +186,8 @@ def draw_unknown_at_values(
 
 
 def draw_felt(axes: Any, region: Region, look: Look) -> None:
-    """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends of the range."""
+    """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends
+    of the range."""
     for line in region.felt:
         axes.plot(
             *zip(*line, strict=True),
@@ -206,7 +214,8 @@ def felt_differs(columns: Columns) -> bool:
 
 
 def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> None:
-    """Draw what the for_all rows of a plane leave open at each value of x, and carets where what is refuted begins.
+    """Draw what the for_all rows of a plane leave open at each value of x, and carets where what is
+    refuted begins.
 
     span: the part of the swept range that the axes show.
     """
@@ -234,9 +243,11 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
 
 
 def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield both ends of what is neither proved nor refuted in each row: below what is proved, and above.
+    """Yield both ends of what is neither proved nor refuted in each row: below what is proved, and
+    above.
 
-    If nothing is proved, all is above; where it is certified that there is nothing, nothing is open.
+    If nothing is proved, all is above; where it is certified that there is nothing, nothing is
+    open.
     """
     bottom, top = span
     stable = columns["intervals"] > 0
@@ -250,8 +261,8 @@ def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.n
 def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
     """Dot the space beyond the swept range if a stable interval reaches its end.
 
-    An end of the range that is the end of the parameter itself (K_VE = 0) is a limit and not marked. Call it when the limits
-    of the axes are set.
+    An end of the range that is the end of the parameter itself (K_VE = 0) is a limit and not
+    marked. Call it when the limits of the axes are set.
     """
     limits = axes.get_xlim() if bars else axes.get_ylim()
     span = axes.axvspan if bars else axes.axhspan
@@ -262,14 +273,14 @@ def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
 
 
 def range_end(columns: Columns, end: str) -> float | None:
-    """The end of the swept range at which stable intervals are cut off; None if none is, or if it is the parameter's end."""
+    """The end of the swept range at which stable intervals are cut off; None if none is, or if
+    it is the parameter's end."""
     from wavesweep.program.spec import find_key
 
     unknown = np.full(len(columns["along"]), np.nan)
     beyond = columns.get(f"open_{end}", unknown) - columns[end]
-    is_open = (
-        beyond < 0 if end == "low" else beyond > 0
-    )  # an open place is there, and not the end of the range
+    # an open place is there, and not the end of the range
+    is_open = beyond < 0 if end == "low" else beyond > 0
     cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~is_open
     cut &= (
         columns.get("guarantee", "spec") == "spec"

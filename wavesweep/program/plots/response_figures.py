@@ -27,7 +27,7 @@ from wavesweep.program.plots.scales import (
     scale_magnitudes,
 )
 from wavesweep.program.plots.style import (
-    FAINT,
+    FAINT_COLOUR,
     GRID,
     IDEAL,
     LINES,
@@ -46,10 +46,10 @@ from wavesweep.program.plots.style import (
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
 _WRAPS = 2  # jumps of a phase, up to which it stays between -180 and 180 degrees
-# Degrees between neighbours: a step of the first beside one of the second, as no resonance has between two of its samples,
-# may be whole turns more.
+# Degrees between neighbours: a step of the first beside one of the second, as no resonance has
+# between two of its samples, may be whole turns more.
 _TURN = 135.0
-_BESIDE = 60.0
+_BESIDE_CURVES = 60.0
 Say = Callable[[str], None]
 _Response = tuple[str, dict[str, np.ndarray]]  # the values of the axes, in words, and the rows
 _TOO_FAST = (
@@ -60,7 +60,8 @@ NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
 @dataclass(frozen=True)
 class Curve:
-    """The rows of one spec at one combination of the axes, the label and the style of their curve."""
+    """The rows of one spec at one combination of the axes, the label and the style of their
+    curve."""
 
     rows: dict[str, np.ndarray]
     label: str
@@ -69,7 +70,8 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class _Quantity:
-    """What a pair of panels shows: the stem of its columns, the labels of magnitude and phase, and the unit of its curves.
+    """What a pair of panels shows: the stem of its columns, the labels of magnitude and phase, and
+    the unit of its curves.
 
     unit: None for all curves.
     """
@@ -83,11 +85,12 @@ class _Quantity:
 def bode(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
     """Draw a `bode` table: magnitude and phase of admittance and impedance over Hz.
 
-    Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
-    numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
-    jumps; if these are many, phases go on (see `continued`). The static limit (0 Hz) is a mark at the left edge. One frequency
-    is drawn over the axis that varies. More than a dozen curves have a scale of colours; of hundreds some are shown (see
-    `shown_curves`). say: called with a sentence if some are left out.
+    Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is
+    faint. Inaccurate numbers are crossed out, unknown ones left out. Phases are those of the table,
+    from -180 to 180 degrees, interrupted at the jumps; if these are many, phases go on (see
+    `continued`). The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over
+    the axis that varies. More than a dozen curves have a scale of colours; of hundreds some are
+    shown (see `shown_curves`). say: called with a sentence if some are left out.
     """
     columns, left_out = _shown(table, facts, say)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
@@ -104,7 +107,8 @@ def at_both_ports(facts: Mapping[str, Any]) -> list[_Quantity]:
 
 
 def bode_ports(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
-    """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output, and panels for each unit."""
+    """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output,
+    and panels for each unit."""
     columns, left_out = _shown(table, facts, say)
     names = [
         f"{source} to {output}"
@@ -150,7 +154,8 @@ def draw_curves(
     scale: tuple[str, Any] | None = None,
     notes: Sequence[str] = (),
 ) -> Any:
-    """A magnitude above a phase for each quantity; in a narrow figure all panels are below each other.
+    """A magnitude above a phase for each quantity; in a narrow figure all panels are below each
+    other.
 
     scale: of the colours of many curves, and the axis that it is for.
     """
@@ -236,14 +241,15 @@ def _jumps(degrees: np.ndarray) -> np.ndarray:
 
 
 def continued(degrees: np.ndarray) -> np.ndarray:
-    """A phase that goes on at 180 degrees; NaN from where its samples do not tell any more how often it turns."""
+    """A phase that goes on at 180 degrees; NaN from where its samples do not tell any more how
+    often it turns."""
     degrees = degrees.astype(float)
     places = np.flatnonzero(~np.isnan(degrees))
     steps = (np.diff(degrees[places]) + 180) % 360 - 180
     degrees[places[1:]] = degrees[places[:1]] + np.cumsum(steps)
     sizes = np.pad(np.abs(steps), 1)
     larger_neighbour = np.maximum(sizes[:-2], sizes[2:])
-    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (larger_neighbour > _BESIDE))
+    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (larger_neighbour > _BESIDE_CURVES))
     if fast.size:
         degrees[places[fast[0] + 1] :] = np.nan
     return degrees
@@ -254,8 +260,8 @@ def _draw_panel(
 ) -> bool:
     """Draw a magnitude or a phase; gives whether a phase turns too fast to be drawn.
 
-    marked: places along the figure of what capabilities have marked in it. goes_on: whether phases are drawn on beyond 180
-    degrees.
+    marked: places along the figure of what capabilities have marked in it. goes_on: whether phases
+    are drawn on beyond 180 degrees.
     """
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
@@ -346,7 +352,8 @@ def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
 def _curves(
     columns: Columns, x: str, facts: Mapping[str, Any]
 ) -> tuple[list[Curve], tuple[str, Any] | None]:
-    """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
+    """The curves and, if they are many, the axis that the scale of colours is for, and the
+    scale."""
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     by_spec = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
@@ -372,7 +379,8 @@ def _curves(
 def _styles(
     index: int, responses: Sequence[_Response], several_specs: bool, scale: tuple[str, Any] | None
 ) -> list[dict[str, Any]]:
-    """The styles of the responses of a spec; index: its place among the specs, scale: see `_curves`."""
+    """The styles of the responses of a spec; index: its place among the specs, scale: see
+    `_curves`."""
     family = len(responses) > 1
     if scale is not None:
         axis, colours = scale
@@ -398,7 +406,8 @@ def _scale(values: np.ndarray) -> Any:
 
 
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[_Response]:
-    """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
+    """Return the rows of each combination of the axes, with its name; rows that an ignored axis
+    repeats count once."""
     values = np.zeros((len(columns["spec"]), max(1, len(axes))))
     for number, name in enumerate(axes):
         values[:, number] = columns[name]
@@ -419,7 +428,8 @@ def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> l
 
 
 def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """The rows of stable and of unstable loops, if there are both; each has gaps where the others are."""
+    """The rows of stable and of unstable loops, if there are both; each has gaps where the
+    others are."""
     stable = rows["stable"]
     if stable.all() or not stable.any():
         return [rows]
@@ -445,7 +455,7 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     if place:
         words.append(place)
     if not rows["stable"].all():
-        style = {**style, "color": paler(style["color"], FAINT)}
+        style = {**style, "color": paler(style["color"], FAINT_COLOUR)}
         refuted = (rows["doubt"] == "unstable").any()
         words.append("unstable" if refuted else "not known to be stable")
     return Curve(rows, ", ".join(words), style)

@@ -1,4 +1,5 @@
-"""The rows of a table that its figure shows: all rows of a short table, those at some values of its axes of a long one."""
+"""The rows of a table that its figure shows: all rows of a short table, those at some values of
+its axes of a long one."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import accumulate
@@ -18,7 +19,7 @@ from wavesweep.program.plots.figure_layout import (
     where,
 )
 
-MOST_DRAWN = 200  # curves of all specs together: more of them are an area
+MOST_CURVES = 200  # curves of all specs together: more of them are an area
 MOST_PLACES = 2000  # along a curve: more are finer than the pixels
 Blocks = Callable[[], Iterable[Columns]]
 """Gives the blocks of a table that need not fit into memory, as often as it is called."""
@@ -36,7 +37,8 @@ def rows_where(blocks: Blocks, shown: Callable[[Columns], np.ndarray]) -> Column
 
 
 def note_values(values: Values, columns: Columns, end: str, *more: str) -> None:
-    """Add the values of the axes, which are the columns before `end`, to those of the blocks before, each once."""
+    """Add the values of the axes, which are the columns before `end`, to those of the blocks
+    before, each once."""
     for name in (*axes_of(columns, end), *more):
         here = np.unique(columns[name])
         before = values.get(name, here[:0])
@@ -44,9 +46,10 @@ def note_values(values: Values, columns: Columns, end: str, *more: str) -> None:
 
 
 def shown_curves(table: Columns | Blocks) -> tuple[Columns, str]:
-    """The rows of a table of responses that are shown, and a sentence about the values that are not, empty if all are.
+    """The rows of a table of responses that are shown, and a sentence about the values that are
+    not, empty if all are.
 
-    Up to MOST_DRAWN curves, of some values of each axis, and up to MOST_PLACES along each.
+    Up to MOST_CURVES curves, of some values of each axis, and up to MOST_PLACES along each.
     """
     blocks = blocks_of(table)
     values: dict[str, Values] = {}  # spec -> axis -> its values
@@ -55,7 +58,7 @@ def shown_curves(table: Columns | Blocks) -> tuple[Columns, str]:
             rows = where(block, block["spec"] == spec)
             note_values(values.setdefault(spec, {}), rows, "spec", "frequency_hz")
     along = _longest(values.values())
-    most = max(1, MOST_DRAWN // len(values))
+    most = max(1, MOST_CURVES // len(values))
     wanted = {spec: _few(axes, along, most) for spec, axes in values.items()}
 
     def shown(columns: Columns) -> np.ndarray:
@@ -71,7 +74,8 @@ def shown_curves(table: Columns | Blocks) -> tuple[Columns, str]:
 
 
 def _longest(values_of_specs: Collection[Values]) -> str:
-    """The axis along the figure: the frequency or, if there is a single one, the axis with most values."""
+    """The axis along the figure: the frequency or, if there is a single one, the axis with most
+    values."""
     frequencies = np.unique(np.concatenate([axes["frequency_hz"] for axes in values_of_specs]))
     names = [name for name in next(iter(values_of_specs)) if name != "frequency_hz"]
     if frequencies.size > 1 or not names:
@@ -85,7 +89,8 @@ def _longest(values_of_specs: Collection[Values]) -> str:
 
 
 def _few(values: Values, along: str, most: int) -> dict[str, tuple[float, ...]]:
-    """The values that are shown of each axis with too many: `most` combinations, in equal shares of the axes."""
+    """The values that are shown of each axis with too many: `most` combinations, in equal shares
+    of the axes."""
     few = {}
     left = most
     other_axes = sorted(
@@ -102,10 +107,12 @@ def _few(values: Values, along: str, most: int) -> dict[str, tuple[float, ...]]:
 
 
 def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[float, ...]], str]:
-    """The rows of a `passivity` table that are shown, the roles of its axes, and a sentence about the rows that are not.
+    """The rows of a `passivity` table that are shown, the roles of its axes, and a sentence about
+    the rows that are not.
 
-    The roles are the axis along the figure, the family of lines, and the axes that are held, with their values that are shown.
-    They are empty if all axes are short: then each combination is a dot.
+    The roles are the axis along the figure, the family of lines, and the axes that are held, with
+    their values that are shown. They are empty if all axes are short: then each combination is a
+    dot.
     """
     blocks = blocks_of(table)
     values: Values = {}
@@ -143,7 +150,8 @@ POINTS_OF_A_LINE = 1600  # more than it has pixels along
 def extremes(
     times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
+    """Keep the least and the largest value of each of many short stretches, in their order,
+    which look the same."""
     size = ceil(len(values) / (most // 2))
     if size <= 2:
         return times, values

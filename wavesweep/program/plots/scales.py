@@ -4,27 +4,31 @@ from typing import Any
 
 import numpy as np
 
-WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
-ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
-LEAST = 0.02  # of the largest value, that an axis shows at least
-DEGREE = 1.0  # that an axis of a phase shows at least
+# times its least value, up to which a logarithmic axis has ticks at equal steps
+EQUAL_TICKS_RATIO = 5.0
+# times the least value, below which an axis by factors could be without a tick
+TICKLESS_RATIO = 2.6
+LEAST_SHOWN = 0.02  # of the largest value, that an axis shows at least
+LEAST_DEGREE = 1.0  # that an axis of a phase shows at least
 
 
 def by_factors(axis: Any, low: float, high: float) -> None:
-    """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain numbers."""
+    """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain
+    numbers."""
     from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullFormatter
 
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     if high < 100 * low:
         axis.set_major_locator(
-            LogLocator(subs=(1.0, 2.0, 5.0)) if high > WIDE * low else AutoLocator()
+            LogLocator(subs=(1.0, 2.0, 5.0)) if high > EQUAL_TICKS_RATIO * low else AutoLocator()
         )
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def scale_magnitudes(axes: Any) -> None:
-    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few.
+    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since
+    powers of ten are too few.
 
     Values that are much alike have a linear one.
     """
@@ -33,15 +37,16 @@ def scale_magnitudes(axes: Any) -> None:
     values = values[values > 0]
     if not values.size:
         return  # nothing is known, or all is 0, as the static impedance of free space
-    if values.max() < ALIKE * values.min():  # there may be no 1, 2 or 5 in it
-        _at_least(axes, LEAST * values.max())
+    if values.max() < TICKLESS_RATIO * values.min():  # there may be no 1, 2 or 5 in it
+        _at_least(axes, LEAST_SHOWN * values.max())
         return
     axes.set_yscale("log")
     by_factors(axes.yaxis, *axes.get_ylim())
 
 
 def _at_least(axes: Any, span: float) -> None:
-    """Show no less than this span about the middle, with plain numbers, so that rounding is not taken for a difference."""
+    """Show no less than this span about the middle, with plain numbers, so that rounding is not
+    taken for a difference."""
     low, high = axes.get_ylim()
     if high - low < span:
         axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
@@ -49,7 +54,8 @@ def _at_least(axes: Any, span: float) -> None:
 
 
 def in_degrees(axes: Any, continued: bool = False) -> None:
-    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies.
+    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it
+    hardly varies.
 
     continued: whether phases go on at 180 degrees; then ticks are farther apart, too.
     """
@@ -57,7 +63,7 @@ def in_degrees(axes: Any, continued: bool = False) -> None:
 
     low, high = axes.get_ylim()
     if high - low < 3:
-        _at_least(axes, DEGREE)
+        _at_least(axes, LEAST_DEGREE)
         return
     steps = [1, 2, 5, 15, 45, 90]
     if continued:
@@ -77,7 +83,8 @@ def is_logarithmic(values: np.ndarray) -> bool:
 
 
 def goes_by_factors(values: np.ndarray) -> bool:
-    """Whether a scale of factors suits values of any spacing, by which of both spacings is more even, or by their range."""
+    """Whether a scale of factors suits values of any spacing, by which of both spacings is more
+    even, or by their range."""
     steps = np.unique(values)
     if len(steps) < 3:
         return False

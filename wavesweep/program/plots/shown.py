@@ -1,4 +1,5 @@
-"""What the figure of stable intervals shows: its rows, the roles of their axes, its limits, and single points in it."""
+"""What the figure of stable intervals shows: its rows, the roles of their axes, its limits, and
+single points in it."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +15,7 @@ from wavesweep.program.plots.region_figures import felt_differs, range_end
 from wavesweep.program.tables.columns import swept_range
 
 _SQUEEZED = 0.25  # of the largest limit
-_ROOM = 1.15  # a factor beyond the ends of a scale of factors
+_ROOM_OF_FACTORS = 1.15  # a factor beyond the ends of a scale of factors
 _LOWEST = 0.1  # of an axis of bars from 0 on, in whose lowest part all limits would be
 _BELOW = 3  # times less than the lowest of these limits: where the axis then begins
 
@@ -46,7 +47,7 @@ class Shown:
         marks = offered("marks")
         self.walls = [marks.walls(facts, layout.x, self.along, of_specs)] if marks else []
         for walls in self.walls:
-            top = max(top, _ROOM * walls.highest(self.swept[1]))
+            top = max(top, _ROOM_OF_FACTORS * walls.highest(self.swept[1]))
         self.view = (bottom, top)
         self.span = (max(bottom, self.swept[0]), min(top, self.swept[1]))
         of_walls = layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
@@ -72,7 +73,8 @@ class Shown:
         return row["value"], bars.index(bar) if bar in bars else np.nan
 
     def own_design(self, panels: Sequence[float]) -> list[tuple[float, float]]:
-        """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
+        """The spec's own design in the plane of the figure, or on its bar, if one of these
+        panels shows it."""
         layout = self.layout
         spec = self.spec
         if spec is None or self.whose == "spec":
@@ -111,12 +113,13 @@ class Shown:
         return bool(low <= design[self.along] <= high)
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
-        """Whether a scale of factors shows the limits, and the ends of the axis, which all panels share.
+        """Whether a scale of factors shows the limits, and the ends of the axis, which all panels
+        share.
 
         An even scale would squeeze most of the limits into its lowest part. The ends show every
         interval of the table, or the swept range if there is none. There is room beyond the largest
-        value, and below the least one as far as it is swept, or if the swept range ends there. Space
-        that is not swept is not shown otherwise: it would pass for unstable.
+        value, and below the least one as far as it is swept, or if the swept range ends there.
+        Space that is not swept is not shown otherwise: it would pass for unstable.
         """
         columns = self.columns
         start, _ = self.swept
@@ -127,7 +130,7 @@ class Shown:
         top = float(np.nanmax(reached, initial=0.0))
         in_lowest_part = limits.size > 0 and 0 < limits.max() < _LOWEST * top
         if self.layout.x is None and start == 0 and in_lowest_part:
-            return True, (limits[limits > 0].min() / _BELOW, top * _ROOM)
+            return True, (limits[limits > 0].min() / _BELOW, top * _ROOM_OF_FACTORS)
         starts_in_view = 0 < start < top
         bottom = float(np.nanmin(columns["low"], initial=start if starts_in_view else 0.0))
         squeezed = limits.size > 0 and np.median(limits) < _SQUEEZED * limits.max()
@@ -136,7 +139,7 @@ class Shown:
             return factors, self.swept if np.isfinite(self.swept).all() else (bottom, 1.0)
         if factors:
             least = max(start, float(np.nanmin(columns["low"])))
-            return factors, (least / _ROOM, top * _ROOM)
+            return factors, (least / _ROOM_OF_FACTORS, top * _ROOM_OF_FACTORS)
         room = 0.06 * (top - bottom)
         lowest = range_end(columns, "low")
         if lowest is not None:
@@ -149,7 +152,8 @@ class Shown:
         return factors, (bottom, top + room)
 
     def limits_of_walls(self) -> dict[str, float]:
-        """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see `limits_of_walls`."""
+        """Stiffnesses in the figure beyond which walls that are felt as they are may buzz, see
+        `limits_of_walls`."""
         felt_as_it_is = self.layout.x == "B_VE" and not felt_differs(self.columns)
         limits = self.facts.get("limits_of_walls", {}) if felt_as_it_is else {}
         return {

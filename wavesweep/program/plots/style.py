@@ -1,4 +1,5 @@
-"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, notes, and names of axes."""
+"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind,
+notes, and names of axes."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,16 +19,17 @@ from wavesweep.engine.errors import UsageError
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
-NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
+# inches: panels of a narrower figure stand one below the other; its texts have the same size
+NARROW_BELOW = 5.0
 DOTS_PER_INCH = 200
 NOTE = 16  # letters of a note in an inch
-PASSES = 4  # in which names of axes get more lines
-NARROW = 1.5  # points, at least, between two numbers below a panel
-APART = 8.0  # points, at least, between those of neighbouring panels
+LINE_PASSES = 4  # in which names of axes get more lines
+NARROW_GAP = 1.5  # points, at least, between two numbers below a panel
+PANELS_APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
 SEEN_ON_BLACK = 0.5  # luminance
-FAINT = 0.35  # share of its colour that the curve of an unstable loop has
+FAINT_COLOUR = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {
     "facecolor": "white",
@@ -44,7 +46,8 @@ LINES = (
     (0, (1.5, 0.8)),
 )
 
-# Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
+# Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on
+# white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _STYLE = {
     "font.size": 8,
@@ -77,7 +80,8 @@ _INTO: ContextVar[Any] = ContextVar(
 def as_asked(
     width: float | None = None, settings: Mapping[str, Any] | None = None
 ) -> Iterator[None]:
-    """Draw figures this wide (inches), and with these settings of matplotlib over those of the common style."""
+    """Draw figures this wide (inches), and with these settings of matplotlib over those of the
+    common style."""
     before = _ASKED.set((width or _ASKED.get()[0], settings or _ASKED.get()[1]))
     try:
         yield
@@ -96,9 +100,11 @@ def is_narrow() -> bool:
 
 
 def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
-    """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as a `SubFigure`.
+    """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as
+    a `SubFigure`.
 
-    ax: a `SubFigure` is drawn in. Errors: UsageError for axes that are not part of a grid of panels.
+    ax: a `SubFigure` is drawn in. Errors: UsageError for axes that are not part of a grid of
+    panels.
     """
     if ax is None:
         return draw()
@@ -117,10 +123,12 @@ def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
 
 @contextmanager
 def figure(width: float, height: float) -> Iterator[Any]:
-    """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
+    """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at
+    the end.
 
-    A width that was asked for, see `as_asked`, is taken in place of `width`; a wider figure is higher too. The figure belongs
-    to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
+    A width that was asked for, see `as_asked`, is taken in place of `width`; a wider figure is
+    higher too. The figure belongs to no window, and leaves no settings behind. A notebook shows it.
+    Within `drawn_into` it is a part of another.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -149,9 +157,11 @@ def figure(width: float, height: float) -> Iterator[Any]:
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The settings of every figure, with those that were asked for. No matplotlibrc is read, so that it looks alike everywhere.
+    """The settings of every figure, with those that were asked for. No matplotlibrc is read, so
+    that it looks alike everywhere.
 
-    The settings are those of the process, so one thread after the other draws, and the user's are there again afterwards.
+    The settings are those of the process, so one thread after the other draws, and the user's are
+    there again afterwards.
     """
     import matplotlib
     from matplotlib.font_manager import fontManager
@@ -206,11 +216,12 @@ def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
 def _settle(canvas: Any) -> None:
     """Lay the figure out and round the positions of its panels.
 
-    A panel whose axes have the same unit gets its shape when it is drawn, so that the texts around it are then placed anew. The
-    layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
+    A panel whose axes have the same unit gets its shape when it is drawn, so that the texts around
+    it are then placed anew. The layout's solver has rounding errors that may differ between runs,
+    and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
-    for _ in range(PASSES):  # with more lines of one name the panels are smaller
+    for _ in range(LINE_PASSES):  # with more lines of one name the panels are smaller
         wrapped = [_wrapped(axes) for axes in canvas.axes]
         if not any(wrapped):
             break
@@ -220,9 +231,9 @@ def _settle(canvas: Any) -> None:
         for axes in canvas.axes
         if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"
     ]
-    close = _closest(canvas.axes) < APART * canvas.dpi / 72
+    close = _closest(canvas.axes) < PANELS_APART * canvas.dpi / 72
     if close:
-        pad = _STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72
+        pad = _STYLE["figure.constrained_layout.w_pad"] + PANELS_APART / 2 / 72
         canvas.get_layout_engine().set(w_pad=pad)
     if again or close:
         canvas.draw_without_rendering()
@@ -232,7 +243,8 @@ def _settle(canvas: Any) -> None:
 
 
 def _lighten(canvas: Any) -> None:
-    """On a dark ground, as of matplotlib's style dark_background, draw dark lines and marks in lighter colours."""
+    """On a dark ground, as of matplotlib's style dark_background, draw dark lines and marks in
+    lighter colours."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
     from matplotlib.lines import Line2D
@@ -264,7 +276,8 @@ def _lighter(colour: Any) -> Any:
 
 
 def _closest(panels: Sequence[Any]) -> float:
-    """The least distance (pixels) between the numbers below a panel and those below the next one beside it.
+    """The least distance (pixels) between the numbers below a panel and those below the next one
+    beside it.
 
     Infinite if there are no such panels.
     """
@@ -295,7 +308,8 @@ def _numbers_below(axes: Any) -> list[Any]:
 
 
 def _wrapped(axes: Any) -> bool:
-    """Whether a title, or the name of an axis, was longer than its panel; it has more lines then."""
+    """Whether a title, or the name of an axis, was longer than its panel; it has more lines
+    then."""
     from textwrap import fill
 
     longer = False
@@ -316,7 +330,8 @@ def _wrapped(axes: Any) -> bool:
 
 
 def _cut_off(axes: Any) -> bool:
-    """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider numbers; these stay then."""
+    """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider
+    numbers; these stay then."""
     out = bool(axes.get_ylabel()) and bool(axes.yaxis.label.get_window_extent().x0 < 0)
     if out:
         for panel in axes.figure.axes:
@@ -330,7 +345,7 @@ def _thinned(axes: Any) -> bool:
     if axes.get_xscale() != "linear":
         return False
     spans = sorted((box.x0, box.x1) for box in _numbers_below(axes))
-    apart = NARROW * axes.figure.dpi / 72
+    apart = NARROW_GAP * axes.figure.dpi / 72
     crowded = any(left_of_next < right + apart for (_, right), (left_of_next, _) in pairwise(spans))
     if crowded:
         axes.locator_params(axis="x", nbins=max(1, len(spans) // 2))
@@ -346,7 +361,8 @@ class Look:
 
 
 def paler(colour: Any, share: float) -> tuple[float, ...]:
-    """The colour that shows if this share of it covers white. No part of a figure is transparent, as EPS has none."""
+    """The colour that shows if this share of it covers white. No part of a figure is
+    transparent, as EPS has none."""
     from matplotlib.colors import to_rgb
 
     return tuple(1 - share * (1 - channel) for channel in to_rgb(colour))
@@ -384,10 +400,11 @@ def distinct_look(index: int) -> Look:
 
 
 def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
-    """Write notes below the panels, and above them the name of an axis that they share. The figure grows with the lines.
+    """Write notes below the panels, and above them the name of an axis that they share. The figure
+    grows with the lines.
 
-    The notes are lines of the label of an axis, below an empty one: the layout makes room for that, and for nothing that is
-    placed by hand.
+    The notes are lines of the label of an axis, below an empty one: the layout makes room for that,
+    and for nothing that is placed by hand.
     """
     from textwrap import wrap
 

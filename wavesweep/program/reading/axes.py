@@ -18,10 +18,11 @@ def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
 
 
 def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
-    """Return the values of `numpy.geomspace(start, stop, num)`, for 0 < start <= stop; both ends are exact.
+    """Return the values of `numpy.geomspace(start, stop, num)`, for 0 < start <= stop; both ends
+    are exact.
 
-    Accuracy: the two differ by the rounding of exponents, a few ulp times `log(10)*|log10(value)|`, because numpy has
-    logarithms and powers of its own.
+    Accuracy: the two differ by the rounding of exponents, a few ulp times `log(10)*|log10(value)|`,
+    because numpy has logarithms and powers of its own.
     """
     if num == 1:
         return (start,)
@@ -34,10 +35,12 @@ SPACINGS = {"linear": linear, "log": logarithmic}
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or the extremes.
+    """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or
+    the extremes.
 
-    `name` is the name in the spec, and that of the column; `path` is the path of the key. If `structural` is true, a value
-    has to go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
+    `name` is the name in the spec, and that of the column; `path` is the path of the key. If
+    `structural` is true, a value has to go through `Spec.with_values`; otherwise an array of floats
+    may replace `values[path]`.
     """
 
     name: str
@@ -50,7 +53,8 @@ class Axis:
     place: Place = field(default=Place(), repr=False, compare=False)
 
     def written(self) -> list | dict:
-        """Return the axis as a spec could give it: a list, or a table of start, stop, num and scale."""
+        """Return the axis as a spec could give it: a list, or a table of start, stop, num and
+        scale."""
         if self.scale is None:
             return list(self.values)
         span = {"start": self.start, "stop": self.stop}
@@ -107,7 +111,8 @@ def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple
 
 
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
-    """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
+    """Return values, start, stop, whether the axis is structural, and the scale; a part that is
+    unknown is reported already."""
     keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
     numbers = {
         name: mistakes.check(keys[name], leaf, f"{label}.{name}")

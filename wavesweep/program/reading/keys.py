@@ -1,11 +1,12 @@
-"""Every key of a spec, with type, default, range, unit and meaning; haptic devices by name, with the source of each number.
+"""Every key of a spec, with type, default, range, unit and meaning; haptic devices by name, with
+the source of each number.
 
 Validation, documents and the units of columns derive from the keys.
 
-Manufacturers publish a force limit, a resolution, and for some devices an apparent mass and a back-drive friction at
-the tip in the middle of the workspace. They do not publish viscous damping, and rarely the direction or the place in
-the workspace to which a number applies. A number without a public source is marked as assumed, or it is missing and a
-spec has to give it.
+Manufacturers publish a force limit, a resolution, and for some devices an apparent mass and a
+back-drive friction at the tip in the middle of the workspace. They do not publish viscous damping,
+and rarely the direction or the place in the workspace to which a number applies. A number without a
+public source is marked as assumed, or it is missing and a spec has to give it.
 """
 
 import re
@@ -28,7 +29,8 @@ DELTA_TABLE = f"{CHAI3D}CDeltaDevices.cpp"
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number of a device in the unit of its key, with its source; `assumed` if no public source is relied on."""
+    """A number of a device in the unit of its key, with its source; `assumed` if no public
+    source is relied on."""
 
     value: float
     source: str
@@ -39,8 +41,9 @@ class Number:
 class HapticDevice:
     """A device along one direction.
 
-    numbers: path of a key -> its number. wall: stiffness (N/m) and damping (N*s/m) of the stiffest wall that CHAI3D
-    recommends at 1 kHz, and the source; None if it has no entry. The wall is no key: compare a result with it.
+    numbers: path of a key -> its number. wall: stiffness (N/m) and damping (N*s/m) of the stiffest
+    wall that CHAI3D recommends at 1 kHz, and the source; None if it has no entry. The wall is no
+    key: compare a result with it.
     """
 
     title: str
@@ -66,7 +69,8 @@ class HapticDevice:
         }
 
     def unknown(self) -> tuple[str, ...]:
-        """Return the paths of mass and damping if no number is known, so that a spec has to give its own."""
+        """Return the paths of mass and damping if no number is known, so that a spec has to give
+        its own."""
         return tuple(path for path in ("device.mass", "device.damping") if path not in self.numbers)
 
 
@@ -209,7 +213,8 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
         Key.positive(
             f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}", shaping=True
         ),
-        # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from overflowing.
+        # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from
+        # overflowing.
         Key.positive(f"{prefix}.passband_db", None, "dB", loss, high=300.0, shaping=True),
         Key.positive(f"{prefix}.stopband_db", None, "dB", attenuation, high=300.0, shaping=True),
     ]
@@ -323,7 +328,8 @@ _LOOP = [
     ),
 ]
 
-# What a device preset knows beyond the loop's own numbers, for a simulation and for what encoder and motors do to a wall.
+# What a device preset knows beyond the loop's own numbers, for a simulation and for what encoder
+# and motors do to a wall.
 _HARDWARE = [
     Key.gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
     Key.positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),
@@ -333,7 +339,9 @@ _HARDWARE = [
 
 KEYS, HARDWARE_KEYS = Key.by_path(_LOOP), Key.by_path(_HARDWARE)
 
-SETTLED = 0.02  # share of its size that is left of a mode that has settled: in [sweep] require and as a wish of [design]
+# share of its size that is left of a mode that has settled: in [sweep] require and as a wish of
+# [design]
+SETTLED_TO = 0.02
 
 # Which modes a damping ratio is of: in [sweep] require and as a wish of [design].
 ALL_MODES, OSCILLATING = "all", "oscillating"
@@ -362,7 +370,8 @@ STUDY_KEYS = Key.by_path(
     ]
 )
 
-# Keys of an axis that is given as a span; `start` and `stop` have type, range and unit of the axis's own key.
+# Keys of an axis that is given as a span; `start` and `stop` have type, range and unit of the
+# axis's own key.
 AXIS_KEYS = Key.by_path(
     [
         Key.number("start", None, "", "first value of the axis, in the unit of its key"),
@@ -383,7 +392,8 @@ find_key = BUILT_IN.find
 
 
 def readable(unit: str) -> str:
-    """A unit as people write it: `sqrt(N/(m*s))` for the `N^(1/2)*m^(-1/2)*s^(-1/2)` of tables; others as they are."""
+    """A unit as people write it: `sqrt(N/(m*s))` for the `N^(1/2)*m^(-1/2)*s^(-1/2)` of tables;
+    others as they are."""
     factors = [re.fullmatch(r"(\w+)\^\((-?)1/2\)", factor) for factor in unit.split("*")]
     if not all(factors):
         return unit

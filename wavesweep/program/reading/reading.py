@@ -1,7 +1,7 @@
 """Reading: from a file, a dict or `--set` arguments to tables, with the place of each value.
 
-tomllib keeps no positions. They are searched for only if a mistake is reported, in a text that is known to be valid TOML. Lists
-are skipped as a whole: their elements have the position of the list.
+tomllib keeps no positions. They are searched for only if a mistake is reported, in a text that is
+known to be valid TOML. Lists are skipped as a whole: their elements have the position of the list.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.toml_errors import syntax_mistake
 
 # Patterns are compiled where they are used: most runs report no mistake.
-DEEPEST = 16  # inline tables nested deeper than any key are stepped over
-MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
+DEEPEST_TABLE = 16  # inline tables nested deeper than any key are stepped over
+MOST_SPEC_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 UTF_8 = "text in UTF-8 (save the file in this encoding)"
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
@@ -48,7 +48,8 @@ class TomlPlace(Place):
         return f"{self.name}:{line}:{column}"
 
     def inside(self, offset: int) -> str:
-        """Return `file:line:column` of the character at that offset of the text that is the value here."""
+        """Return `file:line:column` of the character at that offset of the text that is the
+        value here."""
         if not self.exact:
             return self.location()
         line, column = locate(self.text, self.path)
@@ -60,9 +61,10 @@ class TomlPlace(Place):
 def read_file(path: str) -> tuple[dict, Place]:
     """Return the tables of a TOML file and its place.
 
-    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not text in UTF-8 or not TOML.
+    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not text in
+    UTF-8 or not TOML.
     """
-    content = read_bytes(path, MOST_BYTES)
+    content = read_bytes(path, MOST_SPEC_BYTES)
     try:
         text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -91,7 +93,8 @@ def read_file(path: str) -> tuple[dict, Place]:
 
 
 def read_bytes(path: str | os.PathLike, most: int) -> bytes:
-    """Return the content of a file of at most `most` bytes; never wait for a pipe, and never read a device.
+    """Return the content of a file of at most `most` bytes; never wait for a pipe, and never read a
+    device.
 
     Errors: UsageError naming the path.
     """
@@ -122,7 +125,8 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
 
 @cache
 def _passed(number: int, most: int) -> bytes:
-    """Return the content of a file that is open already, stdin or what a shell passes for `<(...)`; it can be read once."""
+    """Return the content of a file that is open already, stdin or what a shell passes for
+    `<(...)`; it can be read once."""
     with os.fdopen(number, "rb", closefd=False) as stream:
         return stream.read(most + 1)
 
@@ -132,8 +136,8 @@ def read_override(
 ) -> tuple[tuple[str, ...], object, Place]:
     """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
 
-    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes. symbols: short
-    names of paths.
+    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs
+    no quotes. symbols: short names of paths.
     """
     place = Place("--set " + " ".join(typed.split()))
     name, equals, value = (side.strip() for side in typed.partition("="))
@@ -172,10 +176,11 @@ def _loads_or_none(text: str) -> dict | None:
 
 
 def file_stem(path: str) -> str:
-    """Return the file's name without folder and suffix: the spec's name, which is a label in tables and folders.
+    """Return the file's name without folder and suffix: the spec's name, which is a label in tables
+    and folders.
 
-    Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables take for a missing number or
-    another value, or that cannot be printed.
+    Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables
+    take for a missing number or another value, or that cannot be printed.
     """
     if passed := re.fullmatch(PASSED, path):
         return f"fd{passed[1]}" if passed[1] else "stdin"
@@ -193,9 +198,11 @@ def file_stem(path: str) -> str:
 
 @lru_cache(maxsize=1)
 def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
-    """Return the offsets of every table, key and inline key of a valid TOML text, and of its value, by path.
+    """Return the offsets of every table, key and inline key of a valid TOML text, and of its value,
+    by path.
 
-    The value of a table is its own name. Of a table that is written several times the first place counts.
+    The value of a table is its own name. Of a table that is written several times the first place
+    counts.
     """
     positions: dict[tuple[str, ...], tuple[int, int]] = {}
     table: tuple[str, ...] = ()
@@ -211,7 +218,7 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
         for length in range(
             1, len(names) + 1
         ):  # also the tables that a dotted key makes on its way
-            if len(table) < DEEPEST:
+            if len(table) < DEEPEST_TABLE:
                 positions.setdefault(
                     (*table, *names[:length]), (start, value if length == len(names) else start)
                 )
@@ -248,7 +255,8 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
 
 
 def locate(text: str, path: tuple[str, ...], of_key: bool = False) -> tuple[int, int]:
-    """Return line and column, both from 1, of the value at `path` (or of its key), or of the nearest table above it."""
+    """Return line and column, both from 1, of the value at `path` (or of its key), or of the
+    nearest table above it."""
     positions = scan(text)
     for length in range(len(path), 0, -1):
         if path[:length] in positions:

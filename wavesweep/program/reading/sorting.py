@@ -27,8 +27,8 @@ SPAN = Section()  # of a key that may be given as an axis is
 class Sorted:
     """Leaves by the keys and axes that they belong to.
 
-    keys: by path. axes: parts of the axes by table and name ("" is a list), spans of keys among them, and what sections put
-    elsewhere. leaves: all of them by path.
+    keys: by path. axes: parts of the axes by table and name ("" is a list), spans of keys among
+    them, and what sections put elsewhere. leaves: all of them by path.
     """
 
     keys: dict[str, Leaf] = field(default_factory=dict)
@@ -38,7 +38,8 @@ class Sorted:
     leaves: dict[str, Leaf] = field(default_factory=dict)
 
     def below(self, table: str) -> dict[str, Leaf]:
-        """Return the leaves of a table of keys by their names in it; "" is the table itself, if it is no table of keys."""
+        """Return the leaves of a table of keys by their names in it; "" is the table itself, if
+        it is no table of keys."""
         inside = {
             path: leaf
             for path, leaf in self.keys.items()
@@ -54,7 +55,8 @@ def names_in_list(leaf: Leaf) -> tuple[str, ...]:
 
 
 def normal_path(path: Path) -> Path:
-    """Return the path of an axis or a wire, which may be written `"device.mass"` or `device.mass`."""
+    """Return the path of an axis or a wire, which may be written `"device.mass"` or
+    `device.mass`."""
     section = section_of(path) or (path[:1] if path[0] == "wire" else ())
     if not section or (section in sections() and not sections()[section].dotted):
         return path
@@ -62,7 +64,8 @@ def normal_path(path: Path) -> Path:
 
 
 def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Sorted:
-    """Return every leaf under the key or axis that it belongs to; of a drawn loop those of the studies only."""
+    """Return every leaf under the key or axis that it belongs to; of a drawn loop those of the
+    studies only."""
     result = Sorted()
     for path, leaf in leaves.items():
         section = section_of(path)
@@ -119,7 +122,8 @@ def _refuse_unknown_key(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
 def _sort_section(
     path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names
 ) -> None:
-    """Put a leaf of a section under its key, or with the parts of its axis. path: of the section; rest: the leaf's in it."""
+    """Put a leaf of a section under its key, or with the parts of its axis. path: of the
+    section; rest: the leaf's in it."""
     table, section, first, rest_of_path = ".".join(path), sections()[path], rest[0], ".".join(rest)
     if section.takes and section.takes(rest, leaf, result, names):
         return
@@ -137,7 +141,8 @@ def _sort_section(
 
 
 def _is_key(table: str, name: str, section: Section, names: Names) -> bool:
-    """Whether a name in a section is that of a key: a number of a drawn loop may have the same name, and comes first."""
+    """Whether a name in a section is that of a key: a number of a drawn loop may have the same
+    name, and comes first."""
     if table == "bode" and names is BUILT_IN:
         return False
     return name in section.own and (name == "along" or not names.find(name))
@@ -146,7 +151,8 @@ def _is_key(table: str, name: str, section: Section, names: Names) -> bool:
 def _refuse_unknown_axis(
     path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names
 ) -> None:
-    """Add the mistake of an axis that is unknown, with the names that it could have been; path, rest: as in `_sort_section`."""
+    """Add the mistake of an axis that is unknown, with the names that it could have been; path,
+    rest: as in `_sort_section`."""
     table = ".".join(path)
     is_part = len(rest) > 1 and any(
         rest[-1] in a_section.parts for a_section in sections().values()
@@ -182,7 +188,8 @@ def _add_part(
 
 
 def _join(path: Path) -> str:
-    """Join a path, with quotes around every name that TOML would quote, so that a name with dots is no known path."""
+    """Join a path, with quotes around every name that TOML would quote, so that a name with dots
+    is no known path."""
     return ".".join(
         name if name.replace("-", "_").isidentifier() and name.isascii() else show(name)
         for name in path

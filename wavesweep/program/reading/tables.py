@@ -1,4 +1,5 @@
-"""The tables of a spec that belong to capabilities: each says in its module `keys`, as `TABLE`, what the core has to know."""
+"""The tables of a spec that belong to capabilities: each says in its module `keys`, as `TABLE`,
+what the core has to know."""
 
 from __future__ import annotations
 
@@ -17,9 +18,10 @@ from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, HapticDe
 class TableValue:
     """The value of a table. What a class does not say itself is so by default.
 
-    files: that it names, relative to the spec's folder. given: paths of keys that a device could have given. hardware: what it
-    gives of the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. members: the name of a
-    table that answers can hold for, beside the spec's own numbers. changing: axes of numbers that may change in every frame.
+    files: that it names, relative to the spec's folder. given: paths of keys that a device could
+    have given. hardware: what it gives of the numbers of a device that are not of the loop, by the
+    last names of `HARDWARE_KEYS`. members: the name of a table that answers can hold for, beside
+    the spec's own numbers. changing: axes of numbers that may change in every frame.
     """
 
     __slots__ = ()
@@ -30,7 +32,8 @@ class TableValue:
     changing: Collection[Any] = ()
 
     def on(self, device: HapticDevice | None) -> TableValue:
-        """Return the value with the numbers of a device, except for those that are given themselves."""
+        """Return the value with the numbers of a device, except for those that are given
+        themselves."""
         del device
         return self
 
@@ -39,15 +42,17 @@ class TableValue:
         raise NotImplementedError
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
-        """Raise UsageError if the table asks for more than stability, which is all that `what` is about. name: of the spec."""
+        """Raise UsageError if the table asks for more than stability, which is all that `what`
+        is about. name: of the spec."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A table with axes by the names of numbers. own: keys beside the axes. parts: of an axis that is given as a table.
+    """A table with axes by the names of numbers. own: keys beside the axes. parts: of an axis that
+    is given as a table.
 
-    takes: a function that puts a leaf elsewhere, and says whether it did; see `sort_leaves`. dotted: whether names may be
-    written `"device.mass"` or `device.mass`.
+    takes: a function that puts a leaf elsewhere, and says whether it did; see `sort_leaves`.
+    dotted: whether names may be written `"device.mass"` or `device.mass`.
     """
 
     own: tuple[str, ...] = ()
@@ -60,13 +65,15 @@ class Section:
 class SpecTable:
     """A table of a spec.
 
-    path: of the table, "design" or, in a table that holds axes, "sweep.require". build: from a `Request` to the value, adding
-    all mistakes; None if the spec does not have the table. keys: by path. sections: it itself or tables in it, which have axes.
-    spans: keys that may be given as a span. named: keys that are tables with names of the user's own. signals: keys that name
-    signals of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises the mistakes that
-    keep it from being part of one, see `Spec.asking`. starts: whether `init` shows its keys. described: its tables with names
-    of the user's own, see `describing.named`. hint: a line about them. schema: from `schema.Shapes` to its JSON Schema.
-    members: whether it has numbers for all of which answers can hold.
+    path: of the table, "design" or, in a table that holds axes, "sweep.require". build: from a
+    `Request` to the value, adding all mistakes; None if the spec does not have the table. keys: by
+    path. sections: it itself or tables in it, which have axes. spans: keys that may be given as a
+    span. named: keys that are tables with names of the user's own. signals: keys that name signals
+    of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises
+    the mistakes that keep it from being part of one, see `Spec.asking`. starts: whether `init`
+    shows its keys. described: its tables with names of the user's own, see `describing.named`.
+    hint: a line about them. schema: from `schema.Shapes` to its JSON Schema. members: whether it
+    has numbers for all of which answers can hold.
     """
 
     path: str
@@ -92,7 +99,8 @@ class SpecTable:
 
 @cache
 def tables() -> Mapping[str, SpecTable]:
-    """Return the tables of the capabilities that there are by path, in the order in which messages list them.
+    """Return the tables of the capabilities that there are by path, in the order in which messages
+    list them.
 
     One in a table of another capability is there if that is.
     """
@@ -108,7 +116,8 @@ def missing() -> dict[str, str]:
 
 
 def table_at(path: str) -> SpecTable:
-    """Return the table of that path. Errors: UsageError that names its capability, if this is not installed."""
+    """Return the table of that path. Errors: UsageError that names its capability, if this is
+    not installed."""
     if path not in tables():
         raise UsageError(
             f"[{path}]: expected a table of what is installed, found one of the capability {TABLES[path]}, which is not"
@@ -117,7 +126,8 @@ def table_at(path: str) -> SpecTable:
 
 
 def members_of(written: Mapping[str, Any]) -> str:
-    """Return the table of a written spec for all of whose numbers answers can hold, in brackets; empty without one."""
+    """Return the table of a written spec for all of whose numbers answers can hold, in brackets;
+    empty without one."""
     return next(
         (f"[{path}]" for path, table in tables().items() if table.members and written.get(path)), ""
     )
@@ -153,7 +163,8 @@ def _keys(some: Iterable[SpecTable]) -> dict[str, Key]:
 
 @cache
 def sections() -> Mapping[tuple[str, ...], Section]:
-    """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the frequencies.
+    """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the
+    frequencies.
 
     Tables of capabilities in one of these are keys of it.
     """

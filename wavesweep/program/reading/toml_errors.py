@@ -1,6 +1,8 @@
-"""Mistakes in the syntax of TOML, in plain words: the text found, and the text to write in its place.
+"""Mistakes in the syntax of TOML, in plain words: the text found, and the text to write in its
+place.
 
-tomllib stops at the first one, and its message says which part of the grammar it was reading. The line itself shows the rest.
+tomllib stops at the first one, and its message says which part of the grammar it was reading. The
+line itself shows the rest.
 """
 
 import re
@@ -12,7 +14,8 @@ _NUMBER = r"(?<![\w.])[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _UNIT = r"(?!e\b)[A-Za-z%°µμΩ][^\s,\]}#=]*+(?!\s*=)"
 VALUE = 'a value: a number, a text in quotes such as "pmw", true, false, a list or a table'
 LONGEST_LINE = 1000  # longer lines are not examined
-# Slips, each a pattern of the line about the place at which tomllib stops, and what is expected in place of it.
+# Slips, each a pattern of the line about the place at which tomllib stops, and what is expected in
+# place of it.
 _SLIPS = (
     (r"(?<![\w.,])[+-]?\d+,\d(?:[\d.,]*\d)?", "a number with a point before its decimals"),
     (
@@ -69,7 +72,8 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
 
 
 def _slip_at(line: str, column: int) -> tuple[int, str, str] | None:
-    """The first usual slip that reaches a column of a line: its own column, what was expected, and its text."""
+    """The first usual slip that reaches a column of a line: its own column, what was expected,
+    and its text."""
     for pattern, expected in _SLIPS:
         spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, line))
         if slip_span := next((span for span in spans if span[0] < column <= span[1] + 1), None):

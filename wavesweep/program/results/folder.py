@@ -18,7 +18,7 @@ FIGURES = (".png", ".svg", ".pdf", ".eps")
 PACKAGE = ".datapackage.json"
 DESIGNS = r"[^/]+-\d\d\.toml"  # their names
 HEADER = "# A design that wavesweep found: "  # which they begin with
-LONGEST = 40  # characters of a list in a message
+LONGEST_LIST = 40  # characters of a list in a message
 LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
 
 
@@ -35,8 +35,8 @@ def names_of(kind: str) -> list[str]:
 def place_of(sources: Iterable[str | Path], directory: str | Path) -> str:
     """Give a digest of the places of spec files as seen from the directory of the results.
 
-    sources: their paths. The digest identifies the files also if their text changes, survives a move of the whole project, and
-    shows no path of the machine.
+    sources: their paths. The digest identifies the files also if their text changes, survives a
+    move of the whole project, and shows no path of the machine.
     """
     seen_from = os.path.realpath(directory)
     places = [Path(_relative(os.path.realpath(source), seen_from)).as_posix() for source in sources]
@@ -53,8 +53,8 @@ def _relative(file: str, folder: str) -> str:
 def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str = "") -> None:
     """Raise UsageError if the directory holds a table of this kind that another spec made, or an unknown one.
 
-    sha256: the digest of the spec. place: that of its file, see `place_of`; results of the same file may be replaced, also
-    if it was edited, and those of an equal spec in any case.
+    sha256: the digest of the spec. place: that of its file, see `place_of`; results of the same
+    file may be replaced, also if it was edited, and those of an equal spec in any case.
     """
     facts = existing_facts(kind, directory)
     if (
@@ -168,7 +168,7 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
         return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
     if isinstance(value, list):
         text = f"[{', '.join(map(_text, value))}]"
-        return text if len(text) <= LONGEST else f"{len(value)} values"
+        return text if len(text) <= LONGEST_LIST else f"{len(value)} values"
     return _text(value)
 
 

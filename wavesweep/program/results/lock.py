@@ -33,9 +33,9 @@ def at_work(
 ) -> Iterator[None]:
     """Be the only run that writes tables of these kinds in the directory, which is made if it is missing.
 
-    First, what an interrupted run left of these tables is removed. At the end the lock files are removed, and the directory
-    if it is still empty and was made here. wait: wait for another run; if false, it is an error. say: is called with a sentence
-    if there is something to wait for.
+    First, what an interrupted run left of these tables is removed. At the end the lock files are
+    removed, and the directory if it is still empty and was made here. wait: wait for another run;
+    if false, it is an error. say: is called with a sentence if there is something to wait for.
     Raises WavesweepError if another run is at work, UsageError if the directory cannot be used.
     """
     directory, wait = Path(directory), boolean("wait", wait)
@@ -80,8 +80,8 @@ class _TakenError(Exception):
 def _locked(path: Path, holder: Path, wait: bool) -> Callable[[], None]:
     """Lock a file and write the holder's name beside it; return what unlocks it. wait: wait until another run has not.
 
-    Where the file system refuses locks, in whichever way, the file with the holder's name is the lock.
-    Raises _TakenError if another run has it.
+    Where the file system refuses locks, in whichever way, the file with the holder's name is the
+    lock. Raises _TakenError if another run has it.
     """
     try:
         import fcntl
@@ -152,7 +152,8 @@ def _locked_by_name(holder: Path, wait: bool) -> Callable[[], None]:
 def _ended(holder: Path) -> bool:
     """Whether the process that a file names was of this host and has ended; then the file is moved away.
 
-    It is read once more under a name of its own: another run may have removed it and made its own meanwhile.
+    It is read once more under a name of its own: another run may have removed it and made its own
+    meanwhile.
     """
     written = _name_of_ended(holder)
     if not written:

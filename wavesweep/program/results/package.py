@@ -29,7 +29,7 @@ _HASH_BLOCK = 1 << 20
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 BEST = "best"  # the folder of specs beside a table that has them
-LARGEST = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
+LARGEST_PACKAGE = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
 MOST_DIFFERENCES = 5  # that are named
 _OF_COLUMN = ("name", "type", "unit", "description")
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
@@ -131,12 +131,13 @@ def _spec(kind: str, spec: Path) -> dict[str, Any]:
 def loaded(package: Path) -> dict[str, Any]:
     """Give the content of a data package. Raises OSError, also for a pipe or a device.
 
-    Raises ValueError if the file is too large, no JSON, or has a list of files that this program does not write.
+    Raises ValueError if the file is too large, no JSON, or has a list of files that this program
+    does not write.
     """
     with open_file(package) as file:
-        text = file.read(LARGEST + 1)
-    if len(text) > LARGEST:
-        raise ValueError(f"expected at most {LARGEST} bytes, found more")
+        text = file.read(LARGEST_PACKAGE + 1)
+    if len(text) > LARGEST_PACKAGE:
+        raise ValueError(f"expected at most {LARGEST_PACKAGE} bytes, found more")
     content = parsed(text)
     _check_resources(content.get("resources") if isinstance(content, dict) else None)
     return content
@@ -259,7 +260,8 @@ def same_but_for_the_run(one: Path, other: Path) -> bool:
 def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
     """Enter figures in an existing data package, in place of older ones of the same format; another file is left as it is.
 
-    package: its path. kind: of the table. figures: paths of the files, beside the package. The caller is `at_work` there.
+    package: its path. kind: of the table. figures: paths of the files, beside the package. The
+    caller is `at_work` there.
     """
     if not packaged_facts(package):
         return
@@ -284,8 +286,9 @@ def package_differences(
 ) -> Iterator[str]:
     """Yield where a package differs from the one that this program writes for the files beside it.
 
-    fields, facts: those in the Parquet file; what such a file does not have is held against the hash in the package.
-    Sizes and hashes of files are not compared. Raises OSError, ValueError, KeyError or TypeError if something cannot be read.
+    fields, facts: those in the Parquet file; what such a file does not have is held against the
+    hash in the package. Sizes and hashes of files are not compared. Raises OSError, ValueError,
+    KeyError or TypeError if something cannot be read.
     """
     content, stem = loaded(package), package.with_name(kind)
     own_facts = {

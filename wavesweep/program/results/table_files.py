@@ -28,7 +28,8 @@ from wavesweep.program.tables import kind_named, kinds
 from wavesweep.program.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
 from wavesweep.program.tables.fields import Field, FieldKind
 
-# Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
+# Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its
+# rows came in.
 GROUP_ROWS = 131072
 SAMPLE = 256  # numbers that are looked at, whether they repeat
 WHOLE = 1e10  # from which on Arrow writes an exponent
@@ -97,7 +98,8 @@ class ParquetFile:
         try:
             self._writer.close()
         finally:
-            self._writer.is_open = False  # if it failed, pyarrow would try again at some later time, and print a traceback
+            # if it failed, pyarrow would try again at some later time, and print a traceback
+            self._writer.is_open = False
             self._file.close()
 
 
@@ -148,8 +150,9 @@ def csv_header(fields: tuple[Field, ...]) -> bytes:
 def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
     """The rows of checked columns as a buffer; programs read the cells correctly without options.
 
-    Numbers are the shortest decimals that read back to the same bits, always with a point or an exponent; booleans are 1 and 0;
-    what is missing is an empty cell; texts have quotes if they need them. Arrow's own writer quotes all texts or none.
+    Numbers are the shortest decimals that read back to the same bits, always with a point or an
+    exponent; booleans are 1 and 0; what is missing is an empty cell; texts have quotes if they need
+    them. Arrow's own writer quotes all texts or none.
     """
     *before_last, last = (_cells(column) for column in columns.values())
     ends_of_rows = _joined([last, _text("")], "\n")
@@ -228,8 +231,9 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to ndarray
-        Columns of shape (rows,): numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object
-        arrays of str. The kind of a column of a CSV follows from its name, or from the data package beside it.
+        Columns of shape (rows,): numbers are float64 with NaN if missing, whole numbers int64,
+        booleans bool, names object arrays of str. The kind of a column of a CSV follows from its
+        name, or from the data package beside it.
 
     Raises
     ------
@@ -286,15 +290,16 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     kind : str
         Of the table, e.g. "zwidth".
     columns : dict of str to ndarray
-        As `read` gives them. Other programs may have added columns to a Parquet file, which are left out, or changed their
-        order, which is that of the program again.
+        As `read` gives them. Other programs may have added columns to a Parquet file, which are
+        left out, or changed their order, which is that of the program again.
     facts : dict
         Those of a CSV are in the data package beside it, those of a Parquet file in its schema.
 
     Raises
     ------
     UsageError
-        For a file that is torn or changed, or no table of this program, before its rows are read if its columns show it.
+        For a file that is torn or changed, or no table of this program, before its rows are read if
+        its columns show it.
     OSError
         If it cannot be read.
     """
@@ -395,7 +400,8 @@ def schema_facts(path: Path) -> dict[str, Any]:
 def schema_fields(path: Path) -> tuple[Field, ...]:
     """The columns of a Parquet table with kind, unit and description, as its schema has them.
 
-    Those of another program have neither unit nor description, and may be of a kind that counts as texts here.
+    Those of another program have neither unit nor description, and may be of a kind that counts as
+    texts here.
     """
     kinds = {str(arrow): kind for kind, arrow in _types().items()}
     fields = []
@@ -420,7 +426,8 @@ def read_rows(
 ) -> dict[str, np.ndarray]:
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
 
-    Raises UsageError for a group larger than this program writes: a file of some MB could hold any number of rows.
+    Raises UsageError for a group larger than this program writes: a file of some MB could hold any
+    number of rows.
     """
     import pyarrow.parquet
 
@@ -479,7 +486,8 @@ def part_name(number: int) -> str:
 def parts_of(path: Path) -> list[Path]:
     """The Parquet files of a table in their order: the file itself, or those of a folder of parts.
 
-    Raises UsageError if the folder has none, lacks one before the last, or lacks one of the data package beside it.
+    Raises UsageError if the folder has none, lacks one before the last, or lacks one of the data
+    package beside it.
     """
     if not path.is_dir():
         return [path]

@@ -1,13 +1,14 @@
 """Tables into files or to a stream, block by block; all of a table's files appear whole, or none does.
 
-The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are complete and on the disk, each
-is renamed to its place. The package has the hashes of all of them, so its rename, the last one, is the commit mark: after a
-kill before it, the old package and the files do not agree, which `verify` and the reader of a CSV notice, and the same command
-gives the new results. If the place has the same bytes already, or a package that differs in facts of the run alone, such as its
-date, the old file stays, with its time.
+The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are
+complete and on the disk, each is renamed to its place. The package has the hashes of all of them,
+so its rename, the last one, is the commit mark: after a kill before it, the old package and the
+files do not agree, which `verify` and the reader of a CSV notice, and the same command gives the
+new results. If the place has the same bytes already, or a package that differs in facts of the run
+alone, such as its date, the old file stays, with its time.
 
-A table in parts is a folder of Parquet files, which is moved as one, as the folder of specs of `design` is; the folder or the
-file in its place is moved away first.
+A table in parts is a folder of Parquet files, which is moved as one, as the folder of specs of
+`design` is; the folder or the file in its place is moved away first.
 """
 
 import os
@@ -50,9 +51,8 @@ from wavesweep.program.tables.columns import checked, fields_of
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.table import Table
 
-REPLACED = (
-    "replaced"  # the name, in the folder of new files, of a file or folder whose place is needed
-)
+# the name, in the folder of new files, of a file or folder whose place is needed
+REPLACED = "replaced"
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
 
 
@@ -66,8 +66,9 @@ def publish(
 ) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
-    Everything is written in a temporary folder beside the results and put in place at the end, the package last; a figure that
-    another spec left behind is removed. How the rows are cut into blocks leaves no trace in the bytes.
+    Everything is written in a temporary folder beside the results and put in place at the end, the
+    package last; a figure that another spec left behind is removed. How the rows are cut into
+    blocks leaves no trace in the bytes.
 
     table      its facts need `spec_sha256`; those of OWN_FACTS stay out of the Parquet file, so that equal runs give equal
                bytes in any folder
@@ -77,8 +78,9 @@ def publish(
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
     partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
 
-    Raises UsageError if the directory holds results of another spec or `partition` is no number of rows, WavesweepError if the
-    columns do not fit the fields or a number is infinite, OSError if a file cannot be written.
+    Raises UsageError if the directory holds results of another spec or `partition` is no number of
+    rows, WavesweepError if the columns do not fit the fields or a number is infinite, OSError if a
+    file cannot be written.
     """
     overwrite, locked = boolean("overwrite", overwrite), boolean("locked", locked)
     if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
@@ -207,8 +209,9 @@ def _draw_all(stem: Path, table: Table, formats) -> None:
 def save(table: Table, path: Path) -> Path:
     """Write a table as the only file `path`, the CSV, the Parquet file or the figure, by its suffix; give the path.
 
-    The file is there whole or not at all, and is left alone if it has these bytes already.
-    Raises UsageError if something else than a file is in its place, WavesweepError and OSError as `publish`.
+    The file is there whole or not at all, and is left alone if it has these bytes already. Raises
+    UsageError if something else than a file is in its place, WavesweepError and OSError as
+    `publish`.
     """
     fields, blocks = _opened(table)
     if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):

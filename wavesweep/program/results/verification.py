@@ -32,7 +32,8 @@ from wavesweep.program.tables.kind import Recompute
 
 ROWS = 20
 SEED = 0
-CLOSE = 1e-9  # relative difference that counts as none if versions, or what is computed together, differ
+# relative difference that counts as none if versions, or what is computed together, differ
+SAME_NUMBER = 1e-9
 FAULTS = (
     WavesweepError,
     LookupError,
@@ -47,7 +48,8 @@ NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 class Verification:
     """The result for a folder: sentences about the checks that were made, and about each difference that was found.
 
-    proved: for each table of which slices were proved again, its file and how many of them have each verdict of `ProvedAgain`.
+    proved: for each table of which slices were proved again, its file and how many of them have
+    each verdict of `ProvedAgain`.
     """
 
     checked: tuple[str, ...]
@@ -69,20 +71,22 @@ def verify(
     directory : str or Path
         Folder of results.
     rows : int, default 20
-        Of a table of intervals, so many combinations are drawn at random; the smaller tables of responses, passivity and
-        simulation are computed again as a whole.
+        Of a table of intervals, so many combinations are drawn at random; the smaller tables of
+        responses, passivity and simulation are computed again as a whole.
     seed : int, default 0
         Of the draw.
     prove : int, default 0
-        Of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
+        Of a table of intervals, so many certified slices, spread evenly over it, are proved again
+        in ball arithmetic.
     progress : callable, optional
-        Is called with the number of combinations of a table that are done, and of all that are computed, or proved, again.
+        Is called with the number of combinations of a table that are done, and of all that are
+        computed, or proved, again.
 
     Returns
     -------
     Verification
-        Sentences: `checked` of the checks that were made, `differences` of what was found; `proved` for each table of which
-        slices were proved again.
+        Sentences: `checked` of the checks that were made, `differences` of what was found; `proved`
+        for each table of which slices were proved again.
 
     Raises
     ------
@@ -91,7 +95,8 @@ def verify(
 
     Notes
     -----
-    Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
+    Rows are compared to the bit or, if another version of this program or of numpy made them, to
+    1e-9, relative.
     """
     if prove and offered("prover") is None:
         raise UsageError(
@@ -264,10 +269,13 @@ def _rows(
     how = (
         "to the bit"
         if exact
-        else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+        else f"to {SAME_NUMBER:g}, since another version of this program or of numpy made them"
     )
     if exact and again.of_combinations is not None:
-        exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
+        exact, how = (
+            False,
+            f"to {SAME_NUMBER:g}, since what is computed together decides the last digits",
+        )
     try:
         if again.rows not in (
             0,
@@ -394,8 +402,8 @@ def first_difference(
 ) -> str:
     """The first difference of two tables as a text, empty for equal tables.
 
-    found, expected: columns. exact: to the bit; otherwise numbers may differ by CLOSE, relative. first_row: number of the
-    rows before these.
+    found, expected: columns. exact: to the bit; otherwise numbers may differ by SAME_NUMBER,
+    relative. first_row: number of the rows before these.
     """
     if sorted(found) != sorted(expected):
         return f"columns {', '.join(found)} and not {', '.join(expected)}"
@@ -419,5 +427,5 @@ def _equal(found: np.ndarray, expected: np.ndarray, exact: bool) -> np.ndarray:
     if exact:
         return missing | (found.view(np.int64) == expected.astype(float).view(np.int64))
     return missing | (
-        np.abs(found - expected) <= CLOSE * np.maximum(np.abs(found), np.abs(expected))
+        np.abs(found - expected) <= SAME_NUMBER * np.maximum(np.abs(found), np.abs(expected))
     )

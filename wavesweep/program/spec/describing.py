@@ -1,4 +1,5 @@
-"""One description of each key, table and type of block, from which `wavesweep keys`, `init` and the documents are made."""
+"""One description of each key, table and type of block, from which `wavesweep keys`, `init` and
+the documents are made."""
 
 import tomllib
 from collections.abc import Mapping
@@ -63,7 +64,8 @@ def symbol_of(path: str) -> str:
 
 
 def described(key: Key, path: str = "") -> Description:
-    """Return what is to be said of a key: `values` in words, `choices` with the meaning of each, and its other attributes.
+    """Return what is to be said of a key: `values` in words, `choices` with the meaning of each,
+    and its other attributes.
 
     path: of the key in a spec, its own by default.
     """
@@ -138,10 +140,11 @@ def meaning_of(description: Description) -> str:
 
 
 def named(name: str) -> dict[str, Description]:
-    """Return the descriptions of what a name stands for, by path: a key, a table, an axis, or types of blocks.
+    """Return the descriptions of what a name stands for, by path: a key, a table, an axis, or types
+    of blocks.
 
-    Those of a type have `ports`, `steps` and `keys`, those of a table with names of the user's own neither `type` nor `ports`.
-    Empty for an unknown name.
+    Those of a type have `ports`, `steps` and `keys`, those of a table with names of the user's own
+    neither `type` nor `ports`. Empty for an unknown name.
     """
     path = SYMBOLS.get(name, name)
     if (
@@ -172,7 +175,8 @@ def named(name: str) -> dict[str, Description]:
 
 
 def _blocks(path: str) -> dict[str, Description]:
-    """Return the descriptions of all types of blocks, of one type, or of a class; empty for any other path."""
+    """Return the descriptions of all types of blocks, of one type, or of a class; empty for any
+    other path."""
     if path == "block":
         return {f"block.{kind}": _type(kind) for kind in TYPES}
     if path.startswith("block.") and path[6:] in TYPES:
@@ -192,7 +196,8 @@ def meant(name: str) -> str:
 
 
 def _class(file: Path) -> Description:
-    """The description of a class of blocks that a capability has: the first paragraph of its file, ports and numbers."""
+    """The description of a class of blocks that a capability has: the first paragraph of its
+    file, ports and numbers."""
     text = file.read_text(encoding="utf-8")
     tables = tomllib.loads(text)
     numbers = {

@@ -1,4 +1,5 @@
-"""What a spec has beside a drawn loop: the names of its tables, and what these ask of the drawing."""
+"""What a spec has beside a drawn loop: the names of its tables, and what these ask of the
+drawing."""
 
 from collections.abc import Iterable, Mapping
 
@@ -23,7 +24,8 @@ def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
 def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
 
-    An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
+    An unknown table stands for the missing one whose name is nearest, so that what needs its
+    entries brings no mistakes.
     """
     tables, tops, meant = (
         ("type", *TABLES, *study_tables()),
@@ -64,7 +66,8 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
 def _with_renamed_tables(
     leaves: Mapping[Path, Leaf], new_names: Mapping[str, str]
 ) -> dict[Path, Leaf]:
-    """Return the leaves with new names of their tables; a table whose new name is empty is left out."""
+    """Return the leaves with new names of their tables; a table whose new name is empty is left
+    out."""
     named = {path: (new_names.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {
         path if path[0] == new[0] else normal_path(new): leaves[path]

@@ -37,8 +37,9 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     source : str, Path or dict
         A path or the tables.
     overrides : iterable of str, optional
-        Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They replace values of the source
-        before anything is checked; `rates.ratio` also replaces the source's `rates.slow_hz`, and the other way round.
+        Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They
+        replace values of the source before anything is checked; `rates.ratio` also replaces the
+        source's `rates.slow_hz`, and the other way round.
 
     Returns
     -------
@@ -74,10 +75,11 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
 
 
 def naming(spec: Spec, names: Iterable[object], signal: str | None = None) -> Spec:
-    """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are that [sweep] names.
+    """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are
+    that [sweep] names.
 
-    signal: of a drawn loop, which is an output too, as the one is that [bode] names. Other names, and keys that are not written
-    as a number, are left to the caller.
+    signal: of a drawn loop, which is an output too, as the one is that [bode] names. Other names,
+    and keys that are not written as a number, are left to the caller.
     """
     if spec.drawing is None:
         return spec
@@ -145,7 +147,8 @@ def _overridden(
     symbols: Mapping[str, str],
     mistakes: Mistakes,
 ) -> dict[Path, Leaf]:
-    """Return the leaves with those of --set in their places. symbols: the short names of a drawn loop's numbers."""
+    """Return the leaves with those of --set in their places. symbols: the short names of a drawn
+    loop's numbers."""
     source = dict(leaves)
     for typed in overrides:
         try:
@@ -180,7 +183,8 @@ def _alike(one: Path, other: Path) -> bool:
 def _override(
     leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place
 ) -> dict[Path, Leaf]:
-    """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
+    """Replace everything at, above or below one path, in the same position, so that the order of
+    axes is kept."""
     new = (
         {}
         if value == ""
@@ -199,7 +203,8 @@ def _override(
 
 
 def _without_missing_tables(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
-    """Return the leaves without the tables of capabilities that are not installed, and add a mistake for each of these."""
+    """Return the leaves without the tables of capabilities that are not installed, and add a
+    mistake for each of these."""
     for table, capability in missing().items():
         path_of_table = tuple(table.split("."))
         if inside := [

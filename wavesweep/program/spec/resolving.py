@@ -1,4 +1,5 @@
-"""Resolving: from the given keys to a value for every key, with the checks that concern more than one key."""
+"""Resolving: from the given keys to a value for every key, with the checks that concern more
+than one key."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ TWINS = {
     "rates.ratio": "rates.slow_hz",
     "rates.slow_hz": "rates.ratio",
 }  # which displace each other
-SAME = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
+SAME_CUTOFF = 1e-12  # relative difference of the cutoffs that two machines find from the same edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +48,17 @@ class Given:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
 
     def device(self) -> HapticDevice | None:
-        """Return the device that the spec names; None if it names none, or one that does not exist."""
+        """Return the device that the spec names; None if it names none, or one that does not
+        exist."""
         leaf = self.leaves.get("device.preset")
         return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
 
     def replaced(self, path: str, leaf: Leaf, beside: Collection[str] = ()) -> Given:
-        """Return the same with another value at `path`; a rate displaces the other way to give it if not `beside` it.
+        """Return the same with another value at `path`; a rate displaces the other way to give it
+        if not `beside` it.
 
-        Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
+        Order and cutoff that a resolved spec has in addition to the band edges follow from these
+        again.
         """
         displaced = {TWINS.get(path)}.difference(beside)
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
@@ -71,12 +75,14 @@ class Given:
 
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
-    """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes, the values are not valid."""
+    """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes,
+    the values are not valid."""
     of_frame, mistakes = is_frame(given), Mistakes()
     leaves = {path: leaf for path, leaf in given.leaves.items() if not (of_frame and path == DELAY)}
     checked = mistakes.read(KEYS, leaves)
     wrong = set(leaves) - set(checked)
-    # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
+    # Defaults replace wrong values, so that one mistake does not hide those that are independent of
+    # it.
     device = given.device()
     given_values = (device.loop() if device else {}) | checked
     values = {path: given_values.get(path, KEYS[path].default) for path in VALUE_PATHS}
@@ -93,7 +99,8 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
 
 
 def _refuse_missing_keys(given: Given, unpublished: Iterable[str], mistakes: Mistakes) -> None:
-    """Add a mistake for each key without a default that is missing. unpublished: those that the preset has no number for."""
+    """Add a mistake for each key without a default that is missing. unpublished: those that the
+    preset has no number for."""
     for key in KEYS.values():
         if key.required and key.path not in given.leaves:
             mistakes.refuse(
@@ -113,7 +120,8 @@ def _refuse_missing_keys(given: Given, unpublished: Iterable[str], mistakes: Mis
 def _refuse_beyond_limits(
     given: Given, values: Mapping, wrong: set[str], mistakes: Mistakes
 ) -> None:
-    """Add a mistake for each value beyond its limit. wrong: keys with mistakes, which limit nothing."""
+    """Add a mistake for each value beyond its limit. wrong: keys with mistakes, which limit
+    nothing."""
     for path, limiting in LIMITS.items():
         if wrong & {path, *limiting} or not _is_read(path, values):
             continue
@@ -173,13 +181,14 @@ def _resolve_rates(
 
 
 def _ratio(fast_hz: float, slow_hz: float) -> float | None:
-    """A whole number if the fast rate is a multiple of the slow one, otherwise a fraction; None if that is not small."""
+    """A whole number if the fast rate is a multiple of the slow one, otherwise a fraction; None
+    if that is not small."""
     quotient = fast_hz / slow_hz
     if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
         return None
     ratio = max(1, round(quotient))
-    # Neither 1000/3 nor 333.3 is a double: what divides exactly as written is off by the rounding of both
-    # numbers and of their product, at most 1.5 units in the last place.
+    # Neither 1000/3 nor 333.3 is a double: what divides exactly as written is off by the rounding
+    # of both numbers and of their product, at most 1.5 units in the last place.
     if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16):
         return ratio
     from fractions import Fraction
@@ -192,7 +201,8 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
 def _resolve_filter(
     name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes
 ) -> None:
-    """Set order and cutoff in `values` if the filter was given by its band edges; a resolved spec has both, which agree."""
+    """Set order and cutoff in `values` if the filter was given by its band edges; a resolved
+    spec has both, which agree."""
     path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
@@ -216,7 +226,7 @@ def _resolve_filter(
         values[f"{path}.order"], values[f"{path}.cutoff_hz"] = of_edges
         if any(
             path_given in checked
-            and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME)
+            and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME_CUTOFF)
             for path_given in direct
         ):
             mistakes.refuse(leaf, path, either, "both, which differ")
@@ -225,7 +235,8 @@ def _resolve_filter(
 def _order_of_edges(
     name: str, leaf: Leaf, numbers: list[float], values: dict, given: Given, mistakes: Mistakes
 ) -> tuple[float, float] | None:
-    """Return order and cutoff (Hz) of the filter that meets its band edges; None, with a mistake, if there is none."""
+    """Return order and cutoff (Hz) of the filter that meets its band edges; None, with a
+    mistake, if there is none."""
     before, fast_hz = len(mistakes), values["rates.fast_hz"]
     _check_edges(name, numbers, fast_hz, given, mistakes)
     if len(mistakes) > before:
@@ -274,7 +285,8 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
-    """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
+    """Return the expected range if `number` is beyond the limit that other keys set for `path`,
+    otherwise an empty text."""
     if (
         path == DELAY
         and number != values["rates.ratio"]
@@ -291,12 +303,14 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
 
 
 def longest_delay(values: Mapping) -> int:
-    """Return the longest delay of a slow result in ticks: the longest frame, in which rates that do not divide begin a last one."""
+    """Return the longest delay of a slow result in ticks: the longest frame, in which rates that
+    do not divide begin a last one."""
     return math.ceil(values["rates.ratio"])
 
 
 def _is_read(path: str, values: Mapping) -> bool:
-    """Whether the loop reads a key with a limit: a controller reads the cutoffs of its filters, unless their order is 0."""
+    """Whether the loop reads a key with a limit: a controller reads the cutoffs of its filters,
+    unless their order is 0."""
     if not path.endswith(".cutoff_hz"):
         return True
     controller = CONTROLLERS.get(values["controller.kind"])
@@ -309,12 +323,14 @@ def butterworth_order(
 ) -> tuple[float, float]:
     """Return order and cutoff (Hz) of the least digital Butterworth filter that meets the edges.
 
-    passband_hz, stopband_hz: edges in Hz; a low-pass if the passband lies below the stopband, otherwise a high-pass.
-    passband_db: largest loss in the passband, dB. stopband_db: least attenuation in the stopband, dB. fast_hz: rate, Hz.
-    As `scipy.signal.buttord`: with the edges prewarped, `W = tan(pi*f/fast_hz)`, and `G = 10^(dB/10)`, the order is the
-    least whole number not below `log((G_stop - 1)/(G_pass - 1)) / (2 log r)` for the ratio `r > 1` of the edges; the
-    cutoff then gives exactly `passband_db` at the edge of the passband. If doubles cannot tell the edges apart, or an edge
-    or `passband_db` from zero, the order is infinite, and the cutoff is the edge of the passband.
+    passband_hz, stopband_hz: edges in Hz; a low-pass if the passband lies below the stopband,
+    otherwise a high-pass. passband_db: largest loss in the passband, dB. stopband_db: least
+    attenuation in the stopband, dB. fast_hz: rate, Hz. As `scipy.signal.buttord`: with the edges
+    prewarped, `W = tan(pi*f/fast_hz)`, and `G = 10^(dB/10)`, the order is the least whole number
+    not below `log((G_stop - 1)/(G_pass - 1)) / (2 log r)` for the ratio `r > 1` of the edges; the
+    cutoff then gives exactly `passband_db` at the edge of the passband. If doubles cannot tell the
+    edges apart, or an edge or `passband_db` from zero, the order is infinite, and the cutoff is the
+    edge of the passband.
 
     Accuracy: the order is SciPy's; the cutoff agrees to a few units in the last place.
     """

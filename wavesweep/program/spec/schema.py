@@ -1,6 +1,8 @@
-"""The JSON Schema (2020-12) of a spec, made from the tables of keys, so that an editor completes keys and marks slips.
+"""The JSON Schema (2020-12) of a spec, made from the tables of keys, so that an editor completes
+keys and marks slips.
 
-It says what can be said of each key by itself: names, types, ranges, choices. What two keys say together is checked by `load`.
+It says what can be said of each key by itself: names, types, ranges, choices. What two keys say
+together is checked by `load`.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ def _reference(name: str) -> Schema:
 
 
 def _either(condition: Schema, then: Schema, otherwise: Schema) -> Schema:
-    """One of two shapes: an editor then marks a slip within the one that was meant, and not the whole of what may be either."""
+    """One of two shapes: an editor then marks a slip within the one that was meant, and not the
+    whole of what may be either."""
     return {"if": condition, "then": then, "else": otherwise}
 
 
@@ -44,7 +47,8 @@ AXIS = _reference("axis")  # of drawn loops
 
 
 def schema() -> Schema:
-    """Return the schema of a spec, of a controller or of a drawn loop, as nested dicts that JSON can hold."""
+    """Return the schema of a spec, of a controller or of a drawn loop, as nested dicts that JSON
+    can hold."""
     axis = _axis(Key("axis", "number", None, "", "number of the drawn loop"))
     definitions: Schema = {}
     return {
@@ -193,7 +197,8 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
 
 
 def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **more: Any) -> Schema:
-    """A table with these keys and, if `others` says what they hold, any further ones. more: as `required`, `description`."""
+    """A table with these keys and, if `others` says what they hold, any further ones. more: as
+    `required`, `description`."""
     return {
         "type": "object",
         "properties": dict(properties),
@@ -204,7 +209,8 @@ def _tables(properties: Mapping[str, Schema], others: Schema | bool = False, **m
 
 @dataclass(frozen=True, slots=True)
 class Shapes:
-    """What the schema of a capability's table is made from. drawn: whether for a drawn loop; definitions: those of its own."""
+    """What the schema of a capability's table is made from. drawn: whether for a drawn loop;
+    definitions: those of its own."""
 
     drawn: bool
     definitions: Schema = field(default_factory=dict)

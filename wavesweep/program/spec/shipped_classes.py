@@ -11,7 +11,8 @@ from wavesweep.engine.keys import Leaf, Path, Place, leaves_of
 
 
 def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
-    """Return the leaves with the classes that a capability has, of those that blocks name and the spec does not draw."""
+    """Return the leaves with the classes that a capability has, of those that blocks name and
+    the spec does not draw."""
     kinds = {
         path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)
     }

@@ -29,9 +29,11 @@ from wavesweep.program.spec.writing import written
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class Spec(Studies):
-    """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal.
+    """A request with all its values, made by `load`. Two specs are the same request if their
+    `sha256` are equal.
 
-    The value of a capability's table is an attribute of the table's name; it is None if the spec has no such table.
+    The value of a capability's table is an attribute of the table's name; it is None if the spec
+    has no such table.
     """
 
     name: str
@@ -40,12 +42,10 @@ class Spec(Studies):
     _given: (
         Given  # the keys of the loop as given, with their places; `with_values` starts from them
     )
-    parts: frozenset[str] = (
-        frozenset()
-    )  # names of tables that are part of this request and not of every one, see `asking`
-    drawing: Drawing | None = (
-        None  # of a spec that draws its loop; its values are the tick's rate and the numbers
-    )
+    # names of tables that are part of this request and not of every one, see `asking`
+    parts: frozenset[str] = frozenset()
+    # of a spec that draws its loop; its values are the tick's rate and the numbers
+    drawing: Drawing | None = None
 
     def __getattr__(self, name: str) -> TableValue | None:
         """The value of the table of that name, with the numbers of the spec's device."""
@@ -59,7 +59,8 @@ class Spec(Studies):
 
     @property
     def members(self) -> str:
-        """The name of the table that answers can hold for, beside the spec's own numbers; empty if they are of these alone."""
+        """The name of the table that answers can hold for, beside the spec's own numbers; empty
+        if they are of these alone."""
         return next((value.members for value in self._asked() if value.members), "")
 
     @property
@@ -69,7 +70,8 @@ class Spec(Studies):
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
-        """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
+        """The resolved value of every path (`environment.K_VE`), in the order and the units of
+        `KEYS`; read-only."""
         return MappingProxyType(self._values)
 
     @property
@@ -82,20 +84,22 @@ class Spec(Studies):
 
     @property
     def given(self) -> frozenset[str]:
-        """The paths of the keys of the loop and of its device that were given, or follow from a device preset that was.
+        """The paths of the keys of the loop and of its device that were given, or follow from a
+        device preset that was.
 
-        Overrides by `--set` and values of `with_values` are given too. All others have their defaults. A swept key is given
-        only if it has a value of its own as well; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
-        their own names.
+        Overrides by `--set` and values of `with_values` are given too. All others have their
+        defaults. A swept key is given only if it has a value of its own as well; a slow rate
+        appears as `rates.slow_hz`, and a filter's band edges under their own names.
         """
         device = self._given.device()
         return self._own() | (device.numbers.keys() if device else frozenset())
 
     def builds(self, path: str, changes: Iterable[str]) -> bool:
-        """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
+        """Return whether a number decides how the loop is built, or others follow from it, so that
+        it cannot vary smoothly.
 
-        The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
-        number. changes: paths that are given in addition to the spec's own.
+        The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of
+        its band. path: of the number. changes: paths that are given in addition to the spec's own.
         """
         paths = (*self._given.leaves, *changes)
         alone = not any(
@@ -105,12 +109,14 @@ class Spec(Studies):
 
     @property
     def preset(self) -> str | None:
-        """The name of the device in `device.preset`, None without one; its numbers are in `values` and `hardware`."""
+        """The name of the device in `device.preset`, None without one; its numbers are in
+        `values` and `hardware`."""
         return str(self._given.leaves["device.preset"].value) if self._given.device() else None
 
     @property
     def assumed(self) -> frozenset[str]:
-        """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
+        """The paths of the device preset's numbers that have no public source and that the spec
+        does not give itself."""
         device = self._given.device()
         numbers = device.numbers.items() if device else ()
         return frozenset(
@@ -124,7 +130,8 @@ class Spec(Studies):
 
     @property
     def hardware(self) -> Mapping[str, float | None]:
-        """Friction, resolution and largest force of the device, as a table or else the device preset gives them."""
+        """Friction, resolution and largest force of the device, as a table or else the device
+        preset gives them."""
         return hardware_of(self.asked, self._given.device())
 
     def without_hand(self) -> list[Mistake]:
@@ -141,14 +148,16 @@ class Spec(Studies):
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; empty if it asks for the hand's.
+        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; empty if
+        it asks for the hand's.
 
         If it names neither end, they are those of a loop without a hand.
         """
         return self.routes_between(self.route.get("from"), self.route.get("to"))
 
     def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
-        """The same for an input and an output, None for all. Errors: UsageError for an unknown name."""
+        """The same for an input and an output, None for all. Errors: UsageError for an unknown
+        name."""
         drawing, asked = self.drawing, source is not None or output is not None
         if drawing is None and asked:
             raise UsageError(
@@ -170,7 +179,8 @@ class Spec(Studies):
         )
 
     def unit_between(self, source: str, output: str) -> str:
-        """The unit of the response from an input to an output, empty if one of their units is unknown."""
+        """The unit of the response from an input to an output, empty if one of their units is
+        unknown."""
         units = {name: unit for name, _, unit in (*self.drawing.inputs, *self.drawing.outputs)}
         over, under = units[output], units[source]
         if not (over and under):
@@ -180,7 +190,8 @@ class Spec(Studies):
         return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
-        """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
+        """Return a mistake about the key at `path`, at its place. expected, found: the two texts
+        of it."""
         return self._given.leaf(path).place.mistake(path, expected, found)
 
     @property
@@ -205,23 +216,27 @@ class Spec(Studies):
 
     @property
     def wall(self) -> tuple[str, ...]:
-        """Paths of the wall's stiffness and damping; a drawn loop whose [ports] name no wall has none."""
+        """Paths of the wall's stiffness and damping; a drawn loop whose [ports] name no wall has
+        none."""
         if self.drawing is None:
             return SYMBOLS["K_VE"], SYMBOLS["B_VE"]
         return tuple(path_of(name) for name in self.drawing.wall or ())
 
     @property
     def units_felt(self) -> tuple[str, str]:
-        """Units of the stiffness and damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
+        """Units of the stiffness and damping that are felt; a drawn loop whose wall has others
+        may turn, and not slide."""
         stiffness, damping, *_ = (*(self.names.keys[path].unit for path in self.wall), "", "")
         return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
 
     def at_port(self, unit: str) -> str:
-        """Return a unit at the hand's port, or its counterpart for torques and angles if the hand of a drawn loop turns."""
+        """Return a unit at the hand's port, or its counterpart for torques and angles if the
+        hand of a drawn loop turns."""
         return TURNED[unit] if self.drawing and self.drawing.turns else unit
 
     def own(self, path: str) -> float | int | str | None:
-        """Return the own value of the key `path`; None if others stand for it, as order and cutoff of a filter for its band."""
+        """Return the own value of the key `path`; None if others stand for it, as order and
+        cutoff of a filter for its band."""
         if path == "rates.slow_hz":
             return self._values["rates.fast_hz"] / self._values["rates.ratio"]
         return self._values.get(path)
@@ -233,12 +248,14 @@ class Spec(Studies):
 
     @property
     def step(self) -> str:
-        """Over what time the slow environment integrates where frames vary: "elapsed" or "nominal"."""
+        """Over what time the slow environment integrates where frames vary: "elapsed" or
+        "nominal"."""
         leaf = self._given.leaves.get("environment.step")
         return str(leaf.value) if leaf else "elapsed"
 
     def refuse_require(self, what: str) -> None:
-        """Raise UsageError if a table asks for more than stability, which is all that `what` is about."""
+        """Raise UsageError if a table asks for more than stability, which is all that `what` is
+        about."""
         for each in self._asked():
             each.refuse_stability_alone(self.name, what)
 
@@ -255,13 +272,16 @@ class Spec(Studies):
 
     @property
     def uneven(self) -> bool:
-        """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
+        """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop,
+        which has a common tick."""
         return isinstance(self._values.get("rates.ratio"), float)
 
     def asking(self, table: str) -> Spec:
-        """Return the spec with a table as part of the request, in `tables()` and `sha256`. table: its path.
+        """Return the spec with a table as part of the request, in `tables()` and `sha256`. table:
+        its path.
 
-        Errors: UsageError or SpecError if the spec does not have it, or if it does not fit the loop.
+        Errors: UsageError or SpecError if the spec does not have it, or if it does not fit the
+        loop.
         """
         table_at(table).demand(self)
         return replace(self, parts=self.parts | {table})
@@ -269,8 +289,9 @@ class Spec(Studies):
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
-        If a filter was given by its band edges, these are included along with the order and cutoff that follow from them. A
-        slow rate appears as the ratio if that is a whole number. Tables on which nothing depends are left out, see `asking`.
+        If a filter was given by its band edges, these are included along with the order and cutoff
+        that follow from them. A slow rate appears as the ratio if that is a whole number. Tables on
+        which nothing depends are left out, see `asking`.
         """
         found: dict[str, dict] = {}
         for (*parents, last), value in self._written().items():
@@ -293,7 +314,8 @@ class Spec(Studies):
         )
 
     def _written_tables(self) -> tuple[dict, dict, dict]:
-        """The tables of capabilities: those in others, by these, those that hold axes as [sweep] does, and all others."""
+        """The tables of capabilities: those in others, by these, those that hold axes as [sweep]
+        does, and all others."""
         found: tuple[dict, dict, dict] = {}, {}, {}
         for table in sorted(
             tables().values(), key=lambda table: not table.always
@@ -336,7 +358,8 @@ class Spec(Studies):
 
     @property
     def sha256(self) -> str:
-        """The SHA-256 of `tables()` as JSON without spaces, unsorted, because the order of the axes is that of the rows."""
+        """The SHA-256 of `tables()` as JSON without spaces, unsorted, because the order of the
+        axes is that of the rows."""
         import hashlib
         import json
 
@@ -346,7 +369,8 @@ class Spec(Studies):
     def with_values(self, changes: Mapping[str, float | int | str]) -> Spec:
         """Return the spec with other values for some paths or symbols, resolved and checked anew.
 
-        `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with every mistake of the changes.
+        `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with
+        every mistake of the changes.
         """
         changed, mistakes = self._given, Mistakes()
         for name, value in changes.items():
@@ -369,12 +393,13 @@ class Spec(Studies):
 def sweep_axes(
     spec: Spec, along: str | None = None, swept: bool = True
 ) -> tuple[Axis, tuple[Axis, ...]]:
-    """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
+    """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and
+    the other axes.
 
-    along: a symbol or a path; K_VE is the stiffness that the [ports] of a drawn loop name, and has a default span if the spec
-    gives none. swept: whether the others are swept; then those that have only a span are left out. If they are not, a number
-    without a span has one from a tenth of its value to ten times it. Errors: SpecError if `along` is not a numeric key or has
-    no span.
+    along: a symbol or a path; K_VE is the stiffness that the [ports] of a drawn loop name, and has
+    a default span if the spec gives none. swept: whether the others are swept; then those that have
+    only a span are left out. If they are not, a number without a span has one from a tenth of its
+    value to ten times it. Errors: SpecError if `along` is not a numeric key or has no span.
     """
     name = _axis_name(spec, along)
     if fault := axis_fault(name, spec.names):
@@ -394,7 +419,8 @@ def sweep_axes(
 
 
 def _axis_name(spec: Spec, along: str | None) -> str:
-    """Return the name of the axis along which intervals are wanted; `K_VE` of a drawn loop is the stiffness of its wall."""
+    """Return the name of the axis along which intervals are wanted; `K_VE` of a drawn loop is
+    the stiffness of its wall."""
     name = spec.along if along is None else along
     if not isinstance(name, str):
         raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
@@ -426,7 +452,8 @@ def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | No
 
 
 def no_axis(spec: Spec, name: str) -> str:
-    """Return the message that a number has no intervals, since it decides how the loop is built; spec, name: of the axis."""
+    """Return the message that a number has no intervals, since it decides how the loop is built;
+    spec, name: of the axis."""
     if name == "rates.fast_hz":
         return (
             f"intervals along {name}: expected a ratio of the rates, and filters by order and cutoff, found a slow rate or the "

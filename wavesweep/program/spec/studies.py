@@ -1,4 +1,5 @@
-"""What the tables of a spec ask of the loop: the studies, checked in themselves and against the loop."""
+"""What the tables of a spec ask of the loop: the studies, checked in themselves and against the
+loop."""
 
 from __future__ import annotations
 
@@ -34,9 +35,10 @@ OF_PORTS = (
 class Studies:
     """What a spec asks for, with its axes in the order of the spec.
 
-    along: name of the axis whose stable intervals are wanted, as written. sweep: the axes of [sweep], that one among them.
-    bode: those of [bode] without the frequencies. route: the ends `from` and `to` of the responses that [bode] names. asked:
-    the values of tables of capabilities by name; None of a table that the spec does not have.
+    along: name of the axis whose stable intervals are wanted, as written. sweep: the axes of
+    [sweep], that one among them. bode: those of [bode] without the frequencies. route: the ends
+    `from` and `to` of the responses that [bode] names. asked: the values of tables of capabilities
+    by name; None of a table that the spec does not have.
     """
 
     along: str
@@ -51,8 +53,9 @@ class Studies:
 class Request:
     """What a table is built from: its leaves, and the loop, as far as it is known.
 
-    drawing: of a drawn loop, None if it has mistakes. hz: the rate of the tick, None if it is not known. values: of a
-    controller's loop, None if they have mistakes. asked: the values of the tables before it. sweep: the axes of [sweep].
+    drawing: of a drawn loop, None if it has mistakes. hz: the rate of the tick, None if it is not
+    known. values: of a controller's loop, None if they have mistakes. asked: the values of the
+    tables before it. sweep: the axes of [sweep].
     """
 
     belongs: Sorted
@@ -77,7 +80,8 @@ class Request:
 
     @property
     def stepped(self) -> bool:
-        """Whether a step of an input is what the user of a drawn loop looks at, as there is no hand."""
+        """Whether a step of an input is what the user of a drawn loop looks at, as there is no
+        hand."""
         return bool(self.drawing and self.drawing.hand is None and self.drawing.inputs)
 
     def axes(self, section: str) -> list[Axis]:
@@ -97,7 +101,8 @@ class Request:
         return axes
 
     def refuse_other_edges(self, section: str, axes: Iterable[Axis], spared: bool = False) -> None:
-        """Add the mistakes of axes of a filter that is given in the other way. spared: whether edges of its band are none."""
+        """Add the mistakes of axes of a filter that is given in the other way. spared: whether
+        edges of its band are none."""
         for axis in axes:
             table, _, last = axis.path.rpartition(".")
             by_edges, edge = f"{table}.{BAND_EDGES[0]}" in self.given.leaves, last in BAND_EDGES
@@ -106,10 +111,12 @@ class Request:
                 self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, axis.path)
 
     def refuse_beyond_limits(self, section: str, axes: Iterable[Axis]) -> None:
-        """Add the mistakes of axes of a controller's loop that leave the range set by its other values.
+        """Add the mistakes of axes of a controller's loop that leave the range set by its other
+        values.
 
-        Every combination of a section's axes is computed, so a cutoff has to suit the lowest swept rate. A delay along with a
-        swept ratio is left to `Spec.with_values`, which sees each combination.
+        Every combination of a section's axes is computed, so a cutoff has to suit the lowest swept
+        rate. A delay along with a swept ratio is left to `Spec.with_values`, which sees each
+        combination.
         """
         if self.values is None:
             return
@@ -128,7 +135,8 @@ class Request:
                 )
 
     def refuse_unknown_ends(self, path: str, names: Iterable[object], ports: str) -> None:
-        """Add the mistake of a key that names none of the `inputs` or `outputs` of the loop, if what it is is known."""
+        """Add the mistake of a key that names none of the `inputs` or `outputs` of the loop, if
+        what it is is known."""
         for name in names if self.drawing or not self.drawn else ():
             if fault := unknown_end(self.drawing, name, ports):
                 self.mistakes.refuse(self.belongs.keys[path], path, *fault, of_key=False)
@@ -137,7 +145,8 @@ class Request:
 def hardware_of(
     asked: Mapping[str, TableValue | None], device: HapticDevice | None
 ) -> dict[str, float | None]:
-    """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
+    """Return the numbers of a device that are not of the loop, by the last names of
+    `HARDWARE_KEYS`. asked: as in `Studies`."""
     numbers = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
     numbers |= device.simulation() if device else {}
     for value in asked.values():
@@ -180,7 +189,8 @@ def build_studies(request: Request) -> Studies:
 
 
 def _route(request: Request) -> dict[str, str]:
-    """The ends of the responses that [bode] asks for, "from" and "to"; a mistake is added for those that the loop has not."""
+    """The ends of the responses that [bode] asks for, "from" and "to"; a mistake is added for
+    those that the loop has not."""
     keys = request.belongs.keys
     route = {name: keys[f"bode.{name}"].value for name in ("from", "to") if f"bode.{name}" in keys}
     for name, value in route.items():
@@ -231,7 +241,8 @@ def value_of(path: str, keys: Mapping[str, object]) -> TableValue:
 
 
 def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str, str, str] | None:
-    """Return expected and found text and a suggestion if a name is none of the `inputs` or `outputs` of a loop, else None."""
+    """Return expected and found text and a suggestion if a name is none of the `inputs` or
+    `outputs` of a loop, else None."""
     port_names = [port for port, *_ in getattr(drawing, ports, ())]
     if name in port_names:
         return None
@@ -244,7 +255,8 @@ def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str,
 
 
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
-    """Return the text for "found" and a suggestion if `name` is not a numeric key, otherwise None."""
+    """Return the text for "found" and a suggestion if `name` is not a numeric key, otherwise
+    None."""
     key = names.find(name)
     if name in names.following:
         return f"{show(name)}, which follows from other numbers", ""
@@ -256,9 +268,11 @@ def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
 def refuse_beyond_half(
     frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes
 ) -> None:
-    """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held force is not defined.
+    """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held
+    force is not defined.
 
-    axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its path.
+    axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its
+    path.
     """
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency.stop > least / 2:
@@ -273,7 +287,8 @@ def refuse_beyond_half(
 
 
 def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:
-    """Return the frequencies of [bode], the default ones lower if half the rate is; axes, own, rate: as above."""
+    """Return the frequencies of [bode], the default ones lower if half the rate is; axes, own,
+    rate: as above."""
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency is not DEFAULT_FREQUENCIES or frequency.stop <= least / 2:
         return frequency

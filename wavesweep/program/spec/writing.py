@@ -13,9 +13,11 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def as_toml(tables: Mapping[str, object]) -> str:
-    """Return nested tables as TOML, from which `load` gives the same values; tables within tables are in braces.
+    """Return nested tables as TOML, from which `load` gives the same values; tables within tables
+    are in braces.
 
-    tables: of texts, numbers, booleans, lists of these and further tables, as `Spec.tables` gives them; None is left out.
+    tables: of texts, numbers, booleans, lists of these and further tables, as `Spec.tables` gives
+    them; None is left out.
     """
     return "\n".join(
         "\n".join(_table(name, table)) + "\n" for name, table in tables.items() if table
@@ -90,7 +92,8 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
 
 
 def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, object]:
-    """Return what a spec could give for a port, wire or signal, or for a number that follows from others."""
+    """Return what a spec could give for a port, wire or signal, or for a number that follows
+    from others."""
     leaf, (table, _, rest) = given.leaves[path], path.partition(".")
     if path.startswith(("ports.inputs.", "ports.outputs.")):
         if path.endswith(".unit") and path.removesuffix(".unit") in given.leaves:

@@ -1,10 +1,13 @@
-"""Finished chunks of a run: in memory, or in one SQLite file, from which a run that was stopped goes on.
+"""Finished chunks of a run: in memory, or in one SQLite file, from which a run that was stopped
+goes on.
 
-The table `runs` of the file says in words whose chunks it holds, with a row for each job of a run. The table `chunks` has a
-row for each finished chunk, under the digest of its job's words, with a checksum that every reading compares.
+The table `runs` of the file says in words whose chunks it holds, with a row for each job of a run.
+The table `chunks` has a row for each finished chunk, under the digest of its job's words, with a
+checksum that every reading compares.
 
-The file has a write-ahead log, `-wal`, which SQLite brings to the disk before it changes the file itself. So a kill loses
-nothing, and a power cut the last chunks alone, while a chunk costs no `fsync` of its own.
+The file has a write-ahead log, `-wal`, which SQLite brings to the disk before it changes the file
+itself. So a kill loses nothing, and a power cut the last chunks alone, while a chunk costs no
+`fsync` of its own.
 """
 
 import errno
@@ -29,7 +32,7 @@ BESIDE = (
     "-shm",
 )  # behind it: the file itself, and those that SQLite puts beside it
 DAMAGED = ".damaged"  # behind the name of a file that was moved away
-PATIENCE = 2.0  # s for a lock
+LOCK_SECONDS = 2.0  # s for a lock
 # What SQLite says of the disk or of other programs, and not of the file, each with what helps.
 IN_USE = "; another program has it open: close it there, or give --restart to begin anew"
 OF_DISK = dict.fromkeys(("IOERR", "FULL", "CANTOPEN", "PERM", "NOMEM", "READONLY"), "")
@@ -50,7 +53,8 @@ class CheckpointError(UsageError):
 
 
 def _formats(place: Path) -> bytes:
-    """The versions of the format that a file of SQLite names, for those who write and read it: 1 or, with a log, 2."""
+    """The versions of the format that a file of SQLite names, for those who write and read it: 1
+    or, with a log, 2."""
     with place.open("rb") as file:
         return file.read(20)[18:]
 
@@ -90,12 +94,12 @@ class MemoryCheckpoint:
 class FileCheckpoint:
     """Finished chunks of a job in a SQLite file, which may hold those of other jobs as well.
 
-    place: path of the file; None for one without a name, which ends with this object or its process. name: of the job among
-    those of the file. identity: what the chunks depend on, JSON-able; chunks of jobs that differ in any of it are never mixed.
-    dtype: of the records. force: begin anew, whatever the file holds of a job of this name. warnings: receives a
-    sentence for whatever turns out to be damaged.
-    Raises CheckpointError if the file holds such a job, which may be a night of work, or something else is in its place;
-    OSError if it cannot be used.
+    place: path of the file; None for one without a name, which ends with this object or its
+    process. name: of the job among those of the file. identity: what the chunks depend on,
+    JSON-able; chunks of jobs that differ in any of it are never mixed. dtype: of the records.
+    force: begin anew, whatever the file holds of a job of this name. warnings: receives a sentence
+    for whatever turns out to be damaged. Raises CheckpointError if the file holds such a job, which
+    may be a night of work, or something else is in its place; OSError if it cannot be used.
     """
 
     def __init__(
@@ -136,8 +140,10 @@ class FileCheckpoint:
         self._numbers.add(number)
 
     def load(self, number: int) -> np.ndarray:
-        """Read a finished chunk. Raises DamagedError if its row is not the one that was written for it."""
-        row = "SELECT checksum, CAST(records AS BLOB) FROM chunks WHERE run = ? AND number = ?"  # damaged, it may be a text
+        """Read a finished chunk. Raises DamagedError if its row is not the one that was written
+        for it."""
+        # damaged, it may be a text
+        row = "SELECT checksum, CAST(records AS BLOB) FROM chunks WHERE run = ? AND number = ?"
         rows = self._do(row, self._digest, number)
         if not rows or rows[0][0] != self._checksum(number, rows[0][1] or b""):
             raise DamagedError("it was damaged" if rows else "it is lost")
@@ -151,7 +157,8 @@ class FileCheckpoint:
         )
 
     def remove(self) -> None:
-        """Remove the file, which is one step, or the rows of this job if the file has those of others."""
+        """Remove the file, which is one step, or the rows of this job if the file has those of
+        others."""
         other_runs = self._do("SELECT name FROM runs WHERE name != ?", self._name)
         if other_runs:
             self._forget()
@@ -178,7 +185,8 @@ class FileCheckpoint:
         )
 
     def _do(self, statement, *values, again=False):
-        """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away, and a new one begun.
+        """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away,
+        and a new one begun.
 
         Any error but one of OF_DISK means so: a single flipped bit may give a column another name.
         """
@@ -241,7 +249,7 @@ class FileCheckpoint:
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
         self._db = sqlite3.connect(
-            address, PATIENCE, isolation_level=None, check_same_thread=False, uri=True
+            address, LOCK_SECONDS, isolation_level=None, check_same_thread=False, uri=True
         )
         if self.place and self.place.exists() and max(_formats(self.place), default=0) > NEWEST:
             raise sqlite3.DatabaseError(

@@ -1,6 +1,7 @@
 """Workers of a cluster: those of a dask scheduler.
 
-A worker that dies has its chunks done by others. A scheduler that is gone, or without workers for ALONE seconds, is an error.
+A worker that dies has its chunks done by others. A scheduler that is gone, or without workers for
+ALONE seconds, is an error.
 """
 
 import logging
@@ -15,17 +16,17 @@ from dataclasses import dataclass
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.sweep.pools import DIED
 
-PATIENCE = 10.0  # s for a scheduler to answer
+SCHEDULER_SECONDS = 10.0  # s for a scheduler to answer
 ALONE = 20.0  # s that a dask scheduler may be without workers
-TOGETHER = (
-    8  # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
-)
+# chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
+CHUNKS_OF_TASK = 8
 OTHERS = "one that is ended has its chunks done by others"
 
 
 @dataclass(frozen=True, slots=True)
 class Pool:
-    """`submit(function, *arguments)` gives a future; `count` workers. look: says who works; WavesweepError if all are lost."""
+    """`submit(function, *arguments)` gives a future; `count` workers. look: says who works;
+    WavesweepError if all are lost."""
 
     submit: Callable
     count: int
@@ -44,7 +45,7 @@ def dask(workers):
 
         def threads():
             return client.sync(
-                client.scheduler.ncores, callback_timeout=PATIENCE
+                client.scheduler.ncores, callback_timeout=SCHEDULER_SECONDS
             )  # a frozen scheduler never answers
 
         def look():
@@ -76,7 +77,8 @@ def dask(workers):
 def _client(distributed, address, opened):
     """A dask client of the scheduler at that address, or the one that this process has already.
 
-    Errors: UsageError unless something listens there; if nothing does, dask says so late, in many lines.
+    Errors: UsageError unless something listens there; if nothing does, dask says so late, in many
+    lines.
     """
     if address is None:
         try:
@@ -89,9 +91,9 @@ def _client(distributed, address, opened):
     if not place:
         raise UsageError(f"scheduler {address}: expected an address such as tcp://host:8786")
     try:
-        socket.create_connection((place[1].strip("[]"), int(place[2])), PATIENCE).close()
+        socket.create_connection((place[1].strip("[]"), int(place[2])), SCHEDULER_SECONDS).close()
         return opened.enter_context(
-            distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+            distributed.Client(address, timeout=SCHEDULER_SECONDS, set_as_default=False)
         )
     except (OSError, ValueError, OverflowError) as error:
         raise UsageError(
@@ -111,7 +113,8 @@ def imported():
 
 @contextmanager
 def _quiet(*names):
-    """Let these loggers and those below them say nothing: an error says in one line all that they would write in many."""
+    """Let these loggers and those below them say nothing: an error says in one line all that
+    they would write in many."""
     below = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in names]
     loggers = [logging.getLogger(name) for name in {*names, *below}]
     before = [logger.level for logger in loggers]

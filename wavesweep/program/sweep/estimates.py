@@ -16,13 +16,15 @@ AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 
 
 def expected_bytes(job: Job) -> int:
-    """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
+    """Bytes of disk that the run needs at its end, before the finished chunks are removed,
+    roughly."""
     row = job.kind.row_bytes + AXIS_BYTES * len(job.grid.axes)
     return int(job.kind.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
 def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
-    """Raise UsageError if the disk of the file `kept`, in which the jobs keep their chunks, cannot hold their results.
+    """Raise UsageError if the disk of the file `kept`, in which the jobs keep their chunks, cannot
+    hold their results.
 
     Chunks of a run that was stopped are counted as part of the results.
     """
@@ -43,17 +45,21 @@ def _size(count):
 
 
 PROBES = 6  # samples of the sweep
-SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
+# a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not
+# decide
+CHUNK_OVER_SAMPLE = 10
 FEW_DRAWN = 8  # loops of a sample that share no drawing
-LONGEST = 0.1  # s; no further sample after that
-SLOW = 2.0  # s of a slice, which its first call does not change by much
+LONGEST_SAMPLE = 0.1  # s; no further sample after that
+SLOW_SLICE = 2.0  # s of a slice, which its first call does not change by much
 
 
-def expected_seconds(job: Job, longest: float = LONGEST) -> float:
-    """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the samples, s.
+def expected_seconds(job: Job, longest: float = LONGEST_SAMPLE) -> float:
+    """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the
+    samples, s.
 
-    A chunk costs so much by itself, and so much for each of its slices. Samples of several slices beside one of a single slice
-    tell both; what slices of a chunk share makes the estimate too large, by up to two times.
+    A chunk costs so much by itself, and so much for each of its slices. Samples of several slices
+    beside one of a single slice tell both; what slices of a chunk share makes the estimate too
+    large, by up to two times.
     """
     sample, times = job.kind.sample(job)
     total_slices = job.slices * times
@@ -64,7 +70,7 @@ def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     done, slices = 0, 0
     with naming_values(job):
         first = _seconds_of(single)
-        if first > SLOW:
+        if first > SLOW_SLICE:
             return first * total_slices
         one_slice = _seconds_of(single)  # the first call costs more than it will later
         started = time.process_time()
@@ -91,7 +97,7 @@ def _seconds_of(task):
 def _samples(job):
     """The job in small chunks, and some of them, from its middle and its ends."""
     chunks = job.chunks
-    enough = max(1, chunks.deep * chunks.wide // SHARE)
+    enough = max(1, chunks.deep * chunks.wide // CHUNK_OVER_SAMPLE)
     wide = min(chunks.points, enough)
     deep = max(1, enough // wide)
     if (

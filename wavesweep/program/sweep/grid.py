@@ -13,16 +13,18 @@ from wavesweep.haptics.controller_page import keys_of_page, loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FAST = "rates.fast_hz"
-MOST = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
-MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
+MOST_GRID_ROWS = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
+# combinations of axes that the loop is drawn anew for, each of which is checked before the work
+# begins
+MOST_DRAWN_ANEW = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
     """The combinations of `axes` in their order, the first slowest.
 
-    A combination is a loop, its values on the axes `loop_axes`. The loop reads no other axis, so combinations that differ only
-    in the others are the same loop, one slice of the sweep.
+    A combination is a loop, its values on the axes `loop_axes`. The loop reads no other axis, so
+    combinations that differ only in the others are the same loop, one slice of the sweep.
     """
 
     spec: Spec
@@ -83,8 +85,8 @@ def keys_of(spec: Spec) -> frozenset[str]:
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
-    read: the keys that the controller reads, if they are known already. apart: whether slices follow each other as their
-    combinations do; if not, those of one drawing follow each other.
+    read: the keys that the controller reads, if they are known already. apart: whether slices
+    follow each other as their combinations do; if not, those of one drawing follow each other.
     """
     read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -92,24 +94,27 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
             f"intervals along {along}: the controller {spec.kind} does not read it, so stability "
             "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
         )
-    _refuse_too_many("combinations", axes, MOST)
-    # Responses and radii are those of a frame, also if no part of the controller runs at the slow rate.
+    _refuse_too_many("combinations", axes, MOST_GRID_ROWS)
+    # Responses and radii are those of a frame, also if no part of the controller runs at the slow
+    # rate.
     used = [
         axis
         for axis in axes
         if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")
     ]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
-    _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
+    _refuse_too_many(
+        "combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN_ANEW
+    )
     loop = tuple(used if apart else sorted(used, key=lambda axis: axis not in drawn))
     return Grid(spec, tuple(axes), loop, {axis.path: np.asarray(axis.values) for axis in axes})
 
 
 def refuse_rows(table: str, rows: int) -> None:
     """Raise UsageError if a table would have too many rows."""
-    if rows > MOST:
+    if rows > MOST_GRID_ROWS:
         raise UsageError(
-            f"{table}: expected at most {MOST} rows, found {rows:.3g}; compute fewer values at a time"
+            f"{table}: expected at most {MOST_GRID_ROWS} rows, found {rows:.3g}; compute fewer values at a time"
         )
 
 
@@ -145,12 +150,14 @@ def _digits(axes, index):
 def groups(
     spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False
 ) -> Iterator[tuple[np.ndarray, dict]]:
-    """Yield (members, values): indices into the `size` loops, and flat values with arrays for those in which they differ.
+    """Yield (members, values): indices into the `size` loops, and flat values with arrays for those
+    in which they differ.
 
-    changes: path -> value per loop. Loops of one group differ in floats only. If such a float is zero in one of them, it
-    is zero in all, since a zero may take a branch out of the drawing. Whole numbers and keys that others derive from go
-    through the spec, once per distinct combination. resolved: a dict that remembers these from call to call. rates: whether
-    the loops of a group may have different fast rates.
+    changes: path -> value per loop. Loops of one group differ in floats only. If such a float is
+    zero in one of them, it is zero in all, since a zero may take a branch out of the drawing. Whole
+    numbers and keys that others derive from go through the spec, once per distinct combination.
+    resolved: a dict that remembers these from call to call. rates: whether the loops of a group may
+    have different fast rates.
     """
     structural = {
         path: column
@@ -178,7 +185,8 @@ def drawn_groups(
 ) -> Iterator[tuple[np.ndarray, Loops]]:
     """Yield (members, loops): `groups`, each as loops with all numbers of the spec.
 
-    along: path of a number that is varied in every loop in addition to the changes, as that of an axis of intervals.
+    along: path of a number that is varied in every loop in addition to the changes, as that of an
+    axis of intervals.
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
         drawing = loops_of(spec, values, along).drawing
@@ -191,9 +199,11 @@ def own_loop(spec: Spec, along: str = "") -> Loops:
 
 
 def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops:
-    """Loops of the spec with these flat values, in its own drawing or that of its controller; along: see `drawn_groups`.
+    """Loops of the spec with these flat values, in its own drawing or that of its controller;
+    along: see `drawn_groups`.
 
-    Along a number a drawing has the longest tick that the loops have in common, unless frames are composed of its own ticks.
+    Along a number a drawing has the longest tick that the loops have in common, unless frames are
+    composed of its own ticks.
     """
     if spec.drawing and along and not spec.members:
         return Loops(spec.drawing, values).in_common_tick()
@@ -201,11 +211,12 @@ def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops
 
 
 def frames_per_clock(spec: Spec, loops: Loops) -> float:
-    """How many frames of the loops take the time of the spec's clock: T_s of a controller, a tick of a drawn loop.
+    """How many frames of the loops take the time of the spec's clock: T_s of a controller, a tick
+    of a drawn loop.
 
-    A frame is several clocks where rates do not divide, or blocks of a drawn loop run every few ticks, and a part of one of a
-    controller of which nothing runs at the slow rate. What is required per clock means the same whatever else runs.
-    loops: with all numbers of the spec.
+    A frame is several clocks where rates do not divide, or blocks of a drawn loop run every few
+    ticks, and a part of one of a controller of which nothing runs at the slow rate. What is
+    required per clock means the same whatever else runs. loops: with all numbers of the spec.
     """
     if spec.drawing:
         return 1 / Loops(spec.drawing, loops.values).drawn().ticks
@@ -215,7 +226,8 @@ def frames_per_clock(spec: Spec, loops: Loops) -> float:
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
     """Whether the key may have an array of floats in place of its value.
 
-    changes: all paths that have one, if the fast rate may have one too, from which nothing follows then.
+    changes: all paths that have one, if the fast rate may have one too, from which nothing follows
+    then.
     """
     building = spec.names.find(path).structural if changes is None else spec.builds(path, changes)
     return not building and isinstance(spec.values.get(path), float)

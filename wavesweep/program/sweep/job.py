@@ -1,4 +1,5 @@
-"""A job: what a table needs of every loop of a grid, settled before any computing and cut into chunks for workers."""
+"""A job: what a table needs of every loop of a grid, settled before any computing and cut into
+chunks for workers."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -14,8 +15,12 @@ from wavesweep.engine.loop import Loops
 from wavesweep.program.sweep.grid import Grid, groups, is_plain, own_loop
 from wavesweep.program.sweep.pools import Task
 
-SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
-CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
+# that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs
+# more
+SECONDS_OF_CHUNK = 0.3
+# loops whose numbers are checked before anything is computed; those of more are checked chunk by
+# chunk
+CHECKED = 100_000
 FEWEST, MOST = 16, 4096  # slices of a chunk; with more, none takes less time
 MOST_DRAWN, MOST_SLOW = (
     256,
@@ -25,7 +30,8 @@ MOST_DRAWN, MOST_SLOW = (
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """The loops `loops` at the points `points` (index ranges); its slices are consecutive, from `first` on."""
+    """The loops `loops` at the points `points` (index ranges); its slices are consecutive, from
+    `first` on."""
 
     number: int
     loops: range
@@ -40,10 +46,11 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class Chunks:
-    """All chunks of `loops x points` slices, slice = loop * points + point; each of `deep` loops and `wide` points at most.
+    """All chunks of `loops x points` slices, slice = loop * points + point; each of `deep` loops
+    and `wide` points at most.
 
-    A chunk is several loops with all their points, or a part of the points of one loop, so its slices are consecutive. The
-    results do not depend on the borders of the chunks.
+    A chunk is several loops with all their points, or a part of the points of one loop, so its
+    slices are consecutive. The results do not depend on the borders of the chunks.
     """
 
     loops: int
@@ -65,7 +72,8 @@ class Chunks:
         return Chunk(number, loops, points, loops.start * self.points + points.start)
 
     def spread(self, numbers: range) -> Iterator[int]:
-        """Yield numbers of chunks, the first ones far apart: slices that take longer lie together, and these tell of all.
+        """Yield numbers of chunks, the first ones far apart: slices that take longer lie together,
+        and these tell of all.
 
         The order is that of van der Corput: 0, a half, a quarter, three quarters, ...
         """
@@ -91,11 +99,12 @@ def fields_of(job: "Job", combination: np.ndarray, records: np.ndarray) -> Mappi
 class JobKind:
     """A kind of analysis, as functions of its jobs.
 
-    task: gives what computes the records of a chunk. columns: those of the table, for records of these combinations. noun: of
-    the slices, in messages. certifies: whether slices can be certified. has_rows: whether the slices are rows of a table.
-    rows: of the table for each combination, about. row_bytes: of such a row in its files, without its axes. ready: s that
-    workers take longer than usual until they are ready. sample: gives the job whose samples are timed in place of a job, and
-    how many times as long that one takes for each slice.
+    task: gives what computes the records of a chunk. columns: those of the table, for records of
+    these combinations. noun: of the slices, in messages. certifies: whether slices can be
+    certified. has_rows: whether the slices are rows of a table. rows: of the table for each
+    combination, about. row_bytes: of such a row in its files, without its axes. ready: s that
+    workers take longer than usual until they are ready. sample: gives the job whose samples are
+    timed in place of a job, and how many times as long that one takes for each slice.
     """
 
     task: Callable[["Job", Chunk], Task]
@@ -113,10 +122,10 @@ class JobKind:
 class Job:
     """Records for every slice of a grid, cut into chunks, and the columns that they make.
 
-    resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
-    dtype: of the records, whose field `slice` counts from 0 in the chunk. identity: what the records depend on besides the
-    spec, the versions and the chunks, JSON-able. asked: what the kind needs besides. total: number of slices if it is not that
-    of the chunks.
+    resolved: the spec's values for each combination of those axes that are whole numbers or that
+    other keys derive from. dtype: of the records, whose field `slice` counts from 0 in the chunk.
+    identity: what the records depend on besides the spec, the versions and the chunks, JSON-able.
+    asked: what the kind needs besides. total: number of slices if it is not that of the chunks.
     """
 
     kind: JobKind
@@ -157,8 +166,9 @@ class Job:
 
 
 def cut_up(loops: int, points: int, cost: float, most: int = MOST) -> Chunks:
-    """The slices in chunks of about `SECONDS`; cost: expected s per slice, of which `most` keeps an error small."""
-    slices = int(np.clip(SECONDS / cost, FEWEST, most))
+    """The slices in chunks of about `SECONDS_OF_CHUNK`; cost: expected s per slice, of which
+    `most` keeps an error small."""
+    slices = int(np.clip(SECONDS_OF_CHUNK / cost, FEWEST, most))
     if points > slices:
         return Chunks(loops, points, 1, slices)
     return Chunks(loops, points, slices // points, points)
@@ -171,7 +181,8 @@ def cut_otherwise(job: Job, **sizes: int) -> Job:
 
 @contextmanager
 def naming_values(job: Job) -> Iterator[None]:
-    """Put the values of the axes in front of an error of a loop without a solution, if it comes out of a chunk of the job.
+    """Put the values of the axes in front of an error of a loop without a solution, if it comes out
+    of a chunk of the job.
 
     An error for want of memory is told how large the loops are that take it.
     """
@@ -220,7 +231,8 @@ def _unsolvable(job, chunk):
 
 
 def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dict:
-    """The spec's values for each combination of the axes that go through the spec; rates: see `groups`.
+    """The spec's values for each combination of the axes that go through the spec; rates: see
+    `groups`.
 
     Errors: UsageError if a combination makes no loop, or if numbers of `some_loops` make none.
     """
@@ -246,7 +258,8 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
 
 
 def _refuse_unsuitable_loops(grid, resolved):
-    """Raise UsageError if the numbers of one of `some_loops` make no loop, with the place of the axis if there is only one."""
+    """Raise UsageError if the numbers of one of `some_loops` make no loop, with the place of the
+    axis if there is only one."""
 
     index = some_loops(grid)
     place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""
@@ -258,7 +271,8 @@ def _refuse_unsuitable_loops(grid, resolved):
 
 
 def some_loops(grid: Grid) -> np.ndarray:
-    """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the last."""
+    """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the
+    last."""
     if grid.loops <= CHECKED:
         return np.arange(grid.loops)
     return np.unique(np.linspace(0, grid.loops - 1, CHECKED).astype(int))

@@ -1,4 +1,5 @@
-"""What a worker computes, and the workers of this machine, processes of joblib's loky. It loads numpy alone."""
+"""What a worker computes, and the workers of this machine, processes of joblib's loky. It loads
+numpy alone."""
 
 import os
 import signal
@@ -24,7 +25,8 @@ from wavesweep.program.platform_compat import (
     why_no_processes,
 )
 
-SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
+# no module of the current folder, which Python would otherwise prefer to the standard library
+SAFE_PATH = "PYTHONSAFEPATH"
 IDLE = 60  # s after which the processes end if nothing follows
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
 WATCH = 0.5  # s between two looks at the parent, and at the workers
@@ -50,15 +52,17 @@ def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
 
 
 def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
-    """Call a function in a worker; its result, and the versions of the worker, on which the last digits depend."""
+    """Call a function in a worker; its result, and the versions of the worker, on which the last
+    digits depend."""
     return function(*arguments), versions()
 
 
 def settle_in(parent: int) -> None:
-    """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
+    """Make this process a worker of the process `parent`: signals and warnings are left to it, and
+    both end together.
 
-    Memory that is freed is kept. The watch begins before the first task: if the parent was killed while this process was
-    starting, a pool's worker would wait for minutes for its next task.
+    Memory that is freed is kept. The watch begins before the first task: if the parent was killed
+    while this process was starting, a pool's worker would wait for minutes for its next task.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     warnings.simplefilter("ignore")
@@ -75,10 +79,11 @@ def settle_in(parent: int) -> None:
 
 
 def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
-    """Yield what `attested` gives for each call, (function, *arguments), as it is finished, in no particular order.
+    """Yield what `attested` gives for each call, (function, *arguments), as it is finished, in no
+    particular order.
 
-    count: of the workers. Closing the iterator ends the processes. Errors: those of the calls; WavesweepError if a process
-    dies, or none can be started.
+    count: of the workers. Closing the iterator ends the processes. Errors: those of the calls;
+    WavesweepError if a process dies, or none can be started.
     """
     if why := why_no_processes():
         raise WavesweepError(f"{why}; --jobs 1 needs none")
@@ -93,7 +98,8 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
     }
     try:
         with parallel_config("loky", **options), _started_here():
-            # Arrays are never mapped: with this folder named, joblib makes none of its own, which a kill would leave.
+            # Arrays are never mapped: with this folder named, joblib makes none of its own, which a
+            # kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
             run = Parallel(
                 count,
@@ -125,7 +131,8 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
 
 @contextmanager
 def _no_word_of_loky() -> Iterator[None]:
-    """Show no traceback of the thread that hands out loky's tasks, which may look for one it has dropped as it ends."""
+    """Show no traceback of the thread that hands out loky's tasks, which may look for one it has
+    dropped as it ends."""
     before = threading.excepthook
     threading.excepthook = lambda failed: (
         None if failed.thread.name == "ExecutorManagerThread" else before(failed)
@@ -138,7 +145,8 @@ def _no_word_of_loky() -> Iterator[None]:
 
 @contextmanager
 def _cut_short_results_end() -> Iterator[None]:
-    """End the wait for the rest of a result whose worker was killed while it sent it, which loky itself does not see."""
+    """End the wait for the rest of a result whose worker was killed while it sent it, which loky
+    itself does not see."""
     from multiprocessing.connection import wait
 
     from joblib.externals.loky import reusable_executor
@@ -148,7 +156,8 @@ def _cut_short_results_end() -> Iterator[None]:
     def watch():
         looks = 0
         while not over.wait(WATCH):
-            # Loky has no other way to its workers, and none to end its reader's wait for the rest of a result.
+            # Loky has no other way to its workers, and none to end its reader's wait for the rest
+            # of a result.
             pool = reusable_executor._executor  # noqa: SLF001
             workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
             looks = looks + 1 if wait([worker.sentinel for worker in workers], 0) else 0
@@ -168,11 +177,13 @@ def _cut_short_results_end() -> Iterator[None]:
 
 @contextmanager
 def _started_here() -> Iterator[None]:
-    """Let processes that are started meanwhile leave the signals STOPPING to this one, and run nothing of the current folder.
+    """Let processes that are started meanwhile leave the signals STOPPING to this one, and run
+    nothing of the current folder.
 
-    A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal that
-    arrives meanwhile is delivered afterwards. Stdout and stderr of these processes are the null device: a program that reads
-    from this process waits for no other, and no worker complains if this process is killed.
+    A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write
+    a traceback. A signal that arrives meanwhile is delivered afterwards. Stdout and stderr of these
+    processes are the null device: a program that reads from this process waits for no other, and no
+    worker complains if this process is killed.
     """
     before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
     null, saved = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}

@@ -1,4 +1,5 @@
-"""A run: jobs computed chunk by chunk on workers, kept in checkpoints, and from there the rows of a table."""
+"""A run: jobs computed chunk by chunk on workers, kept in checkpoints, and from there the rows
+of a table."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -23,12 +24,11 @@ from wavesweep.program.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.program.sweep.job import Job, naming_values
 from wavesweep.program.sweep.workers import WORTH, Workers, choose, results
 
-LEAST = 1e-6  # s of a slice: none takes less
+LEAST_SECONDS = 1e-6  # s of a slice: none takes less
 LAYOUT = 5  # of the records
 IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
-BLOCK = (
-    1 << 17
-)  # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
+# combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
+ROWS_OF_BLOCK = 1 << 17
 Progress = Callable[[int, int, int | None], None]
 
 
@@ -48,11 +48,12 @@ class WorkOptions(TypedDict, total=False):
 class Work:
     """How a run is done.
 
-    jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
-    scheduler: address of a dask scheduler. progress: is called with the number of slices done, of all slices,
-    and of certified ones, None if no slice can be. checkpoint: file for finished chunks, from which a run of the same spec
-    goes on; by default they stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs keep
-    their chunks in one. Errors: UsageError.
+    jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is
+    then used in any case. scheduler: address of a dask scheduler. progress: is called with the
+    number of slices done, of all slices, and of certified ones, None if no slice can be.
+    checkpoint: file for finished chunks, from which a run of the same spec goes on; by default they
+    stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs
+    keep their chunks in one. Errors: UsageError.
     """
 
     jobs: int | None = None
@@ -91,7 +92,8 @@ class Work:
 
 @dataclass(slots=True)
 class RunCounts:
-    """Counts of slices, of those taken from a checkpoint, of certified ones and of records, and the seconds of the workers."""
+    """Counts of slices, of those taken from a checkpoint, of certified ones and of records, and
+    the seconds of the workers."""
 
     done: int = 0
     kept: int = 0
@@ -103,9 +105,8 @@ class RunCounts:
         self, job: Job, records: np.ndarray, seconds: float = 0.0, *, kept: bool = False
     ) -> None:
         """Count a chunk; kept: whether it was in the checkpoint."""
-        first = (
-            np.diff(records["slice"], prepend=-1) != 0
-        )  # of each slice, by which they are sorted
+        # of each slice, by which they are sorted
+        first = np.diff(records["slice"], prepend=-1) != 0
         self.done += int(first.sum())
         self.kept += int(first.sum()) * kept
         self.certified += int((records["certified"] & first).sum()) if job.kind.certifies else 0
@@ -115,7 +116,8 @@ class RunCounts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """Jobs whose chunks are all finished, with their checkpoints and counts; the keys are the names of the jobs."""
+    """Jobs whose chunks are all finished, with their checkpoints and counts; the keys are the
+    names of the jobs."""
 
     jobs: Mapping[str, Job]
     stores: Mapping[str, object]
@@ -131,7 +133,8 @@ class Run:
 
     @property
     def rows(self) -> int:
-        """Number of rows of all jobs; those of a slice are repeated for each combination of axes that it does not depend on."""
+        """Number of rows of all jobs; those of a slice are repeated for each combination of axes
+        that it does not depend on."""
         return sum(
             self.tallies[name].records * job.size // job.slices
             for name, job in self.jobs.items()
@@ -140,7 +143,8 @@ class Run:
 
     @property
     def timings(self) -> dict[str, float]:
-        """Seconds of the run and in the workers, the number of workers of the last job, and slices of earlier runs."""
+        """Seconds of the run and in the workers, the number of workers of the last job, and
+        slices of earlier runs."""
         return {
             "compute_s": self.seconds,
             "processor_s": sum(tally.seconds for tally in self.tallies.values()),
@@ -153,7 +157,8 @@ class Run:
         return blocks(self.jobs[name], self.stores[name])
 
     def forget(self) -> None:
-        """Remove the checkpoint, or of one that holds another run as well the chunks of this one."""
+        """Remove the checkpoint, or of one that holds another run as well the chunks of this
+        one."""
         for store in self.stores.values():
             try:
                 store.remove()
@@ -166,7 +171,8 @@ class Run:
 def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
     """Compute jobs one after the other; their names are those in the checkpoint.
 
-    Raises UsageError (disk, workers), CheckpointError (of another run), WavesweepError (a worker process died).
+    Raises UsageError (disk, workers), CheckpointError (of another run), WavesweepError (a worker
+    process died).
     """
     started = time.perf_counter()
     refuse_full_disk(work.checkpoint, jobs.values())
@@ -210,10 +216,11 @@ def in_memory(job: Job) -> Columns:
 def checkpoint_of(
     job: Job, place: Path | None, force: bool, warnings: list[str], name: str = ""
 ) -> MemoryCheckpoint | FileCheckpoint:
-    """The checkpoint of a job: in the file `place`; without one, or for a single chunk, in memory or a file without a name.
+    """The checkpoint of a job: in the file `place`; without one, or for a single chunk, in memory
+    or a file without a name.
 
-    force, warnings, name and errors: see `FileCheckpoint`. Chunks of runs that differ in any part of their identity are never
-    mixed.
+    force, warnings, name and errors: see `FileCheckpoint`. Chunks of runs that differ in any part
+    of their identity are never mixed.
     """
     chunks = job.chunks
     small = place is None and job.kind.rows * job.slices * job.dtype.itemsize <= IN_MEMORY
@@ -225,13 +232,15 @@ def checkpoint_of(
 
 
 def _expected(job):
-    """Seconds of work; not more than there are, and not measured, if already these are worth workers."""
-    least = LEAST * job.slices - job.kind.ready
+    """Seconds of work; not more than there are, and not measured, if already these are worth
+    workers."""
+    least = LEAST_SECONDS * job.slices - job.kind.ready
     return least if least > WORTH else expected_seconds(job) - job.kind.ready
 
 
 def _continued(progress, total, others):
-    """The reports of one job as reports of all of them; others: the tallies of the others, finished or what is kept of them."""
+    """The reports of one job as reports of all of them; others: the tallies of the others,
+    finished or what is kept of them."""
     done, certified = sum(tally.done for tally in others), sum(tally.certified for tally in others)
     return lambda now, _, proved: progress(
         done + now, total, None if proved is None else certified + proved
@@ -248,7 +257,8 @@ def compute(
 ) -> None:
     """Compute every chunk that the checkpoint `store` does not have yet, and save it there.
 
-    tally: of what is kept, see `kept_of`, which these are added to. numbers: of the chunks, by default all.
+    tally: of what is kept, see `kept_of`, which these are added to. numbers: of the chunks, by
+    default all.
     """
     numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or RunCounts()
     finished = set(store.finished())
@@ -274,9 +284,11 @@ def compute(
 def kept_of(
     job: Job, store, numbers: range | None = None, tally: RunCounts | None = None
 ) -> RunCounts:
-    """The tally of what the checkpoint `store` has of a job, without the chunks of it that are damaged.
+    """The tally of what the checkpoint `store` has of a job, without the chunks of it that are
+    damaged.
 
-    numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
+    numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are
+    added to.
     """
     numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or RunCounts()
     for number in (chunk for chunk in store.finished() if chunk in numbers):
@@ -289,7 +301,8 @@ def kept_of(
 
 @contextmanager
 def resumable(job: Job, store, tally: RunCounts) -> Iterator[None]:
-    """Say in an error which part of the job the checkpoint keeps, once; remove a checkpoint of a request that is refused.
+    """Say in an error which part of the job the checkpoint keeps, once; remove a checkpoint of a
+    request that is refused.
 
     A request that is refused has finished nothing.
     """
@@ -318,7 +331,8 @@ def records_of(job: Job, store, number: int) -> np.ndarray:
 
 
 def blocks(job: Job, store) -> Iterator[Columns]:
-    """Yield the table's columns for consecutive combinations; store: a checkpoint in which all chunks are finished."""
+    """Yield the table's columns for consecutive combinations; store: a checkpoint in which all
+    chunks are finished."""
     for combination in stretches(job.size):
         index, records = gather(job, store, job.slice_of(combination))
         yield job.columns(combination[index], records)
@@ -326,14 +340,18 @@ def blocks(job: Job, store) -> Iterator[Columns]:
 
 def stretches(size: int) -> Iterator[np.ndarray]:
     """Yield the numbers of the combinations of each block."""
-    return (np.arange(start, min(start + BLOCK, size)) for start in range(0, size, BLOCK))
+    return (
+        np.arange(start, min(start + ROWS_OF_BLOCK, size))
+        for start in range(0, size, ROWS_OF_BLOCK)
+    )
 
 
 def gather(job: Job, store, slices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For the records of the slices, in their order, the index of the slice in `slices`; and the records.
+    """For the records of the slices, in their order, the index of the slice in `slices`; and the
+    records.
 
-    If neighbouring rows are in different chunks, each chunk is read again for every block that has rows of it: from the page
-    cache, at a cost far below that of computing it.
+    If neighbouring rows are in different chunks, each chunk is read again for every block that has
+    rows of it: from the page cache, at a cost far below that of computing it.
     """
     if len(job.chunks) == 1 and np.array_equal(slices, np.arange(job.slices)):
         records = records_of(job, store, 0)

@@ -1,7 +1,7 @@
 """The workers that a sweep runs on: none, processes of this machine, or those of a dask cluster.
 
-A worker that dies is an error within seconds. Processes that are started here leave Ctrl-C to this one, end when it ends, and
-run nothing of the current folder.
+A worker that dies is an error within seconds. Processes that are started here leave Ctrl-C to this
+one, end when it ends, and run nothing of the current folder.
 """
 
 import logging
@@ -19,18 +19,21 @@ from wavesweep.program.sweep.pools import AHEAD, attested, in_parallel, timed
 LOCAL = "loky"  # the backend whose workers share the processors of this machine
 BACKENDS = ("dask", LOCAL)
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
-LOOK = 2.0  # s between two looks at a pool
+LOOK_AT_POOL = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
 PROCESSES = 2  # by default
 LOGGER = logging.getLogger(
     "wavesweep"
 )  # Python writes its warnings to stderr, unless somebody listens
-WORTH = 1.2  # s of work; two processes take 0.45 s each until their first chunk is done, and below this save nothing
+# s of work; two processes take 0.45 s each until their first chunk is done, and below this save
+# nothing
+WORTH = 1.2
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """`count` workers of a backend, or this process (count 1, backend None), and why these were chosen."""
+    """`count` workers of a backend, or this process (count 1, backend None), and why these were
+    chosen."""
 
     count: int
     backend: str | None
@@ -39,7 +42,8 @@ class Workers:
 
 
 def refuse_backend(backend: str | None) -> None:
-    """Raise UsageError for a backend that is unknown, whose package is missing, or that cannot keep its promises."""
+    """Raise UsageError for a backend that is unknown, whose package is missing, or that cannot
+    keep its promises."""
     if backend == "multiprocessing":
         raise UsageError(
             "backend multiprocessing: its pool never notices that a worker has died; use loky"
@@ -68,8 +72,9 @@ def choose(
 ) -> Workers:
     """Decide which workers compute `chunks` chunks.
 
-    jobs: largest number of workers, PROCESSES if None; no more than there are processors are used. seconds: estimates the
-    time in this process, called only if it matters. Raises UsageError for a backend that cannot be used.
+    jobs: largest number of workers, PROCESSES if None; no more than there are processors are used.
+    seconds: estimates the time in this process, called only if it matters. Raises UsageError for a
+    backend that cannot be used.
     """
     refuse_backend(backend)
     jobs = jobs or PROCESSES
@@ -102,8 +107,9 @@ def choose(
 def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iterator[tuple]:
     """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
 
-    task_of(number): what computes the chunk's records, made when it is handed out. Raises UsageError for a backend that cannot
-    be used, WavesweepError if a worker dies, has other versions, or a cluster is lost. Closing the generator ends the workers.
+    task_of(number): what computes the chunk's records, made when it is handed out. Raises
+    UsageError for a backend that cannot be used, WavesweepError if a worker dies, has other
+    versions, or a cluster is lost. Closing the generator ends the workers.
     """
     calls = ((number, task_of(number)) for number in numbers)
     if workers.backend is None:
@@ -122,8 +128,9 @@ def _on_machine(workers, calls):
 
 
 def _on_cluster(workers, calls):
-    """The results of the workers of a dask scheduler, to which quick chunks go several at a time."""
-    from wavesweep.program.sweep.clusters import TOGETHER, dask
+    """The results of the workers of a dask scheduler, to which quick chunks go several at a
+    time."""
+    from wavesweep.program.sweep.clusters import CHUNKS_OF_TASK, dask
 
     with dask(workers) as pool:
         silence, size = Silence(), 1
@@ -134,7 +141,7 @@ def _on_cluster(workers, calls):
 
         waiting = handed_out(AHEAD * pool.count)
         while waiting:
-            done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
+            done, waiting = wait(waiting, LOOK_AT_POOL, FIRST_COMPLETED)
             if done:
                 silence.end()
             else:
@@ -143,7 +150,7 @@ def _on_cluster(workers, calls):
                 waiting |= handed_out(1)
                 results = _of_our_version(*future.result())
                 seconds = sum(taken_s for *_, taken_s in results)
-                size = max(1, min(TOGETHER, int(TASK * len(results) / max(TINY, seconds))))
+                size = max(1, min(CHUNKS_OF_TASK, int(TASK * len(results) / max(TINY, seconds))))
                 yield from results
 
 
@@ -153,7 +160,8 @@ def each_of(function: Callable, calls: list[tuple]) -> list:
 
 
 def _of_our_version(results, theirs):
-    """What a worker has computed. Raises WavesweepError if it has other versions, on which the last digits depend."""
+    """What a worker has computed. Raises WavesweepError if it has other versions, on which the
+    last digits depend."""
     if theirs != versions():
         ours, their_words = (
             f"wavesweep {version['tool_version']} and numpy {version['numpy_version']}"
@@ -164,7 +172,8 @@ def _of_our_version(results, theirs):
 
 
 class Silence:
-    """Says that nothing finishes, once after SILENT seconds, and then only if it lasts twice as long as at the last word.
+    """Says that nothing finishes, once after SILENT seconds, and then only if it lasts twice as
+    long as at the last word.
 
     clock: gives the time in seconds.
     """

@@ -239,8 +239,8 @@ def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
 def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
     """Give the kind of the table that has columns of these names; stem: the name of its file, if several kinds have them.
 
-    facts: of the run. Without the capability that made the table, the kind is that name. Raises WavesweepError for columns of
-    no known table.
+    facts: of the run. Without the capability that made the table, the kind is that name. Raises
+    WavesweepError for columns of no known table.
     """
     names = list(names)
     known_kinds = kinds()
@@ -286,9 +286,10 @@ def checked(
 ) -> dict[str, np.ndarray]:
     """Give the columns in their fields' order as contiguous float64, int64, bool and object arrays.
 
-    `first_row` is the number of rows of the table before these; it only makes the row numbers of errors right.
-    Raises WavesweepError if columns are missing, unknown, of unequal length or of the wrong kind, and if a
-    number is infinite: no table holds an infinity, several readers break on it.
+    `first_row` is the number of rows of the table before these; it only makes the row numbers of
+    errors right. Raises WavesweepError if columns are missing, unknown, of unequal length or of the
+    wrong kind, and if a number is infinite: no table holds an infinity, several readers break on
+    it.
     """
     expected = [field.name for field in fields]
     if sorted(columns) != sorted(expected):

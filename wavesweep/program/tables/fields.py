@@ -97,9 +97,10 @@ OF_WALL = "that of the wall"
 class Field:
     """One column.
 
-    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some tables of the kind have it.
-    derived: computes the column from the others, `(rows,)`, if it does not come with them. values: the meaning of each of its
-    words, if it holds words of this program. advice: what a reader of the column can do, as a sentence or two.
+    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some
+    tables of the kind have it. derived: computes the column from the others, `(rows,)`, if it does
+    not come with them. values: the meaning of each of its words, if it holds words of this program.
+    advice: what a reader of the column can do, as a sentence or two.
     """
 
     name: str
@@ -122,7 +123,8 @@ def columns_beside(
 ) -> dict[str, tuple[Field, ...]]:
     """The columns that stand in columns.csv beside a module, by their groups.
 
-    values, derived: of columns by name, see `Field`. A description may name the words of doubt that a column can have.
+    values, derived: of columns by name, see `Field`. A description may name the words of doubt that
+    a column can have.
     """
     words = {name: ", ".join(doubts) for name, doubts in DOUBTS_OF.items()}
     groups: dict[str, tuple[Field, ...]] = {}

@@ -29,7 +29,8 @@ class Shared(dict):
 def frame(columns: Columns, units: Mapping[str, str], members: str = "") -> DataFrame:
     """Columns as a DataFrame, whose `.attrs` has their `units`.
 
-    members: see `Spec`; if there are any and the rows are of the spec's own numbers, `guarantee` in `.attrs` says so.
+    members: see `Spec`; if there are any and the rows are of the spec's own numbers, `guarantee` in
+    `.attrs` says so.
     """
     import pandas
 
@@ -43,7 +44,8 @@ def frame(columns: Columns, units: Mapping[str, str], members: str = "") -> Data
 def framed(table: Table) -> DataFrame:
     """A table as a DataFrame, whose `.attrs` has the `units` of the columns, the `facts` of the run, and the `summary`.
 
-    The summary has the numbers that the command of the table prints, such as the largest stable value and its place.
+    The summary has the numbers that the command of the table prints, such as the largest stable
+    value and its place.
     """
     tally = kind_named(table.kind).tally(table)
     columns = table.watched(tally.add).columns

@@ -36,8 +36,8 @@ def lengths_in(refuter: str) -> set[int]:
 class DecidingLengths:
     """Counts the lengths of frames in the counterexamples of rows, and how far these are from what is proved.
 
-    A proof for all lengths is one for some of them, and a pattern refutes whatever has its lengths. So with these alone an end
-    lies between what is proved here and what is refuted, too.
+    A proof for all lengths is one for some of them, and a pattern refutes whatever has its lengths.
+    So with these alone an end lies between what is proved here and what is refuted, too.
     """
 
     def __init__(self, lengths: tuple[int, ...]) -> None:

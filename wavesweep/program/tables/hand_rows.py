@@ -75,8 +75,9 @@ def _guarantee_of(kind: str, options: str | None) -> Guarantee | None:
 def hands_of(words: str | Iterable[str]) -> Hands | None:
     """Hands from the words of `--for-hands`; None without any.
 
-    words: those of `hands_offered`, some with more behind a colon, such as "box:mass=0.1..0.4,damping=2..5". Raises UsageError
-    for another word, one that is there twice, or a range that is empty.
+    words: those of `hands_offered`, some with more behind a colon, such as
+    "box:mass=0.1..0.4,damping=2..5". Raises UsageError for another word, one that is there twice,
+    or a range that is empty.
     """
     words, guarantees = (words,) if isinstance(words, str) else words, {}
     for word in words if isinstance(words, Iterable) else (words,):

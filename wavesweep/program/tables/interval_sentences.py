@@ -12,7 +12,7 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import lengths_in_words
-from wavesweep.program.tables.interval_summary import NEXT
+from wavesweep.program.tables.interval_summary import NEXT_TO_ZERO
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.number_words import (
     rounded_down,
@@ -184,7 +184,8 @@ class Sentences:
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
 
-        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless the stiffness felt falls.
+        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless the
+        stiffness felt falls.
         """
         felt = self._numbers["stiffest_felt"]
         if felt is None:
@@ -243,7 +244,7 @@ class Sentences:
         start = self._numbers["range"][0]
         at_start = start is not None and low <= start
         if self._kind.proved:
-            at_start |= low <= NEXT * self._numbers["largest"]["value"]
+            at_start |= low <= NEXT_TO_ZERO * self._numbers["largest"]["value"]
         said = []
         if not at_start:
             begins = "met" if self._numbers["required"] else self._kind.good

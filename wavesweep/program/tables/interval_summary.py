@@ -18,13 +18,14 @@ from wavesweep.program.tables.refuters import Refuters
 Axes = Mapping[str, Sequence[float]]
 
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
-NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
+NEXT_TO_ZERO = 2e-3  # of the largest value, up to where what is proved begins next to 0
 
 
 class Extreme:
     """The largest value seen so far, the row that has it, and the number of rows that have it.
 
-    rounding: share of a value by which one has to be larger than another one, to be so by more than rounding.
+    rounding: share of a value by which one has to be larger than another one, to be so by more than
+    rounding.
     """
 
     def __init__(self, rounding: float = 0.0) -> None:
@@ -60,8 +61,9 @@ def _plain(value: Any) -> Any:
 class LoopSummary:
     """Counts the rows of a table of intervals for one loop.
 
-    hand: the word of its rows in the column `hand` or `guarantee`, empty if there is none. axes: name -> values of the other
-    axes. facts: those of the run, from which the end of the swept range and the units of a drawn loop's numbers follow.
+    hand: the word of its rows in the column `hand` or `guarantee`, empty if there is none. axes:
+    name -> values of the other axes. facts: those of the run, from which the end of the swept range
+    and the units of a drawn loop's numbers follow.
     """
 
     def __init__(
@@ -81,7 +83,8 @@ class LoopSummary:
         self._ruled_out = (
             ""  # what rules out every value of a slice that is known to have no interval
         )
-        self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
+        # whether less is felt at the high end of an interval: between its ends it may be more
+        self._falls = False
         self._largest = Extreme()
         self._without_gap = Extreme()
         self._felt = Extreme(FELT_ALIKE)
@@ -256,7 +259,7 @@ class LoopSummary:
         value = -self._least.value
         if not least or value <= self._range[0]:
             return None
-        if self.kind.proved and value <= NEXT * self._largest.value:
+        if self.kind.proved and value <= NEXT_TO_ZERO * self._largest.value:
             return None  # what is proved begins there, next to 0
         row = self._least.row
         largest = self._largest_numbers()
@@ -299,7 +302,8 @@ def _refuters(row: Mapping[str, Any]) -> Refuters:
 class IntervalSummary:
     """Counts the rows of a table of intervals, for each hand, each guarantee or each spec by itself if it has such a column.
 
-    axes, facts: as for `LoopSummary`; each spec of a comparison has a range, axes and units of its own.
+    axes, facts: as for `LoopSummary`; each spec of a comparison has a range, axes and units of its
+    own.
     """
 
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:

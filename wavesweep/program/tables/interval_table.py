@@ -28,11 +28,12 @@ def intervals(
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
-    hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
-    spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
-    loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
-    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
-    Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
+    hands: adds the column `hand` and rows for other hands. Its words are "free" for the device
+    alone, "operator" for the spec's operator if it has one, "passive" and "box" (see `Hands`), and
+    "port" for the intervals in which the spec's own loop is stable and passive at the hand's port.
+    If only the port is added, the other rows are those of the spec's loop. work: jobs, backend,
+    scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, CheckpointError (torn,
+    or of another run), WavesweepError (a worker process died).
     """
     from wavesweep.program.sweep.running import Work, run
 
@@ -59,7 +60,8 @@ def intervals(
 class Stage:
     """One kind of rows.
 
-    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: in a line.
+    hand: the word in the column `hand`, empty if the table has no such column. job: computes the
+    rows. method: in a line.
     """
 
     hand: str
@@ -98,7 +100,8 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
 def of_calls(own: Job) -> Columns:
     """The rows of a job of the library, computed in this process, and those of what is guaranteed beside.
 
-    They have no derived columns. Errors: UsageError for numbers, or a requirement, beside which that cannot be had.
+    They have no derived columns. Errors: UsageError for numbers, or a requirement, beside which
+    that cannot be had.
     """
     from wavesweep.program.sweep.running import in_memory
 
@@ -113,7 +116,8 @@ def rows_again(
 ) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
-    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all
+    kinds of rows.
     """
     from wavesweep.program.sweep.job import cut_otherwise
 

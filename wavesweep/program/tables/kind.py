@@ -45,9 +45,9 @@ class ProvedAgain(NamedTuple):
 class Recompute:
     """Digest of the spec of a table, and how to compute rows again: all in blocks, or those of some combinations.
 
-    rows: their expected number, 0 if it is known only once they are computed. provable: how many of the combinations, the
-    first ones, may be proved again. prove: from pairs of the number of a combination and its rows, what ball arithmetic says
-    of each.
+    rows: their expected number, 0 if it is known only once they are computed. provable: how many of
+    the combinations, the first ones, may be proved again. prove: from pairs of the number of a
+    combination and its rows, what ball arithmetic says of each.
     """
 
     sha256: str
@@ -63,11 +63,13 @@ class Recompute:
 class Kind:
     """One kind of table.
 
-    name: of the table and its files. tally: of a `Table`, makes its summary as numbers. lines: the same numbers in words, each
-    line with a flag that is true for a warning. figure: the function that draws it, as "package.module.function". again: a
-    function of the facts of a table, and of one that gives the name of its spec, that says how to compute its rows again; None
-    if that is impossible. study: the table of the spec that has its axes. before: number of its own columns that stand before
-    those of the axes. vouched: the columns without which no row is certified; a row of intervals may have none.
+    name: of the table and its files. tally: of a `Table`, makes its summary as numbers. lines: the
+    same numbers in words, each line with a flag that is true for a warning. figure: the function
+    that draws it, as "package.module.function". again: a function of the facts of a table, and of
+    one that gives the name of its spec, that says how to compute its rows again; None if that is
+    impossible. study: the table of the spec that has its axes. before: number of its own columns
+    that stand before those of the axes. vouched: the columns without which no row is certified; a
+    row of intervals may have none.
     """
 
     name: str

@@ -1,7 +1,8 @@
 """Numbers in sentences: bounds, which are rounded to the side on which what is said of them is so.
 
-What holds up to a value is printed rounded down, and what holds from one on rounded up; what is refuted from a value on is
-printed rounded up, since nothing is known of what is below it. A value that its digits give exactly is printed as it is.
+What holds up to a value is printed rounded down, and what holds from one on rounded up; what is
+refuted from a value on is printed rounded up, since nothing is known of what is below it. A value
+that its digits give exactly is printed as it is.
 """
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
@@ -10,7 +11,7 @@ DIGITS, MOST_DIGITS = (
     6,
     17,
 )  # significant ones of a number in a sentence, and those that tell any two doubles apart
-SAME = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
+SAME_AS_PRINTED = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
 
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:
@@ -43,6 +44,6 @@ def rounded_down(value: float, digits: int = DIGITS) -> str:
 
 def _rounded(value: float, digits: int, rounding: str) -> str:
     nearest = f"{value:.{digits}g}"
-    if abs(float(nearest) - value) <= SAME * abs(value):
+    if abs(float(nearest) - value) <= SAME_AS_PRINTED * abs(value):
         return nearest
     return f"{float(Context(prec=digits, rounding=rounding).create_decimal(value)):.{digits}g}"

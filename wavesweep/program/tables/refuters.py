@@ -5,7 +5,7 @@ from itertools import groupby
 from textwrap import shorten
 from typing import NamedTuple
 
-LONGEST = 60  # letters of a pattern in a sentence; the table has all of it
+LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
 
@@ -33,7 +33,7 @@ class Refuters(NamedTuple):
 
 
 def in_a_sentence(refuter: str) -> str:
-    """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST."""
+    """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST_REFUTER_TEXT."""
     before, of_frames, frames = refuter.partition("frames ")
     if of_frames:
         pattern, rest = _split(frames)
@@ -61,10 +61,10 @@ def _split(text: str) -> tuple[list[str], str]:
 def _shown(pattern: list[str]) -> str:
     """A pattern with the repetitions in it counted; the first of many, and their number."""
     said = repeated(pattern)
-    if len(said) <= LONGEST:
+    if len(said) <= LONGEST_REFUTER_TEXT:
         return said
     shown = pattern
-    while len(said) > LONGEST:
+    while len(said) > LONGEST_REFUTER_TEXT:
         shown = shown[:-1]
         said = f"{repeated(shown)}, ... ({len(pattern)} in all)"
     return said

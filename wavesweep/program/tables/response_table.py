@@ -38,11 +38,13 @@ UNITS = {
 def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
-    Of specs that ask for responses between inputs and outputs (see `Spec.routes`) the table is `bode-ports`, with these.
+    Of specs that ask for responses between inputs and outputs (see `Spec.routes`) the table is
+    `bode-ports`, with these.
 
-    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
-    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
-    half the fast rate, for specs that mix responses at the hand with others, and the errors of `run`.
+    A spec without one of the axes has its own value in that column, or NaN if its controller does
+    not read it. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises
+    UsageError for a frequency beyond half the fast rate, for specs that mix responses at the hand
+    with others, and the errors of `run`.
     """
     from wavesweep.program.analyses.response_jobs import response_job
     from wavesweep.program.sweep.running import Work, run

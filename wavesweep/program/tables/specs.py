@@ -18,9 +18,10 @@ from wavesweep.program.tables.table import Table, facts_of, with_unlike_units
 def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     """The stable intervals along K_VE of several specs, each over its own sweep.
 
-    specs: their names differ. A row per spec and stable interval: the column `spec`, the axes of all sweeps, and the columns of
-    `zwidth`. A spec without one of the axes has its own value in that column, or a missing one if its controller does not read
-    it. work: as for `intervals`; its progress is called with the counts of one spec after the other.
+    specs: their names differ. A row per spec and stable interval: the column `spec`, the axes of
+    all sweeps, and the columns of `zwidth`. A spec without one of the axes has its own value in
+    that column, or a missing one if its controller does not read it. work: as for `intervals`; its
+    progress is called with the counts of one spec after the other.
     """
     swept = []  # each spec with the axes beside K_VE
     axes: list[Axis] = []

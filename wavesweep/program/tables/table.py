@@ -17,12 +17,13 @@ from wavesweep.program.tables import HOMES, kind_named
 class Table:
     """A table that need not fit into memory, with all that its files need.
 
-    kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
-    blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
-    leading column of a table of intervals. fields: the columns' fields, if they are not those of its kind. figure: writes
-    the figure to a path, in the format of its suffix. text: the table as Markdown. extra_files: writes further files, which
-    appear together with the table, into a folder. forget: removes the checkpoint that the rows are read from, once they
-    are safe elsewhere. rows: how many there are, 0 if it is not known.
+    kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the
+    table's order) in blocks of consecutive rows, as often as it is called. facts: JSON-able, see
+    `results`. axes: name -> values of each leading column of a table of intervals. fields: the
+    columns' fields, if they are not those of its kind. figure: writes the figure to a path, in the
+    format of its suffix. text: the table as Markdown. extra_files: writes further files, which
+    appear together with the table, into a folder. forget: removes the checkpoint that the rows are
+    read from, once they are safe elsewhere. rows: how many there are, 0 if it is not known.
     """
 
     kind: str
@@ -68,8 +69,8 @@ def facts_of(
 ) -> dict:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
-    specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
-    nominal, run: see `assumes`.
+    specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of
+    the table. nominal, run: see `assumes`.
     """
     from wavesweep.program.analyses.assumptions import assumed_by, solved_within_ticks
 
@@ -98,7 +99,8 @@ def facts_of(
 def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
     """The facts of a table of several specs, with a notice for columns that do not have the same unit in all of them.
 
-    units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of such a column.
+    units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of
+    such a column.
     """
     unlike: dict[str, dict[str, list[str]]] = {}
     columns: dict[str, list[str]] = {}

@@ -1,4 +1,5 @@
-"""The controller of a spec as C, with vectors of `simulate` that prove that it is the same controller."""
+"""The controller of a spec as C, with vectors of `simulate` that prove that it is the same
+controller."""
 
 from wavesweep.simulation.export.source import exported, terms_of
 

@@ -30,10 +30,11 @@ def export(
 ) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
-    SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
-    without a mathematical library; each operation is that of simulate, so all numbers are the same to the last bit. The device
-    is the host's: example.c shows a host. vectors.csv has the experiment of the spec's [simulate] table, and make check
-    compiles the controller, runs the vectors and compares every bit.
+    SPEC is a TOML file. controller.h and controller.c have the controller with its state in one
+    struct, without allocation and without a mathematical library; each operation is that of
+    simulate, so all numbers are the same to the last bit. The device is the host's: example.c shows
+    a host. vectors.csv has the experiment of the spec's [simulate] table, and make check compiles
+    the controller, runs the vectors and compares every bit.
 
     If one of the files exists, they are replaced only with --overwrite.
 

@@ -1,8 +1,10 @@
-"""The numbers of a spec that a controller in C can have as variables: those that determine its coefficients by arithmetic.
+"""The numbers of a spec that a controller in C can have as variables: those that determine its
+coefficients by arithmetic.
 
-Each coefficient of the ticks remembers how the simulation computed it, and C repeats these operations. A number is such a gain
-only if the coefficients of a loop with another value of it are reproduced to the last bit. A cutoff, a rate or an order acts
-through other functions or decides how a tick is built, and stays a constant.
+Each coefficient of the ticks remembers how the simulation computed it, and C repeats these
+operations. A number is such a gain only if the coefficients of a loop with another value of it are
+reproduced to the last bit. A cutoff, a rate or an order acts through other functions or decides how
+a tick is built, and stays a constant.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,18 +16,20 @@ from wavesweep.simulation.export.text import factor
 from wavesweep.simulation.named import Named, again
 from wavesweep.simulation.tick_sums import Program
 
-LONGEST = 100  # letters of an expression, from which a part of it has a line of its own
+LONGEST_EXPRESSION = 100  # letters of an expression, from which a part of it has a line of its own
 
 
 class Gains(NamedTuple):
-    """paths: of the numbers that are variables. constants: of those that act on the coefficients in other ways."""
+    """paths: of the numbers that are variables. constants: of those that act on the coefficients
+    in other ways."""
 
     paths: tuple[str, ...]
     constants: tuple[str, ...]
 
 
 def gains_of(spec: Spec, made: Callable[[Mapping[str, Any]], Any], fixed: Sequence[str]) -> Gains:
-    """Return which numbers of a spec are gains. made: an `ExportedController` with these values. fixed: left out."""
+    """Return which numbers of a spec are gains. made: an `ExportedController` with these values.
+    fixed: left out."""
     paths, constants = [], []
     for path, value in spec.values.items():
         if isinstance(value, str) or path in fixed:
@@ -44,7 +48,8 @@ def named(values: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
 
 
 def _follows(spec, made, paths):
-    """Whether C would compute all coefficients right for other values of some numbers, and what is read of these."""
+    """Whether C would compute all coefficients right for other values of some numbers, and what
+    is read of these."""
     moved = {
         path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths
     }
@@ -77,7 +82,8 @@ def _coefficients(programs) -> Iterator[float]:
 
 
 class CoefficientTable:
-    """The coefficients that follow from gains, as C computes them. members: path -> what C calls the gain.
+    """The coefficients that follow from gains, as C computes them. members: path -> what C calls
+    the gain.
 
     lines: of C, in their order. count: of the coefficients.
     """
@@ -119,7 +125,7 @@ class CoefficientTable:
             return factor(value)
         if id(value) not in self._texts:
             text = self._written(value.made)
-            if len(text) > LONGEST:
+            if len(text) > LONGEST_EXPRESSION:
                 text, expression = f"part_{len(self.lines)}", text
                 self.lines.append(f"    const double {text} = {_bare(expression)};")
             self._texts[id(value)] = text

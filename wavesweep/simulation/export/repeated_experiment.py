@@ -1,4 +1,5 @@
-"""The experiment that a controller in C repeats: the loop with all that its device has, tick by tick."""
+"""The experiment that a controller in C repeats: the loop with all that its device has, tick by
+tick."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,15 +24,16 @@ from wavesweep.simulation.running_blocks import SEEN, FrameClock, MarchedLoop, l
 
 AMPLIFIER = ("device.delay", "device.dead_time")  # of the device, and so of no controller
 RATIO, DELAY = "rates.ratio", "environment.delay"
-NEXT = -1  # as a delay in C: the result is in place with the next slow step
+NEXT_SLOW_STEP = -1  # as a delay in C: the result is in place with the next slow step
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
     """Slow steps that the caller triggers.
 
-    lengths: the ticks that a frame may have, from one step to the next. frames: of the experiment. delays: what C calls the
-    delay of each of these. usual: of a frame of which nothing else is said.
+    lengths: the ticks that a frame may have, from one step to the next. frames: of the experiment.
+    delays: what C calls the delay of each of these. usual: of a frame of which nothing else is
+    said.
     """
 
     lengths: tuple[int, ...]
@@ -54,9 +56,11 @@ def _proved_for_changes(spec: Spec) -> bool:
 
 
 def steps_of(spec: Spec) -> Steps | None:
-    """Return the slow steps of a spec whose frames vary, in [for_all] or in [simulate]; None if they do not.
+    """Return the slow steps of a spec whose frames vary, in [for_all] or in [simulate]; None if
+    they do not.
 
-    Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside channels.
+    Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside
+    channels.
     """
     frames = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec))
     if not (frames or _proved_for_changes(spec)):
@@ -69,7 +73,7 @@ def steps_of(spec: Spec) -> Steps | None:
     proved = _proved_lengths(spec)
     _refuse_unproved(simulated, proved)
     lengths = tuple(sorted(proved or simulated or {int(spec.values[RATIO])}))
-    usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
+    usual = NEXT_SLOW_STEP if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
     delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (
         usual,
     ) * len(lengths)
@@ -95,16 +99,17 @@ def _refuse_unproved(simulated: set[int], proved: set[int]) -> None:
 
 
 def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:
-    """A frame of each length. usual: the delay of its results in ticks, or NEXT."""
+    """A frame of each length. usual: the delay of its results in ticks, or NEXT_SLOW_STEP."""
     nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
-    every = tuple(length if usual == NEXT else usual for length in lengths)
+    every = tuple(length if usual == NEXT_SLOW_STEP else usual for length in lengths)
     return FrameClock(lengths, every, nominal)
 
 
 def drawing_of(
     spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False
 ) -> Drawing:
-    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`; gains: see `exported`."""
+    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`;
+    gains: see `exported`."""
     changed = ({} if amplifier else dict.fromkeys(AMPLIFIER, 0)) | (SLOW_ALONE if steps else {})
     return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
 
@@ -112,7 +117,8 @@ def drawing_of(
 def loop_with(
     spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None
 ) -> MarchedLoop:
-    """Return the loop of a drawing with these numbers, and with the wall of the experiment; frames: see `loop_of`."""
+    """Return the loop of a drawing with these numbers, and with the wall of the experiment;
+    frames: see `loop_of`."""
     effects = effects_of(spec)
     loop = loop_of(
         drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames
@@ -130,7 +136,8 @@ def march_of(
 ) -> March:
     """Return the march of the whole loop that shows what its controller reads and gives.
 
-    loop: the controller's. inputs: signals. outputs: name -> port of a device, without forces from outside.
+    loop: the controller's. inputs: signals. outputs: name -> port of a device, without forces from
+    outside.
     """
     loop_with_hardware = loop_with(
         spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames
@@ -162,8 +169,8 @@ def timing_of(
 ) -> dict[str, np.ndarray]:
     """Return the columns of the vectors that say when slow steps begin, and which results are late.
 
-    late_0: the ticks by which the result of a group that is shown in the tick is late beyond the delay of its step, -1 if it is
-    lost, 0 if none is shown.
+    late_0: the ticks by which the result of a group that is shown in the tick is late beyond the
+    delay of its step, -1 if it is lost, 0 if none is shown.
     """
     columns, delays = {"tick": np.arange(count)}, march.loop.delays
     if steps:

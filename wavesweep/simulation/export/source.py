@@ -1,6 +1,7 @@
 """The controller of a loop as C: the programs of its ticks, line by line, without the device.
 
-The device consists of the blocks whose inputs are always held over a tick: masses and continuous models. It is the host's.
+The device consists of the blocks whose inputs are always held over a tick: masses and continuous
+models. It is the host's.
 """
 
 import re
@@ -19,7 +20,7 @@ from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
 from wavesweep.simulation.export.gains import CoefficientTable, Gains, gains_of, named
 from wavesweep.simulation.export.repeated_experiment import (
-    NEXT,
+    NEXT_SLOW_STEP,
     Steps,
     drawing_of,
     loop_with,
@@ -44,17 +45,18 @@ from wavesweep.simulation.running_blocks import (
 )
 from wavesweep.simulation.tick_sums import Line, Program, TickSums, arrived, besides
 
-MOST_TERMS = 50_000  # in all programs together; each is a product in the source
+MOST_PRODUCTS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 1000
 
 
 class ExportedController(NamedTuple):
     """A controller without its device.
 
-    ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
-    of slow results that are in time (bits), and for a wall that is free or touched. results: slow results that may be late, or
-    that show whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the
-    name in C of each place. beside: ports of the device that only signals from outside enter.
+    ticks: the lines and places of its programs. programs; table: the number of the program for each
+    kind of tick, for each set of slow results that are in time (bits), and for a wall that is free
+    or touched. results: slow results that may be late, or that show whether the wall is touched.
+    inputs, outputs: names of numbers. late: whether results may be late. places: the name in C of
+    each place. beside: ports of the device that only signals from outside enter.
     """
 
     loop: MarchedLoop
@@ -87,13 +89,15 @@ def _table_of(paths: Sequence[str]) -> CoefficientTable:
 def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
-    gains: whether numbers that determine coefficients by arithmetic are variables in C, see `gains_of`.
+    gains: whether numbers that determine coefficients by arithmetic are variables in C, see
+    `gains_of`.
 
-    The vectors are the experiment of the spec's [simulate] table: what the controller reads and gives in each tick, and the
-    ticks by which slow results are late.
+    The vectors are the experiment of the spec's [simulate] table: what the controller reads and
+    gives in each tick, and the ticks by which slow results are late.
 
-    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no device, nothing but a device, or
-    one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
+    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no
+    device, nothing but a device, or one that responds within the tick, or too many terms;
+    `IllPosedLoopError` if what goes round within a tick has no solution.
     """
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
@@ -153,9 +157,11 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
 
 
 def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
-    """What enters each output of a spec's controller, by its port of a plant; one that only inputs from outside enter is none.
+    """What enters each output of a spec's controller, by its port of a plant; one that only inputs
+    from outside enter is none.
 
-    A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the `coefficient` that it is.
+    A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the
+    `coefficient` that it is.
     """
     drawing, numbers = drawing_of(spec), scalars(spec.values)
     plants, hand = (
@@ -227,7 +233,8 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
 
 
 def _cut_at_plants(loop: MarchedLoop, unforced: set[str]) -> MarchedLoop:
-    """The wires that a controller computes: those of ports, without the ports of plants that it does not push."""
+    """The wires that a controller computes: those of ports, without the ports of plants that it
+    does not push."""
     ports = {
         port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in unforced
     }
@@ -287,10 +294,10 @@ def _programs(
             programs.append(ticks.program(*key))
         table.append(number.setdefault(key, len(number)))
     terms = sum(len(line[1]) for program in programs for line in _lines(program))
-    if terms > MOST_TERMS or len(number) > MOST_PROGRAMS:
+    if terms > MOST_PRODUCTS or len(number) > MOST_PROGRAMS:
         size = f"{terms} in {len(number)}"
         raise UsageError(
-            f"export: expected at most {MOST_TERMS} terms in {MOST_PROGRAMS} kinds of ticks, found {size}"
+            f"export: expected at most {MOST_PRODUCTS} terms in {MOST_PROGRAMS} kinds of ticks, found {size}"
         )
     return programs, table
 
@@ -300,7 +307,8 @@ def _lines(program: Program) -> list[Line]:
 
 
 def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
-    """A name in C for each signal, no two the same; start: of all of them, which no word or macro of C has, as EOF or unix."""
+    """A name in C for each signal, no two the same; start: of all of them, which no word or
+    macro of C has, as EOF or unix."""
     identifiers: dict[str, None] = {}
     for signal in map(_port, signals):
         base = name = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
@@ -395,10 +403,11 @@ def _values(
 
 
 def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], list[int]]:
-    """The kind of each tick of a frame, and a tick with each phase that slow blocks and results have.
+    """The kind of each tick of a frame, and a tick with each phase that slow blocks and results
+    have.
 
-    With steps that the caller triggers the kinds are in rows, one for each length of the frame before, and the last phase is
-    that of all ticks in which no slow block runs.
+    With steps that the caller triggers the kinds are in rows, one for each length of the frame
+    before, and the last phase is that of all ticks in which no slow block runs.
     """
     if steps is None:
         return own.ticks.kinds, [*range(own.loop.frame)]
@@ -428,7 +437,7 @@ def _steps(steps: Steps) -> dict[str, Any]:
         "longest": max(steps.lengths),
         "length_of": _listed([places.get(ticks, -1) for ticks in range(max(steps.lengths) + 1)]),
         "before": steps.frames.ticks[-1],
-        "usual": "WS_NEXT" if steps.usual == NEXT else steps.usual,
+        "usual": "WS_NEXT" if steps.usual == NEXT_SLOW_STEP else steps.usual,
         "pattern": _listed(steps.frames.ticks),
         "pattern_count": len(steps.frames.ticks),
     }
@@ -492,7 +501,8 @@ def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, s
 
 
 def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[int]]:
-    """For each result and tick, how many forces of the wall are newer when it is shown; -2 if it is not shown."""
+    """For each result and tick, how many forces of the wall are newer when it is shown; -2 if it
+    is not shown."""
     frame, behind = own.loop.frame, []
     for result in own.results:
         later = [
@@ -506,7 +516,8 @@ def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[in
 
 
 def _places_of_results(own: ExportedController) -> dict[str, list[list[str]]]:
-    """The places of the signals of each result, computed and arrived; empty if no result may be late."""
+    """The places of the signals of each result, computed and arrived; empty if no result may be
+    late."""
     rows = {"computed": str, "arrived": arrived} if own.late else {}
     return {
         name: [[own.places[of(signal)] for signal in result.signals] for result in own.results]
@@ -515,7 +526,8 @@ def _places_of_results(own: ExportedController) -> dict[str, list[list[str]]]:
 
 
 def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
-    """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
+    """The texts about slow results: for each of them, when it is shown, and how many forces of
+    the wall are newer by then."""
     results, behind = own.results, _newer_forces(own, ticks)
     most = max((len(result.signals) for result in results), default=1)
     texts = _places_of_results(own)
@@ -534,7 +546,8 @@ def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
 
 
 def _function(number: int, program: Program, own: ExportedController) -> str:
-    """A program as a function: a sum for each line, which begins with 0 and adds product after product, within limits."""
+    """A program as a function: a sum for each line, which begins with 0 and adds product after
+    product, within limits."""
     names = [own.places[name] for name in own.ticks.places]
 
     def summed(lines: Iterable[Line]) -> Iterator[str]:
@@ -603,7 +616,8 @@ def _host(
 ) -> dict[str, Any]:
     """The texts of the device in the example: what is sensed, what pushes it, and how it moves.
 
-    whole, entry: see `_values`. late: ticks after which what the amplifier is asked for is exerted, maybe before the last ends.
+    whole, entry: see `_values`. late: ticks after which what the amplifier is asked for is exerted,
+    maybe before the last ends.
     """
     plants, sensed, pushed, moved, after = (
         [block for block in whole.blocks if block.plant],

@@ -20,7 +20,8 @@ def comment(text: str) -> str:
 
 
 def factor(value: float) -> str:
-    """A double as a factor of a product, in parentheses if it is negative; one with a name by its name."""
+    """A double as a factor of a product, in parentheses if it is negative; one with a name by
+    its name."""
     if isinstance(value, Named):
         return value.made
     return number(value) if value >= 0 else f"({number(value)})"
@@ -33,7 +34,8 @@ def constants(numbers: Mapping[str, float]) -> dict[str, str]:
 
 
 def table_of(columns: Mapping[str, np.ndarray]) -> str:
-    """The text of a CSV file with hexadecimal numbers; columns of whole numbers have decimal ones."""
+    """The text of a CSV file with hexadecimal numbers; columns of whole numbers have decimal
+    ones."""
     texts = [
         map(str if column.dtype.kind == "i" else float.hex, column.tolist())
         for column in columns.values()
@@ -44,7 +46,8 @@ def table_of(columns: Mapping[str, np.ndarray]) -> str:
 def filled(name: str, flags: Mapping[str, bool], values: Mapping[str, object]) -> str:
     """Return the template `c/<name>` with $names replaced by `values`.
 
-    Lines between `@if flag` (or `@if !flag`) and `@end` are kept if the flag is true (or false); `@else` reverses that.
+    Lines between `@if flag` (or `@if !flag`) and `@end` are kept if the flag is true (or false);
+    `@else` reverses that.
     """
     text = files("wavesweep.simulation.export").joinpath("c", name).read_text(encoding="utf-8")
     shown, lines = [True], []

@@ -13,7 +13,7 @@ from reproduce.resolvent import solved_response
 from reproduce.verdicts import Answer, Finding, Statement, over
 from wavesweep.engine._loops.filters import butterworth
 from wavesweep.engine._monodromy.unit_circle import on_circle
-from wavesweep.passive.channel import TOLERANCE, ChannelNorm
+from wavesweep.passive.channel import NORM_TOLERANCE, ChannelNorm
 
 HIGHEST_HZ = 24.0
 LP1 = readings(ANTI_ALIASING)
@@ -57,7 +57,7 @@ def _passive(tried: Sequence[Reading], norms: Sequence[ChannelNorm], values: Seq
 def _excess(norm: ChannelNorm, values: Mapping) -> float:
     """Excess over 1 of the norm of the way out; a lower bound if it is within its own tolerance of 1."""
     measured = float(norm.outward) - 1
-    return measured if measured > TOLERANCE else _gain_of_a_constant(values)
+    return measured if measured > NORM_TOLERANCE else _gain_of_a_constant(values)
 
 
 def _gain_of_a_constant(values: Mapping) -> float:
