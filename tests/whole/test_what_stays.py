@@ -47,7 +47,7 @@ def test_masses_that_nothing_holds_keep_a_speed_and_every_answer_says_so():
     assert (row.certified, row.intervals) == (True, 0)
     said = "a mode of two velocity, one velocity stays as it is, as nothing opposes it; "
     said += "with a little that does (friction, of masses) the other modes decide"
-    assert any(said in line for line in summary(FREE))
+    assert said in " ".join(" ".join(summary(FREE)).split())  # which folds long sentences
     lines = list(own_lines(load(FREE), own_design(load(FREE))))
     assert lines[1].strip() == said
 
