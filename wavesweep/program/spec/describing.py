@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.engine.drawing import TICK_HZ, TYPES, keys_of_block
+from wavesweep.engine.drawing import TICK_HZ, TYPES
 from wavesweep.engine.keys import Key, expectation, nearest, show
 from wavesweep.program.reading.keys import (
     AXIS_KEYS,
@@ -17,6 +17,7 @@ from wavesweep.program.reading.keys import (
     HapticDevice,
     find_key,
 )
+from wavesweep.program.reading.matrix_files import keys_of
 from wavesweep.program.reading.tables import study_keys, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
 
@@ -233,5 +234,5 @@ def _type(name: str) -> Description:
             f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs
         ),
         "steps": kind.steps or ("runs in every tick" if kind.plant else "refused"),
-        "keys": {key.path: described(key) for key in keys_of_block(name).values()},
+        "keys": {key.path: described(key) for key in keys_of(name).values()},
     }

@@ -232,6 +232,10 @@ def _build(
         from wavesweep.engine.drawing import expanded, read_drawing
         from wavesweep.program.spec.drawn_spec import beside_drawing, with_corrected_names
 
+        if any(leaf_path[-1] == "file" for leaf_path in leaves):
+            from wavesweep.program.reading.matrix_files import with_matrices
+
+            leaves = with_matrices(leaves, path, mistakes)
         leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
         drawing, values, of_loop, names = read_drawing(
             leaves, place, mistakes, beside_drawing(leaves)

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, OPTIONAL, TICK_HZ, TYPES, keys_of_block
+from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, OPTIONAL, TICK_HZ, TYPES
 from wavesweep.engine.drawing import PARTS as OF_CLASS
 from wavesweep.engine.drawing import PORTS as OF_PORTS
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS
+from wavesweep.program.reading.matrix_files import keys_of
 from wavesweep.program.reading.tables import tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
 
@@ -141,7 +142,7 @@ def _studies(shapes: Shapes) -> Schema:
 
 
 def _block(kind: str) -> Schema:
-    keys = {key.path: _value(key, text=True) for key in keys_of_block(kind).values()}
+    keys = {key.path: _value(key, text=True) for key in keys_of(kind).values()}
     required = [key.path for key in TYPES[kind].keys.values() if key.required]
     of_kind = {"properties": {"type": {"const": kind}}, "required": ["type"]}
     # A key that is misspelt is not also said to be missing.
