@@ -92,6 +92,7 @@ def test_the_worst_answer_comes_first_and_is_worded_as_what_it_is():
     assert [Verdict(each).status.answer for each in ((good,), (good, unknown), (unknown, bad))] == ["yes", "not known", "no"]
 
 
+@pytest.mark.asks("for_all", "require", "contact")
 def test_a_spec_asks_for_all_of_its_tables():
     varying = {"rates.ratio": {"values": [16, 20], "varying": True}}
     base = {"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}}
@@ -139,6 +140,7 @@ K_VE = { start = 0, stop = 5000 }
 """
 
 
+@pytest.mark.asks("check", "require")
 @pytest.mark.parametrize(
     ("settings", "code", "first"),
     [
@@ -149,8 +151,6 @@ K_VE = { start = 0, stop = 5000 }
     ],
 )
 def test_check_begins_with_the_verdict_and_strict_ends_with_it(settings, code, first, wavesweep, tmp_path, monkeypatch):
-    if any("require" in each for each in settings):
-        pytest.importorskip("wavesweep.require")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text(REFUSED)
     told = [word for each in settings for word in ("--set", each)]
