@@ -16,6 +16,8 @@ from meaning.specs import KINDS, spec_text, toml
 
 from wavesweep.program.cli import main
 
+pytestmark = pytest.mark.asks("simulation")  # whose runs are compared too
+
 SPECS = 300
 EACH = 10  # specs of one test
 
