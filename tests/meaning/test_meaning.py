@@ -26,6 +26,7 @@ EXPLICIT = {"integration": "explicit", "delay": "frame"}
 NOT_READ = {  # keys of a spec that the interpreter does not read, and why
     "environment.step": "about frames that vary",
     "ports.hand.turns": "a unit",
+    "block.ss.file": "the matrices in another file",
     "ports.wall": "which numbers zwidth is about",
     "ports.environment": "a second port, for passivity alone",
     "block.saturation.high": "the linear loop is within its limits",
