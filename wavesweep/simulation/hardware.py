@@ -24,18 +24,23 @@ class Effects:
     """Effects of a simulated experiment beyond the linear model; all of them are off by default.
 
     Parameters: `wall` the position (m) above which there is a one-sided wall, None for the model's
-    wall on both sides of 0; `pulls` whether its damper may pull inside; otherwise its force is
-    ``max(0, K depth + B speed)``, outside too; `resolution` of the encoder (m), 0 for none:
-    position is the nearest step, velocity its difference if the spec says ``difference`` (an
-    ``exact`` velocity stays exact); `max_force` of the motors (N), None for no limit: the device
-    exerts ``f_m`` cut off there, which the controller does not take into account; `friction`
-    Coulomb's (N), the same at rest and in motion; `jitter` (part of a tick, at most 0.9): every
-    fast tick is longer or shorter by up to that part, uniformly; the device moves for the real
-    length, the controller uses the nominal one; `ticks` the real lengths of fast ticks (s) in turn,
-    repeated for ever, in place of jitter; None for none; `late` the largest delay of a slow result
-    in ticks, uniformly from 0 to `late`; `dropped` the probability (0 to 1) that a slow result is
-    lost: the fast loop holds the one before; `seed` of jitter, lateness and losses, also of the
-    messages of channels and of frames at random, which have independent streams of numbers.
+    wall on both sides of 0;
+    `pulls` whether its damper may pull inside; otherwise its force is ``max(0, K depth + B
+    speed)``, outside too;
+    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its
+    difference if the spec says ``difference`` (an ``exact`` velocity stays exact);
+    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which
+    the controller does not take into account;
+    `friction` Coulomb's (N), the same at rest and in motion;
+    `jitter` (part of a tick, at most 0.9): every fast tick is longer or shorter by up to that part,
+    uniformly; the device moves for the real length, the controller uses the nominal one;
+    `ticks` the real lengths of fast ticks (s) in turn, repeated for ever, in place of jitter; None
+    for none;
+    `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
+    `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one
+    before;
+    `seed` of jitter, lateness and losses, also of the messages of channels and of frames at random,
+    which have independent streams of numbers.
 
     Errors: `UsageError` for a number out of range.
     """

@@ -51,13 +51,17 @@ class Simulation:
     the controller's force, `f_device` that of the motors, `touching` whether the held slow result
     is of a contact. With waves: `u_m`, `v_m`, and the last slow update's `u_s`, `v_s`, `x_s`,
     `x_dot_s`, `F_s`, repeated until the next; with a local model behind them `u_h`, `v_l`, `v_2`.
-    `F_s` also without waves. `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`. `late`:
-    ticks by which each slow result was late, -1 for one that was lost; of the first of several slow
-    loops. `stopped`: why the simulation ended before the last tick of the force; empty if it did
-    not. `starts`: ticks in a frame at which a slow one begins, if these vary in length and the
-    frame is all of them. `shown`: the names of inputs, outputs and named signals of a drawn loop,
-    which are columns too. `lacking`: those columns that are left out of its table besides the ones
-    that it does not have; None of a controller, whose table has all.
+    `F_s` also without waves.
+    `energy`: see `Energy`.
+    `frame`: ticks in a frame, 1 for `dc`.
+    `late`: ticks by which each slow result was late, -1 for one that was lost; of the first of
+    several slow loops.
+    `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
+    `starts`: ticks in a frame at which a slow one begins, if these vary in length and the frame is
+    all of them.
+    `shown`: the names of inputs, outputs and named signals of a drawn loop, which are columns too.
+    `lacking`: those columns that are left out of its table besides the ones that it does not have;
+    None of a controller, whose table has all.
     """
 
     signals: Mapping[str, np.ndarray]
