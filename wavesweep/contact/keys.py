@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:
-    from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.contact"
@@ -49,9 +48,6 @@ def build(request: Request) -> Contact | None:
     return Contact()
 
 
-def schema(shapes: Shapes) -> dict[str, Any]:
-    """Return the JSON Schema of the key."""
-    return shapes.value(KEY)
-
-
-TABLE = SpecTable(path=PATH, build=build, keys={PATH: KEY}, always=True, schema=schema)
+TABLE = SpecTable(
+    path=PATH, build=build, keys={PATH: KEY}, always=True, schema=lambda shapes: shapes.value(KEY)
+)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wavesweep.engine.keys import Key
-from wavesweep.program.reading.tables import SpecTable, TableValue
+from wavesweep.program.reading.tables import KeyValues, SpecTable
 
 if TYPE_CHECKING:
-    from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
 KEYS = Key.by_path(
@@ -29,38 +28,27 @@ KEYS = Key.by_path(
 )
 
 
-class Measured(dict, TableValue):
-    """The files `z_width` and `response`, relative to the spec's folder; empty without the
-    table."""
+PORTS = {"measured.z_width": "wall", "measured.response": "hand"}  # where each was measured
+
+
+class Measured(KeyValues):
+    """The files `z_width` and `response`, relative to the spec's folder."""
 
     @property
     def files(self) -> tuple[str, ...]:
         """All of them."""
         return tuple(self.values())
 
-    def written(self) -> dict[str, object]:
-        """Return the table as a spec could give it."""
-        return dict(self)
-
 
 def build(request: Request) -> Measured:
     """Return the files and add the mistakes of the table."""
-    leaves = {f"measured.{name}": leaf for name, leaf in request.belongs.below("measured").items()}
-    files = request.mistakes.read(KEYS, leaves)
-    for path, port, needed in (
-        ("measured.z_width", "wall", "a wall"),
-        ("measured.response", "hand", "a hand"),
-    ):
-        if request.drawing and getattr(request.drawing, port) is None and path in leaves:
-            request.mistakes.refuse(
-                leaves[path], path, f"{needed} in [ports], where it was measured", "none"
-            )
-    return Measured({path.removeprefix("measured."): name for path, name in files.items()})
+    drawing = request.drawing
+    for path, port in PORTS.items():
+        leaf = request.belongs.keys.get(path)
+        if leaf and drawing and getattr(drawing, port) is None:
+            expected = f"a {port} in [ports], where it was measured"
+            request.mistakes.refuse(leaf, path, expected, "none")
+    return Measured(TABLE.read(request))
 
 
-def schema(shapes: Shapes) -> dict[str, Any]:
-    """Return the JSON Schema of the table."""
-    return shapes.table({path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()})
-
-
-TABLE = SpecTable(path="measured", build=build, keys=KEYS, always=True, schema=schema)
+TABLE = SpecTable(path="measured", build=build, keys=KEYS, always=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from wavesweep.engine.keys import Key, Leaf, show
 from wavesweep.program.reading.tables import SpecTable, TableValue
@@ -11,7 +11,6 @@ from wavesweep.program.reading.tables import SpecTable, TableValue
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.tick"
@@ -141,9 +140,4 @@ def _beside(request: Request) -> Iterator[tuple[str, str]]:
         yield "a whole number of ticks in a frame", f"{values['rates.ratio']:.6g}"
 
 
-def schema(shapes: Shapes) -> dict[str, Any]:
-    """Return the JSON Schema of the table."""
-    return shapes.table({name: shapes.value(key) for name, key in KEYS_BY_NAME.items()})
-
-
-TABLE = SpecTable(path=PATH, build=build, keys=KEYS, always=True, schema=schema)
+TABLE = SpecTable(path=PATH, build=build, keys=KEYS, always=True)

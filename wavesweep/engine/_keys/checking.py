@@ -44,6 +44,8 @@ class Mistakes(list[Mistake]):
     def check(self, key: Key, leaf: Leaf, path: str = "") -> Any:
         """Return the value of a leaf as the key's own type, or None and add a mistake. path:
         that of the key by default."""
+        if key.items:
+            return self._check_items(key, key.items, leaf, path or key.path)
         try:
             return check(key, leaf.value)
         except Rejected as error:
@@ -77,6 +79,20 @@ class Mistakes(list[Mistake]):
                 break
             values.append(self.check(key, replace(leaf, value=item), f"{path}[{index}]"))
         return values
+
+    def _check_items(self, key: Key, items: Key, leaf: Leaf, path: str) -> tuple[Any, ...] | None:
+        """Return the values of a list, or None and add mistakes. items: the key of each."""
+        expected = f"a list of {key.count} numbers" if key.count else "a list of numbers"
+        if key.rising:
+            expected = "[lowest, highest frequency]"
+        values = self.check_list(items, leaf, path, expected, key.count)
+        if not values or None in values:
+            return None
+        if key.rising and not values[0] < values[-1]:
+            found = f"[{', '.join(f'{value:g}' for value in values)}]"
+            self.refuse(leaf, path, "the lower frequency first", found, of_key=False)
+            return None
+        return tuple(values)
 
     def is_known(
         self,

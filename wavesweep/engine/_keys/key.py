@@ -133,8 +133,8 @@ class Key:
     """One key: `type` is "number", "integer", "string" or "boolean"; `default` None means that the
     key may be absent.
 
-    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names); in
-    other tables a "list" may hold anything.
+    Keys of blocks may also be "list" (of numbers), "rows" (lists of numbers) or "ports" (names). In
+    other tables a "list" has values of the key `items`, or holds anything without one.
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are
     `choices`, no other value is allowed; `meanings` describes some of them. Limits set by other
@@ -154,6 +154,12 @@ class Key:
     meanings: Mapping[str, str] = field(default_factory=dict, repr=False)
     # what is meant by a fraction that the key does not take, or, in quotes, by another word
     instead: str = ""
+    # of a list: the key of each of its values
+    items: Key | None = None
+    # how many these are; None for any
+    count: int | None = None
+    # whether the first of them is lower than the last
+    rising: bool = False
     # whether the structure of the loop, or other values and limits, depend on it although it is a
     # number
     shaping: bool = False
@@ -219,6 +225,22 @@ class Key:
             choices=tuple(meanings),
             required=required,
             meanings=described,
+        )
+
+    @staticmethod
+    def several(
+        items: Key, count: int | None = None, *, rising: bool = False, description: str = ""
+    ) -> Key:
+        """Return the key of a list of values of another key, with its path and unit."""
+        return Key(
+            items.path,
+            "list",
+            None,
+            items.unit,
+            description or items.description,
+            items=items,
+            count=count,
+            rising=rising,
         )
 
     @staticmethod

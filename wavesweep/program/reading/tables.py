@@ -11,7 +11,7 @@ from typing import Any
 
 from wavesweep.capabilities import TABLES, modules
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key
+from wavesweep.engine.keys import Key, show
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, HapticDevice
 
 
@@ -46,6 +46,27 @@ class TableValue:
         is about. name: of the spec."""
 
 
+class KeyValues(dict[str, Any], TableValue):
+    """The values of keys by their names in the table; empty without the table."""
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        return nested(self)
+
+
+def nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by names of keys as nested tables: those of `gain.from` and `gain.to` are in
+    the table `gain`."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        *parents, last = name.split(".")
+        table = found
+        for parent in parents:
+            table = table.setdefault(parent, {})
+        table[last] = list(value) if isinstance(value, tuple) else value
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Section:
     """A table with axes by the names of numbers. own: keys beside the axes. parts: of an axis that
@@ -65,20 +86,20 @@ class Section:
 class SpecTable:
     """A table of a spec.
 
-    path: of the table, "design" or, in a table that holds axes, "sweep.require". build: from a
-    `Request` to the value, adding all mistakes; None if the spec does not have the table. keys: by
-    path. sections: it itself or tables in it, which have axes. spans: keys that may be given as a
+    path: of the table, "design" or, in a table that holds axes, "sweep.require". keys: by path.
+    build: from a `Request` to the value, adding all mistakes; None if the spec does not have the
+    table; the values of its keys by default. sections: it itself or tables in it, which have axes. spans: keys that may be given as a
     span. named: keys that are tables with names of the user's own. signals: keys that name signals
     of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises
     the mistakes that keep it from being part of one, see `Spec.asking`. starts: whether `init`
     shows its keys. described: its tables with names of the user's own, see `describing.named`.
-    hint: a line about them. schema: from `schema.Shapes` to its JSON Schema. members: whether it
-    has numbers for all of which answers can hold.
+    hint: a line about them. schema: from `schema.Shapes` to its JSON Schema, that of its keys by
+    default. members: whether it has numbers for all of which answers can hold.
     """
 
     path: str
-    build: Callable[..., TableValue | None]
     keys: Mapping[str, Key] = field(default_factory=dict)
+    build: Callable[[Any], TableValue | None] | None = None
     sections: Mapping[str, Section] = field(default_factory=dict)
     spans: tuple[str, ...] = ()
     named: tuple[str, ...] = ()
@@ -95,6 +116,27 @@ class SpecTable:
     def name(self) -> str:
         """The last name of its path, by which `Spec.asked` has its value."""
         return self.path.rpartition(".")[2]
+
+    @property
+    def keys_in_it(self) -> dict[str, Key]:
+        """Its keys by their names in it."""
+        return {path.removeprefix(f"{self.path}."): key for path, key in self.keys.items()}
+
+    def value(self, request: Any) -> TableValue | None:
+        """Return the value that a `Request` asks for, and add all mistakes."""
+        if self.build:
+            return self.build(request)
+        return KeyValues(self.read(request))
+
+    def read(self, request: Any) -> dict[str, Any]:
+        """Return the values of its keys by their names in it, and add their mistakes."""
+        leaves = dict(request.belongs.below(self.path))
+        itself = leaves.pop("", None)
+        if itself is not None:
+            expected = f"a table with some of {', '.join(self.keys_in_it)}"
+            found = "an empty table" if itself.value == {} else show(itself.value)
+            request.mistakes.refuse(itself, self.path, expected, found, of_key=False)
+        return request.mistakes.read(self.keys_in_it, leaves, self.path)
 
 
 @cache

@@ -8,7 +8,7 @@ together is checked by `load`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -130,7 +130,10 @@ def _studies(shapes: Shapes) -> Schema:
     keys_of_studies = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
     sweep, bode = (keys_of_studies[name]["properties"] for name in ("sweep", "bode"))
     bode["frequency_hz"] = _axis(STUDY_KEYS["bode.frequency_hz"])
-    table_shapes = {table.path: table.schema(shapes) for table in tables().values()}
+    table_shapes = {}
+    for table in tables().values():
+        made = table.schema(shapes) if table.schema else shapes.keys(table.keys_in_it)
+        table_shapes[table.path] = made
     outer = {path: shape for path, shape in table_shapes.items() if "." not in path}
     for path, shape in table_shapes.items():
         parent, _, name = path.rpartition(".")
@@ -166,9 +169,13 @@ def _axis(key: Key) -> Schema:
 
 def _value(key: Key, *, text: bool = False) -> Schema:
     """The values of a key; text: whether a number may be an expression in numbers as well."""
-    value: Schema = {"description": _described(key)}
+    value: Schema = {"description": _described(key)} if key.description else {}
     if key.default is not None and not isinstance(key.default, tuple):
         value["default"] = key.default
+    if key.items:
+        item = replace(key.items, description="", default=None)
+        shape = {"type": "array", "items": _value(item), "minItems": key.count or 1}
+        return value | shape | ({"maxItems": key.count} if key.count else {})
     if key.type in OTHERS:
         return value | {"type": "array"} | OTHERS[key.type]
     if key.choices:
@@ -228,6 +235,10 @@ class Shapes:
         """A table of axes. others: keys beside them."""
         axes = {name: _reference(f"axis_of_{key.path}") for name, key in self.numbers.items()}
         return self.table({**others, **axes, **self.nested(axes)}, AXIS if self.drawn else False)
+
+    def keys(self, keys: Mapping[str, Key], **more: Any) -> Schema:
+        """A table of keys by their names in it. more: as of `table`."""
+        return self.table(self.nested({name: _value(key) for name, key in keys.items()}), **more)
 
     def define(self, name: str, shape: Schema) -> Schema:
         """Keep a definition, and return the reference to it."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from wavesweep.engine.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys import Leaf, Mistakes, Names, Place, nearest, show
+from wavesweep.engine.keys import Mistakes, Names, Place, leaves_of, nearest, show
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
 from wavesweep.program.reading.keys import (
     BAND_EDGES,
@@ -177,7 +177,7 @@ def build_studies(request: Request) -> Studies:
     for study, swept_axes in (("sweep", request.sweep), ("bode", bode)):
         request.refuse_beyond_limits(study, swept_axes)
     for table in tables().values():
-        request.asked[table.name] = table.build(request)
+        request.asked[table.name] = table.value(request)
     return Studies(
         along=along,
         sweep=request.sweep,
@@ -230,11 +230,9 @@ def value_of(path: str, keys: Mapping[str, object]) -> TableValue:
     Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
     table = table_at(path)
-    leaves = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {
-        path: Leaf({}, Place())
-    }
+    leaves = {".".join(at): leaf for at, leaf in leaves_of({path: dict(keys)}, Place())}
     request = Request(belongs=Sorted(leaves), given=Given({}, Place()), mistakes=Mistakes())
-    value = table.build(request)
+    value = table.value(request)
     if request.mistakes:
         raise SpecError(request.mistakes)
     return value
