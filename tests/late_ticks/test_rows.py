@@ -57,7 +57,7 @@ def test_check_says_for_which_ticks_the_loop_is_stable():
         ({"tick": {"late": 0.0002, "stop": 0.0012}}, "either late, or start and stop"),
         ({"tick": {"start": 0.0009}}, "either late, or start and stop"),
         ({"tick": {"late": 0.0002, "steps": "measured"}}, "divides by the measured time is not"),
-        ({"tick": 0.0002}, "a table with either late"),
+        ({"tick": 0.0002}, "a table with some of late"),
         ({"tick": {"late": -1.0}}, "for_all.tick.late"),
         ({"tick": {"lat": 0.1}}, "late"),
         ({"tick": {"late": 0.0002}, "contact": True}, "tick alone in [for_all]"),

@@ -74,7 +74,7 @@ class Design(TableValue):
                 for name in OF_DEVICE
                 if name in wish.kind.options and name not in wish.options
             }
-            device_numbers = {name: (float(value),) for name, value in lacking.items() if value}
+            device_numbers = {name: float(value) for name, value in lacking.items() if value}
             wishes.append(replace(wish, options={**device_numbers, **wish.options}))
             for name in lacking.keys() - device_numbers:
                 expected = f"{name} > 0 here, in [simulate] or of a device.preset"
@@ -131,7 +131,7 @@ class Design(TableValue):
                 )
                 continue
             if "cut" in wish.options:
-                fault = fault_of_cut(drawing, str(wish.options["cut"][0]))
+                fault = fault_of_cut(drawing, wish.options["cut"])
                 if fault:
                     yield f"wish.{wish.name}.cut", fault[0], fault[1]
             needed = {
@@ -212,6 +212,11 @@ class Design(TableValue):
             "wish": {wish.name: wish.written() for wish in self.wishes},
             **({"for_all": for_all} if for_all else {}),
         }
+
+
+def distinct(values: Iterable[float]) -> tuple[float, ...]:
+    """Return each of the numbers once."""
+    return tuple(dict.fromkeys(float(value) for value in values))
 
 
 def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, object]]:
@@ -369,59 +374,25 @@ class _Reader:
                 name, WISHES, next(iter(leaves.values())), path, "an unknown wish"
             ):
                 continue
-            bound, options = None, {}
-            for name_of_leaf, leaf in leaves.items():
-                if name_of_leaf == kind.bound:
-                    bound = self.mistakes.check(
-                        Key.number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf
-                    )
-                elif name_of_leaf in kind.options:
-                    options[name_of_leaf] = self.values(
-                        f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf]
-                    )
-                elif name_of_leaf:
-                    self.mistakes.is_known(
-                        name_of_leaf, (kind.bound, *kind.options), leaf, f"{path}.{name_of_leaf}"
-                    )
-                elif leaf.value != {}:
-                    self.mistakes.refuse(
-                        leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value)
-                    )
+            places = {option: leaf.place for option, leaf in leaves.items()}
+            itself = leaves.get("")
+            if itself is not None and itself.value != {}:
+                expected = f"a table such as {{ {kind.bound} = ... }}"
+                self.mistakes.refuse(itself, path, expected, show(itself.value))
+            given = {option: leaf for option, leaf in leaves.items() if option}
+            options = self.mistakes.read(kind.keys, given, path)
+            bound = options.pop(kind.bound, None)
+            for option, value in options.items():
+                if isinstance(value, tuple):
+                    options[option] = distinct(value)
             if "cut" in kind.options and "cut" not in options:
                 self.refuse(f"wish.{name}", "cut, the signal at which the loop is cut", "none")
                 continue
-            band = options.get("band_hz", ())
-            if len(band) == 2 and not band[0] < band[1]:
-                self.refuse(
-                    f"wish.{name}.band_hz",
-                    "the lower frequency first",
-                    f"[{band[0]:g}, {band[1]:g}]",
-                )
-            yield Wish(
-                name,
-                bound,
-                options,
-                {name_of_leaf: leaf.place for name_of_leaf, leaf in leaves.items()},
-            )
+            yield Wish(name, bound, options, places)
 
-    def values(self, path: str, leaf: Leaf, key: Key, count: int | None) -> tuple[float | str, ...]:
-        """The values of an option: numbers, or a word."""
-        if key.type == "string":
-            return (self.mistakes.check(key, leaf, path),)
-        return self.numbers(path, leaf, key, count)
-
-    def numbers(
-        self, path: str, leaf: Leaf, key: Key, count: int | None = None
-    ) -> tuple[float, ...]:
-        """The different numbers of a list; count: of its numbers, None for any. One number
-        stands alone, without a list."""
-        if count == 1:
-            numbers = [self.mistakes.check(key, leaf, path)]
-        else:
-            numbers = self.mistakes.check_list(
-                key, leaf, path, f"a list of {f'{count} ' if count else ''}numbers", count
-            )
-        return tuple(dict.fromkeys(float(number) for number in numbers if number is not None))
+    def values(self, path: str, leaf: Leaf, key: Key) -> tuple[float, ...]:
+        """The different numbers of a list."""
+        return distinct(self.mistakes.check(Key.several(key), leaf, path) or ())
 
     def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:
         """The ratios of [design.for_all] by name."""
@@ -430,7 +401,7 @@ class _Reader:
             swept, reference = (self.names.find(side) for side in name.split("/"))
             if reference.numeric and reference.path in VALUE_PATHS:
                 key = Key.positive(f"design.for_all.{name}", None, "1", "")
-                ratios[name] = swept.path, reference.path, self.numbers(key.path, leaves[""], key)
+                ratios[name] = swept.path, reference.path, self.values(key.path, leaves[""], key)
             else:
                 self.refuse(
                     f"for_all.{name}", "a ratio to a number that every spec has", reference.path
@@ -445,7 +416,7 @@ class _Reader:
                 table, path, "a table such as { damping = [0, 5] }", show(table.value)
             )
         return {
-            key: self.numbers(f"{path}.{key}", leaf, KEYS[f"operator.{key}"])
+            key: self.values(f"{path}.{key}", leaf, KEYS[f"operator.{key}"])
             for key, leaf in leaves.items()
             if self.mistakes.is_known(key, HAND, leaf, f"{path}.{key}")
         }
@@ -517,32 +488,17 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
     values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
     hand = shapes.table(dict.fromkeys(HAND, values))
-    wishes = {
-        name: _schema_of_wish(shapes, name)
-        for name, kind in WISHES.items()
-        if kind.ports is not None or not shapes.drawn
-    }
-    sections = {
+    wishes = {}
+    for name, kind in WISHES.items():
+        if kind.ports is not None or not shapes.drawn:
+            wishes[name] = shapes.keys(kind.keys, description=shapes.described(kind))
+    table = shapes.keys(TABLE.keys_in_it)
+    table["properties"] |= {
         "vary": shapes.axes(),
         "wish": shapes.table(wishes),
         "for_all": shapes.table({"hand": hand}, shapes.reference("axis")),
     }
-    return shapes.table(
-        {path.rpartition(".")[2]: shapes.value(key) for path, key in DESIGN_KEYS.items()} | sections
-    )
-
-
-def _schema_of_wish(shapes: Shapes, name: str) -> dict[str, Any]:
-    kind = WISHES[name]
-    options = {
-        option: shapes.value(key)
-        if count == 1
-        else {"type": "array", "items": shapes.value(key), "minItems": count or 1}
-        for option, (key, count) in kind.options.items()
-    }
-    return shapes.table(
-        {kind.bound: {"type": "number"}, **options}, description=shapes.described(kind)
-    )
+    return table
 
 
 TABLE = SpecTable(

@@ -10,19 +10,18 @@ from typing import Any
 from wavesweep.capabilities import modules
 from wavesweep.engine.keys import Key, Place
 from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
+from wavesweep.program.reading.tables import nested
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
-_BAND = Key.positive("band_hz", None, "Hz", "lowest and highest frequency")
-# Options of a wish: name -> (key of each value, how many; None for any).
-_OF_WALL = {"B_VE": (_DAMPING, None)}
-_WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
+_HZ = Key.positive("band_hz", None, "Hz", "lowest and highest frequency")
+# Options of a wish by name.
+_BAND = {"band_hz": Key.several(_HZ, 2, rising=True)}
+_OF_WALL = {"B_VE": Key.several(_DAMPING)}
+_WALLS = {"walls": Key.several(_STIFFNESS), **_OF_WALL}
 _MODES = {
-    "modes": (Key.word("modes", ALL_MODES, "which modes count", MODES), 1),
-    "slower_than": (
-        Key.positive(
-            "slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6
-        ),
-        1,
+    "modes": Key.word("modes", ALL_MODES, "which modes count", MODES),
+    "slower_than": Key.positive(
+        "slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6
     ),
 }
 # Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of
@@ -45,7 +44,7 @@ class WishKind:
     more: bool
     title: str
     description: str
-    options: Mapping[str, tuple[Key, int | None]]
+    options: Mapping[str, Key]
     ports: tuple[str, ...] | None = None
     reads: tuple[str, ...] = ()
     measure: Callable[..., tuple] | None = field(default=None, repr=False, compare=False)
@@ -59,6 +58,11 @@ class WishKind:
     def bound(self) -> str:
         """The key of its bound."""
         return "at_least" if self.more else "at_most"
+
+    @property
+    def keys(self) -> dict[str, Key]:
+        """Its bound and its options by name."""
+        return {self.bound: Key.number(self.bound, None, self.unit, ""), **self.options}
 
 
 def _offered() -> Iterator[tuple[str, WishKind]]:
@@ -86,7 +90,7 @@ WISHES = MappingProxyType(
             True,
             "stiffness felt",
             "stiffness felt of that wall at rest or, with a band, the least size of the impedance that it adds to free motion",
-            {"band_hz": (_BAND, 2), **_OF_WALL},
+            {**_BAND, **_OF_WALL},
             ("wall", "hand"),
         ),
         "free_motion": WishKind(
@@ -94,7 +98,7 @@ WISHES = MappingProxyType(
             False,
             "impedance of free motion",
             "largest size over the band of the impedance of free motion, that without the wall",
-            {"band_hz": (_BAND, 2)},
+            _BAND,
             ("wall", "hand"),
         ),
         "transparency": WishKind(
@@ -103,7 +107,7 @@ WISHES = MappingProxyType(
             "error of the response",
             "root mean square of |ln(H/H_dc)| over the logarithm of the frequency, within the band; H is the transmitted "
             "admittance, H_dc that of direct coupling",
-            {"band_hz": (_BAND, 2), **_WALLS},
+            {**_BAND, **_WALLS},
         ),
         **dict(_offered()),
         "damping_ratio": WishKind(
@@ -142,7 +146,7 @@ WISHES = MappingProxyType(
             False,
             "force of the encoder's rounding, at most",
             "bound on the force that the rounding of an encoder of this resolution, or that of [simulate], adds to a wall",
-            {"resolution": (OF_DEVICE["resolution"], 1), **_WALLS},
+            {"resolution": OF_DEVICE["resolution"], **_WALLS},
             ("hand",),
         ),
         "depth": WishKind(
@@ -150,7 +154,7 @@ WISHES = MappingProxyType(
             True,
             "depth at the force of the motors",
             "depth to which a wall can be pressed, slowly, with motors of this force, or that of [simulate]",
-            {"max_force": (OF_DEVICE["max_force"], 1), **_WALLS},
+            {"max_force": OF_DEVICE["max_force"], **_WALLS},
             ("hand",),
         ),
     }
@@ -159,15 +163,15 @@ WISHES = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and its options as
-    tuples of values.
+    """A wish: the name of its kind, its bound (None: as good as possible), and the values of its
+    options.
 
     places: of its keys.
     """
 
     name: str
     bound: float | None
-    options: Mapping[str, tuple[float | str, ...]]
+    options: Mapping[str, Any]
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -184,8 +188,4 @@ class Wish:
     def written(self) -> dict[str, object]:
         """Return the wish as a spec could give it."""
         bound = {} if self.bound is None else {self.kind.bound: self.bound}
-        single = [name for name, (_, count) in self.kind.options.items() if count == 1]
-        return bound | {
-            name: values[0] if name in single else list(values)
-            for name, values in self.options.items()
-        }
+        return nested({**bound, **self.options})

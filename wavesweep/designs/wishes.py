@@ -437,7 +437,7 @@ def _offered(spec, wish, points):
     """What a capability measures. Of points that differ only in numbers that it does not read,
     it is computed once."""
     value, certified = _unknown(points.size)
-    options = {name: wish.options[name][0] for name in wish.kind.own_options}
+    options = {name: wish.options[name] for name in wish.kind.own_options}
     reads = wish.kind.reads
     if reads:
         read = {path: column for path, column in points.changes.items() if path.startswith(reads)}
@@ -485,8 +485,8 @@ def _damping_ratio(spec, wish, loops, size):
     """Least damping ratio of the modes that count; 0 or negative if the loop is unstable."""
     E, certain = _frames(loops, size)
     drawn = loops.drawn()
-    (seconds,) = wish.options.get("slower_than", (0.0,))
-    (modes,) = wish.options.get("modes", (ALL_MODES,))
+    seconds = wish.options.get("slower_than", 0.0)
+    modes = wish.options.get("modes", ALL_MODES)
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     gone = size_gone(period, seconds, 1 / frames_per_clock(spec, loops))
     pairs = modes == OSCILLATING
@@ -538,7 +538,7 @@ def _frames(loops, size):
 def _chatter(spec, wish, loops, size):
     """Bound on the force of the encoder's rounding, N; missing if there is none."""
     del spec
-    value = peaks_of(loops, size) * wish.options["resolution"][0] / 2
+    value = peaks_of(loops, size) * wish.options["resolution"] / 2
     return value, ~np.isnan(value)
 
 
@@ -548,7 +548,7 @@ def _depth(spec, wish, loops, size):
     del spec
     felt = felt_of(loops, size)
     radius = loops.read.radii(size)
-    force = wish.options["max_force"][0]
+    force = wish.options["max_force"]
     with np.errstate(all="ignore"):
         value = np.where((felt > 0) & (radius < 1), force / felt, np.nan)
     return value, ~np.isnan(value)

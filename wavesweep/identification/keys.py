@@ -48,7 +48,7 @@ def build(request: Request) -> Measured:
         if leaf and drawing and getattr(drawing, port) is None:
             expected = f"a {port} in [ports], where it was measured"
             request.mistakes.refuse(leaf, path, expected, "none")
-    return Measured(TABLE.read(request))
+    return Measured(TABLE.read(request.belongs.below("measured"), request.mistakes))
 
 
 TABLE = SpecTable(path="measured", build=build, keys=KEYS, always=True)

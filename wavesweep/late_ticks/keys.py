@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from wavesweep.engine.keys import Key, Leaf, show
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ KEYS = Key.by_path(
         ),
     ]
 )
-KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
 EITHER = "either late, or start and stop"
 SAME_TICK = 1e-9  # relative: a spec's own tick is within an interval that ends there
 
@@ -82,19 +81,9 @@ class LateTick(TableValue):
 def build(request: Request) -> LateTick | None:
     """Return the times and add their mistakes, and those of what cannot be proved beside them;
     None if there are none."""
-    leaves = dict(request.belongs.below(PATH))
-    mistakes = request.mistakes
-    table = leaves.pop("", None)
-    if table is not None and isinstance(table.value, dict) and table.value:
-        leaves |= {name: Leaf(value, table.place) for name, value in table.value.items()}
-    elif table is not None:
-        return mistakes.refuse(
-            table, PATH, f"a table with {EITHER}", show(table.value), of_key=False
-        )
-    if not leaves:
-        return None
-    numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
-    if len(numbers) < len(leaves):
+    leaves, mistakes = request.belongs.below(PATH), request.mistakes
+    numbers = TABLE.read(leaves, mistakes)
+    if not leaves or len(numbers) < len(leaves):
         return None
     place = next(iter(leaves.values()))
     if numbers.pop("steps", NOMINAL) != NOMINAL:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Margins = Mapping[str, "Margin"]
 
-CUT = {"cut": (Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut"), 1)}
+CUT = {"cut": Key.word("cut", None, "signal BLOCK.PORT at which the loop is cut")}
 
 
 @lru_cache(maxsize=1024)  # several wishes ask about one design

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from math import inf, radians, tan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key, Leaf, show
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES
-from wavesweep.program.reading.tables import SpecTable, TableValue
+from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
 from wavesweep.require.damped import Damped
-from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound, Margins
+from wavesweep.require.gain_bound import BASE_BAND, LIFTED, CutBound, GainBound
 
 if TYPE_CHECKING:
-    from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
     from wavesweep.require.bound import Bound
 
@@ -83,12 +81,11 @@ KEYS = Key.by_path(
             "H-infinity norm, of all ticks of a frame",
             high=1e12,
         ),
-        Key(
-            "sweep.require.gain.band_hz",
-            "list",
-            None,
-            "Hz",
-            "lowest and highest frequency at which it has to be so",
+        Key.several(
+            Key.number("sweep.require.gain.band_hz", None, "Hz", "", low=0.0, high=1e12),
+            2,
+            rising=True,
+            description="lowest and highest frequency at which it has to be so",
         ),
         Key.word(
             "sweep.require.gain.measure",
@@ -130,39 +127,23 @@ OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
 NEEDED = OF_GAIN[:3]
 OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
 SINGLE = ("gain", "phase_deg")  # margins that are not proved along a number
-HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 
 
-@dataclass(frozen=True, slots=True)
-class Require(TableValue):
-    """The bounds on every mode: its size after T_s or a tick, the times (s) in which it is down to
-    SETTLED and to 1/e, its damping ratio.
+class Require(KeyValues):
+    """The bounds on every mode, on a gain and on margins, by the names of their keys.
 
     modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time
     (s) do not. bounded: whether the modes of a loop that conserves have to stay on the unit circle,
     in place of all of these.
     """
 
-    radius: float | None = None
-    settling: float | None = None
-    time_constant: float | None = None
-    damping_ratio: float | None = None
-    modes: str = ALL_MODES
-    slower_than: float | None = None
-    bounded: bool = False
-    gain: GainBound | None = None
-    margins: Margins | None = None
-
     def written(self) -> dict[str, object]:
-        """Return the table as a spec could give it."""
-        table = {
-            name: value for name, value in asdict(self).items() if value and value != ALL_MODES
-        }
-        for name in ("gain", "margins"):
-            value = getattr(self, name)
-            if value:
-                table[name] = value.written()
-        return table
+        """Return the table as a spec could give it, without what is as by default."""
+        values = {}
+        for name, key in KEYS_BY_NAME.items():
+            if self.get(name) and self[name] != key.default:
+                values[name] = self[name]
+        return nested(values)
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `TableValue`."""
@@ -177,64 +158,47 @@ class Require(TableValue):
         """The same for the search: bounds on the eigenvalues of the frames of a drawing."""
         from wavesweep.require.bound import Bound
 
-        damped = (
-            Damped(self.damping_ratio, self.modes, self.slower_than or 0.0)
-            if self.damping_ratio
-            else None
+        damped = None
+        if self.get("damping_ratio"):
+            modes = self.get("modes", ALL_MODES)
+            damped = Damped(self["damping_ratio"], modes, self.get("slower_than", 0.0))
+        gains: tuple[GainBound | CutBound, ...] = ()
+        if "gain.at_most" in self:
+            band, measure = self.get("gain.band_hz"), self.get("gain.measure", LIFTED)
+            level = self["gain.at_most"]
+            gains = (GainBound(self["gain.from"], self["gain.to"], level, band, measure),)
+        if "margins.Ms" in self:
+            gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
+        if "margins.disk" in self:
+            gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
+        return Bound(
+            self.get("radius", 1.0),
+            self.get("settling", inf),
+            self.get("time_constant", inf),
+            damped,
+            self.get("bounded", False),
+            gains,
         )
-        settling = self.settling or inf
-        constant = self.time_constant or inf
-        gains = (self.gain,) if self.gain else ()
-        gains += self.margins.bounds() if self.margins else ()
-        return Bound(self.radius or 1.0, settling, constant, damped, self.bounded, gains)
 
 
 def build(request: Request) -> Require | None:
     """Return the requirement and add its mistakes; None if nothing is required."""
-    leaves, mistakes = request.belongs.below(PATH), request.mistakes
-    if (table := leaves.get("")) is not None:
-        problem = "an empty table" if table.value == {} else show(table.value)
-        return mistakes.refuse(
-            table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", problem, of_key=False
-        )
-    for table in ("gain", "margins"):
-        if isinstance(getattr(leaves.get(table), "value", None), dict):  # of a call of the library
-            leaf = leaves.pop(table)
-            for name, value in leaf.value.items():
-                leaves[f"{table}.{name}"] = Leaf(value, leaf.place)
+    mistakes = request.mistakes
+    leaves = request.belongs.below(PATH)
     _refuse_single(mistakes, leaves)
-    band = leaves.pop("gain.band_hz", None)
-    numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
-    if numbers.get("bounded") and len(numbers) > 1:
-        mistakes.refuse(
-            leaves["bounded"],
-            f"{PATH}.bounded",
-            "true alone",
-            "other requirements as well",
-            of_key=False,
-        )
+    values = TABLE.read(leaves, mistakes)
+    if values.get("bounded") and len(values) > 1:
+        expected, found = "true alone", "other requirements as well"
+        mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", expected, found, of_key=False)
     for name in ("modes", "slower_than"):
-        if name in numbers and "damping_ratio" not in numbers:
+        if name in values and "damping_ratio" not in values:
             mistakes.refuse(
                 leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False
             )
-    gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
-    margins = {
-        name.removeprefix("margins."): numbers.pop(name) for name in OF_MARGINS if name in numbers
-    }
     _refuse_wrong_cut(request, leaves)
-    _refuse_missing(mistakes, leaves, band)
-    if band:
-        gain["band_hz"] = _band(mistakes, band)
+    _refuse_missing(mistakes, leaves)
     _refuse_unknown_ports(request, leaves)
-    gain = (
-        None
-        if {"from", "to", "at_most"} - gain.keys()
-        else GainBound(gain.pop("from"), gain.pop("to"), **gain)
-    )
-    at_cut = Margins(**margins) if len(margins) > 1 and "cut" in margins else None
-    required = gain or at_cut or any(numbers.values())
-    return Require(**numbers, gain=gain, margins=at_cut) if required else None
+    return Require(values) if any(values.values()) else None
 
 
 def _refuse_single(mistakes, leaves):
@@ -275,25 +239,15 @@ def _refuse_wrong_cut(request, leaves):
             mistakes.refuse(leaf, f"{PATH}.margins.cut", *fault, of_key=False)
 
 
-def _refuse_missing(mistakes, leaves, band):
-    for name in NEEDED if band or leaves.keys() & {*OF_GAIN} else ():
+def _refuse_missing(mistakes, leaves):
+    """Add the mistakes of a bound on a gain without its ends or its level."""
+    given = [name for name in leaves if name in OF_GAIN]
+    if not given:
+        return
+    for name in NEEDED:
         if name not in leaves:
-            first_leaf = band or next(
-                leaf for name_of_leaf, leaf in leaves.items() if name_of_leaf in OF_GAIN
-            )
-            mistakes.refuse(
-                first_leaf, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}"
-            )
-
-
-def _band(mistakes, leaf) -> tuple:
-    """The lowest and the highest frequency between which the gain is bounded (Hz)."""
-    ends = tuple(mistakes.check_list(HZ, leaf, HZ.path, "[lowest, highest frequency]", count=2))
-    if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
-        mistakes.refuse(
-            leaf, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False
-        )
-    return ends
+            expected = f"all of {', '.join(NEEDED)}"
+            mistakes.refuse(leaves[given[0]], f"{PATH}.gain", expected, f"none of {name}")
 
 
 def _refuse_unknown_ports(request, leaves):
@@ -311,19 +265,10 @@ def _refuse_unknown_ports(request, leaves):
         )
 
 
-def schema(shapes: Shapes) -> dict[str, Any]:
-    """Return the JSON Schema of the table."""
-    shapes_of = {name: shapes.value(key) for name, key in KEYS_BY_NAME.items()}
-    gain = {name.partition(".")[2]: shapes_of.pop(name) for name in OF_GAIN}
-    margins = {name.partition(".")[2]: shapes_of.pop(name) for name in OF_MARGINS}
-    return shapes.table(shapes_of | {"gain": shapes.table(gain), "margins": shapes.table(margins)})
-
-
 TABLE = SpecTable(
     path=PATH,
     build=build,
     keys=KEYS,
     signals=(f"{PATH}.gain.to", f"{PATH}.margins.cut"),
     always=True,
-    schema=schema,
 )

@@ -11,7 +11,7 @@ from typing import Any
 
 from wavesweep.capabilities import TABLES, modules
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys import Key, show
+from wavesweep.engine.keys import Key, Leaf, Mistakes, show
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, HapticDevice
 
 
@@ -126,17 +126,20 @@ class SpecTable:
         """Return the value that a `Request` asks for, and add all mistakes."""
         if self.build:
             return self.build(request)
-        return KeyValues(self.read(request))
+        return KeyValues(self.read(request.belongs.below(self.path), request.mistakes))
 
-    def read(self, request: Any) -> dict[str, Any]:
-        """Return the values of its keys by their names in it, and add their mistakes."""
-        leaves = dict(request.belongs.below(self.path))
-        itself = leaves.pop("", None)
-        if itself is not None:
-            expected = f"a table with some of {', '.join(self.keys_in_it)}"
-            found = "an empty table" if itself.value == {} else show(itself.value)
-            request.mistakes.refuse(itself, self.path, expected, found, of_key=False)
-        return request.mistakes.read(self.keys_in_it, leaves, self.path)
+    def read(self, leaves: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, Any]:
+        """Return the values of its keys, and add their mistakes. leaves: by their names in it."""
+        named = dict(leaves)
+        for name, leaf in leaves.items():
+            inside = [key for key in self.keys_in_it if not name or key.startswith(f"{name}.")]
+            if inside:  # a table, which has leaves of its own unless it is empty or no table
+                del named[name]
+                path = f"{self.path}.{name}" if name else self.path
+                found = "an empty table" if leaf.value == {} else show(leaf.value)
+                expected = f"a table with some of {', '.join(inside)}"
+                mistakes.refuse(leaf, path, expected, found, of_key=False)
+        return mistakes.read(self.keys_in_it, named, self.path)
 
 
 @cache
