@@ -155,10 +155,9 @@ class RestEquations:
                     sums[name] = {state: unit}
 
     def let_count(self, state: str) -> None:
-        """Leave out that a state does not change, if nothing reads it: then it may count for
-        ever."""
-        others = [row for name, row in self.changes.items() if name != state]
-        if not any(state in row for row in (*others, *self.rows)):
+        """Leave out that a state does not change, if nothing reads it, its own change included:
+        then it may count for ever."""
+        if not any(state in row for row in (*self.changes.values(), *self.rows)):
             self.changes.pop(state, None)
 
     def null_space(self) -> list[Sum]:
