@@ -83,3 +83,32 @@ def test_rates_that_do_not_divide_have_neighbours_that_do(wavesweep, tmp_path):
     said = "60 Hz does not divide 1000 Hz, so that computing takes several times as long; 62.5 and 58.8235 Hz do"
     assert said in " ".join(wavesweep("check", str(spec))[1].split())
     assert "does not divide" not in wavesweep("check", str(spec), "--set", "rates.slow_hz=62.5")[1]
+
+
+def test_a_slow_rate_that_is_taken_as_a_fraction_is_said_so(wavesweep, tmp_path):
+    (tmp_path / "mine.toml").write_text('[controller]\nkind = "dc-slow"\n')
+    said = "rates.slow_hz = 285.7142857142857 is taken as 2000/7 Hz, a frame of 7/2 ticks"
+    for rate, is_said in (("285.7142857142857", True), ("400", False), ("100", False)):
+        _, out, _ = wavesweep("check", str(tmp_path / "mine.toml"), "--set", f"rates.slow_hz={rate}")
+        assert (said in out) == is_said
+        assert ("is taken as" in out) == is_said
+
+
+@pytest.mark.parametrize(("first", "late"), [("0.0013", "3.4 ms late, not 2.7"), ("0.002", "")])
+def test_a_dead_time_that_another_one_reads_is_named(first, late, wavesweep, tmp_path):
+    """What is held waits for a tick between them, if the first ends between two: the age says the same."""
+    loop = """
+        rates.tick_hz = 1000
+        numbers.K = 100.0
+        block.m = { type = "mass", mass = 1.0, damping = 20.0 }
+        block.h = { type = "hold" }
+        block.a = { type = "delay", seconds = FIRST }
+        block.b = { type = "delay", seconds = 0.0014 }
+        wire = { h.u = "-K*m.x", a.u = "h.y", b.u = "a.y", m.f = "b.y" }
+    """
+    (tmp_path / "mine.toml").write_text(loop.replace("FIRST", first))
+    _, out, _ = wavesweep("check", str(tmp_path / "mine.toml"))
+    said = " ".join(out.split())
+    assert ("a and b are dead times in series" in said) == bool(late)
+    assert late in said
+    assert "in place 3.4 ms after" in said

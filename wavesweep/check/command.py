@@ -181,7 +181,7 @@ def _judged(
     report: Callable[..., None],
 ) -> _Judged:
     """Judge a spec, and show the lines that come first at once. run: what the frames of a run are, None without."""
-    from wavesweep.check.planning import plan, within_ticks
+    from wavesweep.check.planning import dead_times_in_series, plan, within_ticks
     from wavesweep.check.verdict import further, numbers, of_spec, verdict_lines, written
     from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
     from wavesweep.program.analyses.claims import asks_more
@@ -202,6 +202,8 @@ def _judged(
     plan_lines = plan(spec, estimated=whole or verbosity().as_json)
     plan_lines += chain.from_iterable(asked("on_check", "plan", spec))
     unusual_lines = [*unusual(spec), *over_preset(spec), *near_rates(spec)]
+    if spec.drawing:
+        unusual_lines += dead_times_in_series(spec)
     within = list(within_ticks(spec)) if spec.drawing else []
     ranked = [*_needed("frames").lines(run)] if run else []
     ranked += verdict_lines(spec, verdict, late=not whole)

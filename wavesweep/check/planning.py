@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from functools import cache, partial
 from itertools import chain, compress
+from math import ceil
 from operator import attrgetter
 
 import numpy as np
@@ -25,6 +26,7 @@ from wavesweep.program.sweep.workers import choose
 
 SAMPLE_SECONDS = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 DRAWING = 1.0  # s to load what draws, and to draw
+WHOLE_TICK = 1e-11  # ticks by which a dead time may differ from whole ones through rounding
 MANY_ROWS = 30_000_000  # rows: some 5 GB of CSV
 
 
@@ -240,6 +242,27 @@ def _dead_time_lines(drawing, values):
         )
         ticks = _count(f"{seconds * drawing.rate(values):.6g}", "tick")
         yield f"  {name}: {1e3 * seconds:.6g} ms, {ticks}; {does}"
+
+
+def dead_times_in_series(spec: Spec) -> Iterator[str]:
+    """Yield a line for each dead time of held signals that another one reads: what it brings between
+    two ticks waits for the next one there."""
+    drawing = spec.drawing
+    wires = dict(drawing.wires)
+    sensed = {signal for plant in drawing.plants for signal, _ in plant.sensed}
+    for name, tree in drawing.dead_times.items():
+        held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
+        first = value_of(tree, scalars(spec.values)) * drawing.rate(spec.values)
+        if not held or abs(first - round(first)) < WHOLE_TICK:
+            continue
+        for other, other_tree in drawing.dead_times.items():
+            if any(signal == f"{name}.y" for signal, _ in wires[f"{other}.u"]):
+                second = value_of(other_tree, scalars(spec.values)) * drawing.rate(spec.values)
+                ms = 1e3 / drawing.rate(spec.values)
+                comes = (
+                    f"{ms * (ceil(first) + second):.6g} ms late, not {ms * (first + second):.6g}"
+                )
+                yield f"{name} and {other} are dead times in series: what is held waits between them, and comes {comes}; draw their sum"
 
 
 def within_ticks(spec: Spec) -> Iterator[str]:

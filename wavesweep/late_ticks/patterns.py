@@ -12,13 +12,13 @@ All ticks of a pattern are set to the lengths that this wants, again and again, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.late_ticks.tick_curves import LateTicks
+from wavesweep.program.tables.refuters import repeated
 
 FRAMES = (1, 2, 3)  # in a pattern
 WAVES = 3  # in a pattern that a climb begins with, at most
@@ -109,12 +109,9 @@ def in_words(ticks: LateTicks, pattern: Pattern) -> str:
     runs of equal ones."""
     if not pattern:
         return ""
-    runs = []
-    for length, run in groupby(_shortest(pattern, ticks.places)):
-        count = len(list(run))
-        times = f" x {count}" if count > 1 else ""
-        runs.append(f"{1e3 * ticks.lengths[length]:.6g}{times}")
-    return f"ticks of {', '.join(runs)} ms"
+    shortest = _shortest(pattern, ticks.places)
+    lengths = [f"{1e3 * ticks.lengths[length]:.6g}" for length in shortest]
+    return f"ticks of {repeated(lengths)} ms"
 
 
 def _shortest(pattern, places):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import SpecError, WavesweepError
+from wavesweep.program.analyses.claims import lost_in_words
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import row_kinds
@@ -91,7 +92,7 @@ def _ranges(spec: Spec) -> Iterator[str]:
         varies = ", another one in each frame" if axis.path in spec.for_all.varying else ""
         yield f"for every {axis.name} {span}{varies}"
     if spec.for_all.lost:
-        yield f"with up to {spec.for_all.lost} results in a row that are lost"
+        yield f"with results that are {lost_in_words(spec.for_all.lost)}"
     if spec.for_all.loss:
         yield f"with results that are lost with probability {spec.for_all.loss:g}"
     if spec.drawing and spec.drawing.channels:

@@ -34,8 +34,8 @@ def test_messages_of_a_swept_number_are_a_range():
     tables = {"rates": {"tick_hz": 1}, "numbers": {"g": 1.0, "n": 3, "k": 1}, "block": lossy}
     tables |= {"wire": {"bus.u": "-g*r.y", "r.u": "bus.y"}, "sweep": {"n": [2, 5, 1], "k": [1]}}
     spec = load(tables)
-    assert assumes(spec) == "messages of bus late by up to 1 tick or lost up to 5 in a row"
-    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost at most 1 to 9 in a row"
+    assert assumes(spec) == "messages of bus late by up to 1 tick or lost, never six in a row"
+    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost, at most 1 to 9 in a row"
 
 
 def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():
@@ -110,7 +110,7 @@ def test_what_has_every_message_in_time_assumes_that():
     network = load(NETWORK)
     assert poles(network).facts["assumes"] == "all messages in time"
     assert responses([network]).facts["assumes"] == "all messages in time"
-    assert assumes(network) == "messages of net lost up to 2 in a row"
+    assert assumes(network) == "messages of net lost, never three in a row"
     varied = load({"controller": {"kind": "dc-slow"}, **GIVEN, "for_all": {"device.mass": {"start": 0.08, "stop": 0.1}}})
     assert "device.mass from" in assumes(varied)
     assert "device.mass" not in responses([varied]).facts["assumes"]
@@ -151,8 +151,8 @@ def test_a_run_of_a_controller_names_its_frames():
 @pytest.mark.asks("for_all")
 def test_rows_for_all_messages_are_called_so():
     for more, called in (
-        ({}, "messages of net lost up to 2 in a row (for_all)"),
-        ({"for_all": {"w": [0.1, 0.2]}}, "w of 0.1, 0.2, messages of net lost up to 2 in a row (for_all)"),
+        ({}, "messages of net lost, never three in a row (for_all)"),
+        ({"for_all": {"w": [0.1, 0.2]}}, "w of 0.1, 0.2, messages of net lost, never three in a row (for_all)"),
     ):
         table = intervals(load({**NETWORK, **more}))
         kind, tally = kind_named("stability-region"), kind_named("stability-region").tally(table)

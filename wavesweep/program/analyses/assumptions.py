@@ -4,6 +4,7 @@ left to the defaults."""
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 from math import ceil, floor
 from types import MappingProxyType
@@ -13,7 +14,8 @@ from wavesweep.engine.drawing import name_of, path_of, scalars
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.engine.loop import Loops
-from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page
+from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page, steps_of
+from wavesweep.program.analyses.claims import lost_in_words
 from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
@@ -160,7 +162,7 @@ def _lost(asked) -> list[str]:
     """How slow results may be lost by a [for_all], in words."""
     said = []
     if asked and asked.lost:
-        said.append(f"results lost up to {asked.lost} in a row")
+        said.append(f"results {lost_in_words(asked.lost)}")
     if asked and asked.loss:
         said.append(f"results lost with probability {asked.loss:g}")
     return said
@@ -280,7 +282,8 @@ def _messages(spec, swept) -> Iterator[str]:
         if block.loses_at_random:
             said.append("lost at random")
         elif any(lost):
-            said.append(f"lost {_most(lost)} in a row")
+            several = len(lost) > 1
+            said.append(f"lost, {_most(lost)} in a row" if several else lost_in_words(int(lost[0])))
         yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
 
 
@@ -361,6 +364,19 @@ def unusual(spec: Spec) -> Iterator[str]:
             unit = KEYS[path].unit
             value = spec.values[path]
             yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
+    yield from _rounded_rate(spec)
+
+
+def _rounded_rate(spec: Spec) -> Iterator[str]:
+    """Yield as which fraction a slow rate is taken whose digits do not give it exactly."""
+    if spec.slow_hz_written is None:
+        return
+    ticks, steps = steps_of(spec.values["rates.ratio"])
+    written = Fraction(repr(spec.slow_hz_written))
+    taken = Fraction(repr(spec.values["rates.fast_hz"])) * steps / ticks
+    if taken != written:
+        per_frame = f"{ticks}/{steps}" if steps > 1 else f"{ticks}"
+        yield f"rates.slow_hz = {spec.slow_hz_written!r} is taken as {taken} Hz, a frame of {per_frame} ticks"
 
 
 def near_rates(spec: Spec) -> Iterator[str]:

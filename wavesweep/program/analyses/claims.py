@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
 from wavesweep.engine.expressions import names_in, value_of
 from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.tables.number_words import spelled
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
@@ -99,6 +100,11 @@ def listed_values(values: Iterable[float | str]) -> str:
     return ", ".join([*(f"{each:g}" for each in numbers), *texts])
 
 
+def lost_in_words(most: int) -> str:
+    """What may be lost so many times in a row at most, in words."""
+    return f"lost, never {spelled(most + 1)} in a row"
+
+
 class Order(IntEnum):
     """How frames, or messages, follow each other."""
 
@@ -142,7 +148,7 @@ class Frames:
         if len(self.delays) > 1:
             yield f"results {listed_values(self.delays)} ticks late{order}"
         if self.lost:
-            yield f"results lost up to {self.lost} in a row"
+            yield f"results {lost_in_words(self.lost)}"
         if self.loss:
             yield f"results lost with probability {self.loss:g}"
 
@@ -198,7 +204,7 @@ class Messages(NamedTuple):
         if self.chances:
             said.append("lost at random")
         elif self.lost:
-            said.append(f"lost up to {self.lost} in a row")
+            said.append(lost_in_words(self.lost))
         return f"messages of {self.channel} {' or '.join(said) or 'all in time'}"
 
 

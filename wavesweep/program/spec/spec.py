@@ -108,6 +108,12 @@ class Spec(Studies):
         return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
 
     @property
+    def slow_hz_written(self) -> float | None:
+        """The slow rate as the spec writes it (Hz); None if it gives a ratio."""
+        leaf = self._given.leaves.get("rates.slow_hz")
+        return None if leaf is None else float(leaf.value)
+
+    @property
     def preset(self) -> str | None:
         """The name of the device in `device.preset`, None without one; its numbers are in
         `values` and `hardware`."""

@@ -6,6 +6,7 @@ from textwrap import shorten
 from typing import NamedTuple
 
 LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
+COUNTED = 3  # equal frames in a row that a pattern counts; two are written
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
 
@@ -71,14 +72,21 @@ def _shown(pattern: list[str]) -> str:
 
 
 def repeated(pattern: list[str]) -> str:
-    """A pattern in as few letters as counting its repetitions takes: `16, 16, 16, 33` is `16 x 3, 33`."""
+    """A pattern with its repetitions counted: `16, 16, 16, 33` is `16 x 3, 33`, and `16, 33, 33, 33`
+    is `16, (33 x 3)`, since `16, 33 x 3` would be read as `(16, 33) x 3`."""
     for length in range(1, len(pattern) // 2 + 1):
         times, rest = divmod(len(pattern), length)
         if not rest and pattern[:length] * times == pattern:
             said = repeated(pattern[:length])
             return f"({said}) x {times}" if length > 1 else f"{said} x {times}"
-    runs = [(each, len(list(run))) for each, run in groupby(pattern)]
-    return ", ".join(f"{each} x {count}" if count > 1 else each for each, count in runs)
+    said = []
+    for each, run in groupby(pattern):
+        count = len(list(run))
+        if count < COUNTED:
+            said += [each] * count
+        else:
+            said.append(f"({each} x {count})" if said else f"{each} x {count}")
+    return ", ".join(said)
 
 
 def _message(late: str) -> str:
