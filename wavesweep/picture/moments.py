@@ -219,9 +219,7 @@ def in_words(frames: Sequence[Moments], force: str = "") -> str:
         return ""
     waits = (last.shown.start - last.shown.measured) * last.tick_ms
     stays = last.age * last.tick_ms - waits
-    place = (
-        f"in place {in_ms(waits)} ms after it reads" if waits else "in place at once"
-    )
+    place = f"in place {in_ms(waits)} ms after it reads" if waits else "in place at once"
     first = frames[0]
     beside = ""
     if first is not last and first.age is not None:
