@@ -79,14 +79,14 @@ def repeated(pattern: list[str]) -> str:
         if not rest and pattern[:length] * times == pattern:
             said = repeated(pattern[:length])
             return f"({said}) x {times}" if length > 1 else f"{said} x {times}"
-    said = []
+    parts: list[str] = []
     for each, run in groupby(pattern):
         count = len(list(run))
         if count < COUNTED:
-            said += [each] * count
+            parts += [each] * count
         else:
-            said.append(f"({each} x {count})" if said else f"{each} x {count}")
-    return ", ".join(said)
+            parts.append(f"({each} x {count})" if parts else f"{each} x {count}")
+    return ", ".join(parts)
 
 
 def _message(late: str) -> str:
