@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
 from wavesweep.engine.expressions import names_in, value_of
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.tables.number_words import spelled
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
@@ -29,6 +28,7 @@ WITH_FRAME = "frame"  # as a delay: in place with the next frame
 # letters of a scope that is named in full; of a longer one the table that has it is named
 LONGEST_PATTERN_TEXT = 60
 LENGTHS_LISTED = 6  # values
+SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of the line of a verdict
 CURVED = "saturation"  # the type of blocks that contact is about beside a wall
 
@@ -102,7 +102,9 @@ def listed_values(values: Iterable[float | str]) -> str:
 
 def lost_in_words(most: int) -> str:
     """What may be lost so many times in a row at most, in words."""
-    return f"lost, never {spelled(most + 1)} in a row"
+    first_not = most + 1
+    words = dict(zip(range(2, 11), SPELLED, strict=True))
+    return f"lost, never {words.get(first_not, first_not)} in a row"
 
 
 class Order(IntEnum):

@@ -13,15 +13,6 @@ DIGITS, MOST_DIGITS = (
 )  # significant ones of a number in a sentence, and those that tell any two doubles apart
 SAME_AS_PRINTED = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
 
-SPELLED = (
-    *("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"),
-)
-
-
-def spelled(count: int) -> str:
-    """A number of things as a sentence has it: a word up to ten, then digits."""
-    return SPELLED[count] if count < len(SPELLED) else str(count)
-
 
 def span_in_words(low: float, high: float, digits: int = DIGITS) -> str:
     """A range in all of which something holds, "0.1 to 0.25": its ends are rounded inwards, with more digits if these meet."""
