@@ -3,11 +3,11 @@ frame to frame."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.engine.keys import Key, show
+from wavesweep.engine.keys import Key, Leaf, Mistakes, show
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis
 from wavesweep.program.reading.keys import BAND_EDGES
@@ -42,10 +42,18 @@ WEIGHT = Key.gain(
     "how often a value occurs; of several their ratios count",
     high=1e12,
 )
-CHANCES = (
-    "shares",
-    "next",
-)  # of values that vary: a weight of each, or a row of weights for what follows each
+ROWS = Key.several(
+    Key.several(WEIGHT), description="for each value how often which value comes after it"
+)
+# Parts of a number that varies; those of CHANCES say how often which of its values occurs.
+PARTS = {
+    "varying": Key(
+        "varying", "boolean", False, "", "whether the number may change from frame to frame"
+    ),
+    "shares": Key.several(WEIGHT),
+    "next": ROWS,
+}
+CHANCES = ("shares", "next")
 MOST_VARYING = 64  # values of a number that varies
 
 
@@ -84,87 +92,111 @@ class ForAll(ForAllRanges):
         return DesignRanking(rules) if rules.vary and not rules.at_random else None
 
 
+@dataclass(frozen=True, slots=True)
+class AskedNumber:
+    """A number of [for_all]: its range or its values, and whether it varies from frame to frame.
+
+    chances: how often which of the values occurs, "shares" or "next"; empty without. weights: the
+    leaf of these.
+    """
+
+    axis: Axis
+    varies: bool
+    chances: str = ""
+    weights: Leaf | None = None
+
+    @property
+    def label(self) -> str:
+        """Its path in the spec."""
+        return f"for_all.{self.axis.name}"
+
+
 def build(request: Request) -> ForAll | None:
     """Return the table and add its mistakes; None if the spec has none and no channels."""
-    axes, varying, chances, mistakes = [], set(), {}, request.mistakes
-    for name, given in request.belongs.axes["for_all"].items():
-        label, parts, before = f"for_all.{name}", dict(given), len(mistakes)
-        place, varies = axis_place(parts), parts.pop("varying", None)
-        weights = {part: parts.pop(part) for part in CHANCES if part in parts}
-        if varies is not None and not isinstance(varies.value, bool):
-            mistakes.refuse(
-                varies, f"{label}.varying", "true or false", show(varies.value), of_key=False
-            )
-        elif not parts:
-            mistakes.refuse(varies, label, "start and stop, or values", "neither")
-        elif "values" in parts and len(parts) > 1:
-            mistakes.refuse(place, label, "either start and stop or values", "both")
-        elif "next" in weights and name == DELAY:
-            mistakes.refuse(
-                place,
-                label,
-                "shares of delays, or a list of them for each length of frames",
-                "next",
-            )
-        elif weights and not ("values" in parts and varies and varies.value):
-            mistakes.refuse(
-                place, label, f"values and varying = true beside {' and '.join(weights)}", "others"
-            )
-        elif len(weights) > 1:
-            mistakes.refuse(place, label, "either shares or next", "both")
-        if len(mistakes) > before:
-            continue
-        axis = build_axis(
-            "for_all",
-            name,
-            {"": parts["values"]} if "values" in parts else parts,
-            mistakes,
-            request.names,
-        )
-        if axis and len(set(axis.values)) < len(axis.values):
-            mistakes.refuse(
-                axis.place,
-                label,
-                "values that differ",
-                ", ".join(f"{value:g}" for value in axis.values),
-            )
-        if axis and varies and varies.value:
-            varying.add(axis.path)
-            if (count := len(values_of_range(axis))) > MOST_VARYING:
-                mistakes.refuse(
-                    axis.place,
-                    label,
-                    f"at most {MOST_VARYING} values of a number that varies",
-                    f"{count}",
-                )
-        if axis and weights:
-            chances[axis.path] = axis, label, *weights.popitem()
-        axes += [axis] if axis else []
-    given = request.belongs.keys
-    lost, loss = (
-        mistakes.check(key, given[key.path]) or 0 if key.path in given else 0
-        for key in (LOST, LOSS)
-    )
-    if request.drawn:
-        expected = "no lost or loss beside a drawn loop, whose channels say what is lost"
-        for key, number in ((LOST, lost), (LOSS, loss)):
-            if number:
-                mistakes.refuse(given[key.path], key.path, expected, f"{number:g}")
-    for axis in axes:
-        if axis.path in {other.path for other in request.sweep}:
-            mistakes.refuse(
-                axis.place,
-                f"for_all.{axis.name}",
-                "a number that [sweep] does not have as well",
-                axis.name,
-            )
+    numbers = []
+    for name, parts in request.belongs.axes["for_all"].items():
+        number = _number(request, name, parts)
+        if number:
+            numbers.append(number)
+    axes = tuple(number.axis for number in numbers)
+    lost = _losses(request, LOST)
+    loss = _losses(request, LOSS)
+    _refuse_what_is_swept(request, axes)
     request.refuse_beyond_limits("for_all", axes)
     _refuse_what_others_follow_from(request, axes)
-    _refuse_frames_below_delays(request, [axis for axis in axes if axis.path not in varying])
-    found = _with_chances(
-        request, ForAll(tuple(axes), frozenset(varying), lost, loss=loss), chances
-    )
-    return found if axes or lost or loss or (request.drawing and request.drawing.channels) else None
+    _refuse_frames_below_delays(request, [each.axis for each in numbers if not each.varies])
+    varying = frozenset(number.axis.path for number in numbers if number.varies)
+    found = _with_chances(request, ForAll(axes, varying, lost, loss=loss), numbers)
+    channels = request.drawing.channels if request.drawing else ()
+    return found if axes or lost or loss or channels else None
+
+
+def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumber | None:
+    """The number of [for_all] with these parts; None, and its mistakes, if they do not fit."""
+    mistakes = request.mistakes
+    place, label = axis_place(parts), f"for_all.{name}"
+    varying = parts.get("varying")
+    varies = mistakes.check(PARTS["varying"], varying, f"{label}.varying") if varying else False
+    if varies is None:
+        return None
+    fault = _fault_of_parts(name, parts.keys(), varies)
+    if fault:
+        mistakes.refuse(place, label, *fault)
+        return None
+    ends = {part: leaf for part, leaf in parts.items() if part not in PARTS}
+    if "values" in ends:  # as an axis has them
+        ends = {"": ends["values"]}
+    axis = build_axis("for_all", name, ends, mistakes, request.names)
+    if axis is None:
+        return None
+    if len(set(axis.values)) < len(axis.values):
+        found = ", ".join(f"{value:g}" for value in axis.values)
+        mistakes.refuse(axis.place, label, "values that differ", found)
+    if varies:
+        count = len(values_of_range(axis))
+        if count > MOST_VARYING:
+            expected = f"at most {MOST_VARYING} values of a number that varies"
+            mistakes.refuse(axis.place, label, expected, f"{count}")
+    for part in CHANCES:
+        if part in parts:
+            return AskedNumber(axis, varies, part, parts[part])
+    return AskedNumber(axis, varies)
+
+
+def _fault_of_parts(name: str, parts: Collection[str], varies: bool) -> tuple[str, str] | None:
+    """What is expected of the parts of a number, and what is there instead; None if they fit."""
+    chances = [part for part in CHANCES if part in parts]
+    ends = [part for part in parts if part not in PARTS]
+    if not ends:
+        return "start and stop, or values", "neither"
+    if "values" in ends and len(ends) > 1:
+        return "either start and stop or values", "both"
+    if "next" in chances and name == DELAY:
+        return "shares of delays, or a list of them for each length of frames", "next"
+    if chances and not ("values" in ends and varies):
+        return f"values and varying = true beside {' and '.join(chances)}", "others"
+    if len(chances) > 1:
+        return "either shares or next", "both"
+    return None
+
+
+def _losses(request: Request, key: Key) -> Any:
+    """The value of `lost` or of `loss`, 0 without it, which a drawn loop may not have."""
+    leaf = request.belongs.keys.get(key.path)
+    number = request.mistakes.check(key, leaf) if leaf else 0
+    if number and request.drawn:
+        expected = "no lost or loss beside a drawn loop, whose channels say what is lost"
+        request.mistakes.refuse(leaf, key.path, expected, f"{number:g}")
+    return number or 0
+
+
+def _refuse_what_is_swept(request: Request, axes: Iterable[Axis]) -> None:
+    """Add the mistakes of numbers that are axes of [sweep] as well."""
+    swept = {axis.path for axis in request.sweep}
+    for axis in axes:
+        if axis.path in swept:
+            expected = "a number that [sweep] does not have as well"
+            request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, axis.name)
 
 
 def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> None:
@@ -173,19 +205,19 @@ def _refuse_what_others_follow_from(request: Request, axes: Iterable[Axis]) -> N
     request.refuse_other_edges("for_all", axes)
     given = request.given.leaves
     edges = [path for path in given if path.rpartition(".")[2] in BAND_EDGES]
+    of_fast_rate = [path for path in ("rates.slow_hz", *edges) if path in given]
     for axis in axes:
-        expected, found = "", axis.name
+        found = axis.name
         if axis.path == "rates.slow_hz":
             expected = "rates.ratio = { values = [...] }, the fast ticks in a frame"
-        elif axis.path.rpartition(".")[2] in BAND_EDGES and axis.path in edges:
+        elif axis.path in edges:
             expected = "a filter by its order and cutoff_hz, and one of these"
-        elif axis.path == "rates.fast_hz" and (
-            others := [path for path in ("rates.slow_hz", *edges) if path in given]
-        ):
+        elif axis.path == "rates.fast_hz" and of_fast_rate:
             expected = "beside several fast rates a ratio in place of slow_hz, and filters by order and cutoff_hz"
-            found = others[0]
-        if expected:
-            request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, found)
+            found = of_fast_rate[0]
+        else:
+            continue
+        request.mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, found)
 
 
 def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
@@ -202,96 +234,86 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
         request.mistakes.refuse(ratio.place, f"for_all.{ratio.name}", expected, show(shortest))
 
 
-def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple]) -> ForAll:
-    """Return the table with the weights of values, and add their mistakes. chances: by path
-    axis, label, part and leaf."""
+def _with_chances(request: Request, found: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
+    """Return the table with the weights of values, and add their mistakes. numbers: of it."""
     given, mistakes = request.belongs.keys, request.mistakes
-    lengths = next((len(values_of_range(axis)) for axis in found.changing if axis.path != DELAY), 1)
-    rows = {
-        DELAY if axis.path == DELAY else "": _weights(
-            mistakes, label, part, leaf, len(axis.values), lengths
-        )
-        for axis, label, part, leaf in chances.values()
-        if axis in found.changing
-    }
-    found = replace(found, shares=rows.get("", ()), delays=rows.get(DELAY, ()))
-    if found.at_random and found.lost:
+    lengths = [axis for axis in found.changing if axis.path != DELAY]
+    frames = len(values_of_range(lengths[0])) if lengths else 1
+    for number in numbers:
+        if not number.chances or number.axis not in found.changing:
+            continue
+        weights = _weights(mistakes, number, frames)
+        if number.axis.path == DELAY:
+            found = replace(found, delays=weights)
+        else:
+            found = replace(found, shares=weights)
+    if not found.at_random:
+        return found
+    if found.lost:
         expected = "loss = PROBABILITY where what varies is at random"
-        mistakes.refuse(
-            given["for_all.lost"], "for_all.lost", expected, show(found.lost), of_key=False
-        )
-    for axis in found.changing if found.at_random else ():
-        if axis.path not in chances:
+        mistakes.refuse(given[LOST.path], LOST.path, expected, show(found.lost), of_key=False)
+    for number in numbers:
+        if number.axis in found.changing and not number.chances:
             expected = "shares beside values of each number that varies, where one is at random"
-            mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, "none")
+            mistakes.refuse(number.axis.place, number.label, expected, "none")
     return found
 
 
-def _weights(
-    mistakes: Any, label: str, part: str, leaf: Any, count: int, lengths: int
-) -> tuple[tuple[float, ...], ...]:
-    """The rows of weights of values; their mistakes are added. lengths: of frames."""
-    several = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
-    rows = leaf.value if several else [leaf.value]
-    may_be_several = part == "next" or (several and label.endswith(DELAY))
-    if several != may_be_several or (several and len(rows) != lengths):
-        lists = f"{lengths} lists, one for each {'value' if part == 'next' else 'length of frames'}"
-        mistakes.refuse(leaf, f"{label}.{part}", lists, show(leaf.value), of_key=False)
+def _weights(mistakes: Mistakes, number: AskedNumber, frames: int) -> tuple[tuple[float, ...], ...]:
+    """The rows of weights of the values of a number; their mistakes are added. frames: lengths
+    of them."""
+    leaf, path = number.weights, f"{number.label}.{number.chances}"
+    in_rows = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
+    after_each = number.chances == "next"
+    may_be_rows = after_each or (in_rows and number.axis.path == DELAY)
+    if in_rows != may_be_rows or (in_rows and len(leaf.value) != frames):
+        expected = f"{frames} lists, one for each {'value' if after_each else 'length of frames'}"
+        mistakes.refuse(leaf, path, expected, show(leaf.value), of_key=False)
         return ()
-    found = []
-    for row in rows:
-        weights = mistakes.check_list(
-            WEIGHT, replace(leaf, value=row), f"{label}.{part}", f"a list of {count} weights", count
-        )
+    count = len(number.axis.values)
+    rows = []
+    for row in leaf.value if in_rows else [leaf.value]:
+        listed = replace(leaf, value=row)
+        weights = mistakes.check_list(WEIGHT, listed, path, f"a list of {count} weights", count)
         if weights and None not in weights and not any(weights):
-            mistakes.refuse(
-                leaf, f"{label}.{part}", "a weight above 0 in each list", "none", of_key=False
-            )
-        found.append(tuple(weights))
-    return tuple(found)
+            mistakes.refuse(leaf, path, "a weight above 0 in each list", "none", of_key=False)
+        rows.append(tuple(weights))
+    return tuple(rows)
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table: ranges of numbers, or of any names in a drawn loop."""
-    others, own = False, {"lost": shapes.value(LOST), "loss": shapes.value(LOSS)}
+    ranges: dict[str, Any] = {}
+    for name, key in shapes.numbers.items():
+        ranges[name] = shapes.define(f"range_of_{key.path}", _range(shapes, key))
+    own = {key.path.removeprefix("for_all."): shapes.value(key) for key in (LOST, LOSS)}
+    others = False
     if shapes.drawn:
-        others = shapes.define(
-            "range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]}
-        )
-        own = {name: {"anyOf": [each, others]} for name, each in own.items()}
-    ranges = {
-        name: shapes.define(f"range_of_{key.path}", _range(shapes, key))
-        for name, key in shapes.numbers.items()
-    }
+        named = shapes.table({}, shapes.reference("range"))
+        others = shapes.define("range", {"anyOf": [_range(shapes), named]})
+        own = {name: {"anyOf": [shape, others]} for name, shape in own.items()}
     return shapes.table(ranges | shapes.nested(ranges) | own, others)
 
 
 def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
     """A range or values of a number, which may vary from frame to frame; key: None for one of a
     drawn loop."""
-    value, varying = (
-        shapes.value(key) if key else {"type": "number"},
-        {"varying": {"type": "boolean"}},
-    )
+    value = shapes.value(key) if key else {"type": "number"}
+    parts = {name: shapes.value(part) for name, part in PARTS.items()}
+    varying = {"varying": parts["varying"]}
     ends = shapes.table({"start": value, "stop": value, **varying}, required=["start", "stop"])
-    weights: dict[str, Any] = {"type": "array", "items": shapes.value(WEIGHT), "minItems": 1}
-    rows = {"type": "array", "items": weights, "minItems": 1}
-    chances = {
-        "shares": {"anyOf": [weights, rows]} if key and key.path == DELAY else weights,
-        "next": rows,
-    }
-    listed = {"values": {"type": "array", "items": value, "minItems": 1}}
-    values = shapes.table(listed | varying | chances, required=["values"])
+    if key and key.path == DELAY:
+        parts["shares"] = {"anyOf": [parts["shares"], shapes.value(Key.several(PARTS["shares"]))]}
+    values = {"type": "array", "items": value, "minItems": 1}
+    listed = shapes.table({"values": values, **parts}, required=["values"])
     about = {"description": shapes.described(key)} if key else {}
-    return {"anyOf": [ends, values, values["properties"]["values"]]} | about
+    return {"anyOf": [ends, listed, values]} | about
 
 
 TABLE = SpecTable(
     path="for_all",
     build=build,
-    sections={
-        "for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))
-    },
+    sections={"for_all": Section(("lost", "loss"), ("start", "stop", "values", *PARTS))},
     always=True,
     members=True,
     described={
