@@ -39,7 +39,7 @@ def test_a_pattern_of_ticks_grows_where_it_refutes_and_decays_where_all_are_prov
 @pytest.mark.parametrize(
     ("simulate", "words"),
     [
-        ({"ticks": []}, "a list of the lengths of ticks in s"),
+        ({"ticks": []}, "simulate.ticks: expected a list of numbers, found an empty list"),
         ({"ticks": [0.001, -1]}, "ticks.1."),
         ({"ticks": [0.001], "jitter": 0.1}, "either lengths of ticks in turn, or jitter"),
     ],

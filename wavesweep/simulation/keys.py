@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.drawing import MOST_LATE, RATE, Drawing
@@ -32,12 +31,16 @@ if TYPE_CHECKING:
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 AT_A_TICK = 0.01
+LONGEST_TICK_S = 10.0  # s
 MOST_COUNTED = 2.0**53  # ticks; more cannot be counted by doubles
 RANDOM = "random"  # as frames
 SECONDS_OF_INPUT = 10.0  # of an input that has no length of its own
-FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM, TICKS = (
-    f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from", "ticks")
-)
+FRAMES = "simulate.frames"
+SHOW = "simulate.show"
+MESSAGES = "simulate.messages"
+FREQUENCIES = "simulate.frequency_hz"
+FROM = "simulate.from"
+TICKS = "simulate.ticks"
 INPUTS = {
     "sine": "one frequency",
     "stepped-sine": "several frequencies in turn, each until it has settled and is measured",
@@ -139,13 +142,13 @@ KEYS = Key.by_path(
         Key.gain(
             "simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0
         ),
-        Key(
-            SHOW,
-            "list",
-            None,
-            "",
-            "signals of a drawn loop that the table has in addition to its outputs: BLOCK.PORT, an output or an input of a "
-            "block",
+        Key.several(
+            Key.word(
+                SHOW,
+                None,
+                "signals of a drawn loop that the table has in addition to its outputs: BLOCK.PORT, an output or an input of "
+                "a block",
+            )
         ),
         Key(
             FRAMES,
@@ -164,17 +167,13 @@ KEYS = Key.by_path(
             'table: of a channel by its name, how late its messages are in turn, repeated for ever: ticks, "lost", or "3 lost" '
             "for so many in a row; absent: all in time, or lost at random by the channel's own probabilities",
         ),
-        Key(
-            TICKS,
-            "list",
-            None,
-            "s",
-            "true lengths of the fast ticks, repeated for ever, the first of a frame first: the device moves for these, and the "
-            "program counts with the nominal one; absent: all as the rates have them",
+        Key.several(
+            Key.positive(TICKS, None, "s", "", high=LONGEST_TICK_S),
+            description="true lengths of the fast ticks, repeated for ever, the first of a frame first: the device moves for "
+            "these, and the program counts with the nominal one; absent: all as the rates have them",
         ),
     ]
 )
-TICK = Key.positive(TICKS, None, "s", "", high=10.0)
 IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
     "ticks": Key.whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
@@ -222,11 +221,11 @@ class Frame:
 
     def written(self) -> int | dict[str, int | bool]:
         """Return the frame as a spec could give it."""
-        optional = {
-            name: value
-            for name, value in (("delay", self.delay), ("lost", self.lost))
-            if value is not None and value is not False
-        }
+        optional: dict[str, int | bool] = {}
+        if self.delay is not None:
+            optional["delay"] = self.delay
+        if self.lost:
+            optional["lost"] = True
         return {"ticks": self.ticks, **optional} if optional else self.ticks
 
 
@@ -237,32 +236,35 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
     if isinstance(leaf.value, str):
         return leaf.value
-    frames, before = [], len(mistakes)
+    before = len(mistakes)
+    frames = []
     for index, item in enumerate(leaf.value):
-        path = f"{FRAMES}[{index}]"
-        if isinstance(item, dict):
-            frame_keys = mistakes.read(
-                FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path
-            )
-            if "ticks" not in item:
-                mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
-        else:
-            frame_keys = {
-                "ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)
-            }
-        if frame_keys.get("ticks"):
-            frames.append(Frame(**frame_keys))
-            if frame_keys.get("delay", 0) > frame_keys["ticks"]:
-                expected = f"a whole number <= {frame_keys['ticks']}, the ticks of the frame"
-                mistakes.refuse(
-                    leaf, f"{path}.delay", expected, show(frame_keys["delay"]), of_key=False
-                )
-    ticks = sum(map(attrgetter("ticks"), frames))
+        frame = _frame(replace(leaf, value=item), f"{FRAMES}[{index}]", mistakes)
+        if frame:
+            frames.append(frame)
+    ticks = sum(frame.ticks for frame in frames)
     if ticks > LONGEST_FRAME:
-        mistakes.refuse(
-            leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False
-        )
+        expected = f"at most {LONGEST_FRAME} ticks in all"
+        mistakes.refuse(leaf, FRAMES, expected, str(ticks), of_key=False)
     return tuple(frames) if len(mistakes) == before else None
+
+
+def _frame(leaf: Leaf, path: str, mistakes: Mistakes) -> Frame | None:
+    """A frame of a list, which is a number of ticks or a table; adds its mistakes."""
+    if not isinstance(leaf.value, dict):
+        ticks = mistakes.check(FRAME_KEYS["ticks"], leaf, path)
+        return Frame(ticks) if ticks else None
+    parts = {name: replace(leaf, value=value) for name, value in leaf.value.items()}
+    values = mistakes.read(FRAME_KEYS, parts, path)
+    if "ticks" not in parts:
+        mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
+    if "ticks" not in values:
+        return None
+    frame = Frame(**values)
+    if frame.delay is not None and frame.delay > frame.ticks:
+        expected = f"a whole number <= {frame.ticks}, the ticks of the frame"
+        mistakes.refuse(leaf, f"{path}.delay", expected, show(frame.delay), of_key=False)
+    return frame
 
 
 def build_messages(
@@ -276,31 +278,36 @@ def build_messages(
     expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
     messages: dict[str, tuple[int | None, ...]] = {}
     for path, leaf in given.items():
+        listed = isinstance(leaf.value, list) and bool(leaf.value)
         late: list[int | None] = []
-        for item in leaf.value if isinstance(leaf.value, list) and leaf.value else [leaf.value]:
+        for item in leaf.value if listed else [leaf.value]:
             lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
-            ticks = (
-                leaf.value != item
-                and isinstance(item, int)
-                and not isinstance(item, bool)
-                and 0 <= item <= MOST_LATE
-            )
-            late += [None] * int(lost[1] or 1) if lost else [item] * ticks
-            if not (lost or ticks):
+            if lost:
+                late += [None] * int(lost[1] or 1)
+            elif listed and _is_late(item):
+                late.append(item)
+            else:
                 mistakes.refuse(leaf, path, expected, show(item), of_key=False)
         messages[path.removeprefix(f"{MESSAGES}.")] = tuple(late)
     return messages
 
 
+def _is_late(item: object) -> bool:
+    """Whether a message may be late by that many ticks."""
+    return isinstance(item, int) and not isinstance(item, bool) and 0 <= item <= MOST_LATE
+
+
 def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
     """Return the ticks by which messages are late in turn, and the words for those that are
     lost, as a spec could give them."""
-    runs = [(ticks_late, len(list(run))) for ticks_late, run in groupby(late)]
-    return [
-        item
-        for ticks_late, count in runs
-        for item in ([f"{count} lost"] if ticks_late is None else [ticks_late] * count)
-    ]
+    written: list[int | str] = []
+    for ticks_late, run in groupby(late):
+        count = len(list(run))
+        if ticks_late is None:
+            written.append(f"{count} lost")
+        else:
+            written += [ticks_late] * count
+    return written
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,85 +349,76 @@ class Experiment(TableValue):
         present = {name: value for name, value in self.values.items() if value is not None}
         if self.values["pulls"]:  # digests of specs that do not say it stay as they are
             del present["pulls"]
-        frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
-        frames = present.get("frames", "")
-        frames = (
-            {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}
-        )
-        shown = {name: list(present[name]) for name in ("show", "ticks") if name in present}
-        messages = {
-            name: written_messages(late) for name, late in present.get("messages", {}).items()
-        }
-        return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
+        for name in ("show", "ticks"):
+            if name in present:
+                present[name] = list(present[name])
+        if self.frequencies:
+            present["frequency_hz"] = self.frequencies.written()
+        frames = present.get("frames")
+        if isinstance(frames, tuple):
+            present["frames"] = [frame.written() for frame in frames]
+        messages = present.get("messages")
+        if messages:
+            present["messages"] = {name: written_messages(messages[name]) for name in messages}
+        return present
 
     def on(self, device: HapticDevice | None) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given
         themselves."""
         numbers = device.simulation() if device else {}
-        missing = {
-            name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given
-        }
+        missing = {}
+        for name, value in numbers.items():
+            if f"simulate.{name}" not in self.given:
+                missing[name] = value
         return replace(self, values=self.values | missing) if missing else self
 
     def unread(self) -> list[str]:
         """Return the keys that are given, and not as their defaults, and that the input does not
         read."""
-        settings = {path: leaf.value for path, leaf in self.given.items()} | {
-            FREQUENCIES: self.frequencies
-        }
-        paths = {
-            name: f"simulate.{name}"
-            for name, inputs in READ_BY.items()
-            if self.values["input"] not in inputs
-        }
-        return [
-            name
-            for name, path in paths.items()
-            if path in settings and settings[path] != KEYS[path].default
-        ]
+        settings = {path: leaf.value for path, leaf in self.given.items()}
+        settings[FREQUENCIES] = self.frequencies
+        unread = []
+        for name, inputs in READ_BY.items():
+            path = f"simulate.{name}"
+            if self.values["input"] in inputs or path not in settings:
+                continue
+            if settings[path] != KEYS[path].default:
+                unread.append(name)
+        return unread
 
     def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
         """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and
         the path of its key."""
-        half, most, tick = fast_hz / 2, MOST_TICKS / fast_hz, f"at least a tick ({1 / fast_hz:g} s)"
-        kind, sets_in, width, lasts = (
-            self.values[name] for name in ("input", "at_s", "width_s", "duration_s")
-        )
-        seconds, stop = (
-            self._seconds(),
-            self.frequencies.stop if self.frequencies and self.values["frequency_hz"] else 0.0,
-        )
-        late = kind in ("step", "pulse") and not first_tick(sets_in, fast_hz) < first_tick(
-            seconds, fast_hz
-        )
-        long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
+        kind, sets_in, width = (self.values[name] for name in ("input", "at_s", "width_s"))
+        lasts = self.values["duration_s"]
+        seconds = self._seconds()
         table = next((leaf.place.parent() for leaf in self.given.values()), Place())
-        for name, wrong, expected, problem in (
-            ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
-            (
-                "frequency_hz" if lasts is None else "duration_s",
-                seconds > most,
-                long,
-                f"{seconds:g} s",
-            ),
-            (
-                "duration_s",
-                lasts is not None and 0 < seconds * fast_hz < 1 - AT_A_TICK,
-                tick,
-                show(seconds),
-            ),
-            ("at_s", late, f"a number < {seconds!r} (simulate.duration_s)", show(sets_in)),
-            ("width_s", kind == "pulse" and width * fast_hz < 1 - AT_A_TICK, tick, show(width)),
-        ):
-            if wrong:
-                leaf = self.given.get(f"simulate.{name}", table)
-                mistakes.refuse(leaf, f"simulate.{name}", expected, problem, of_key=False)
+
+        def refuse(name: str, expected: str, found: str) -> None:
+            leaf = self.given.get(f"simulate.{name}", table)
+            mistakes.refuse(leaf, f"simulate.{name}", expected, found, of_key=False)
+
+        if self.frequencies and self.values["frequency_hz"]:
+            highest = self.frequencies.stop
+            if highest >= fast_hz / 2:
+                refuse("frequency_hz", f"numbers < {fast_hz / 2!r} (half of {rate})", show(highest))
+        longest = MOST_TICKS / fast_hz
+        if seconds > longest:
+            name = "frequency_hz" if lasts is None else "duration_s"
+            expected = f"at most {longest:g} s ({MOST_TICKS} ticks at {rate})"
+            refuse(name, expected, f"{seconds:g} s")
+        tick = f"at least a tick ({1 / fast_hz:g} s)"
+        if lasts is not None and 0 < seconds * fast_hz < 1 - AT_A_TICK:
+            refuse("duration_s", tick, show(seconds))
+        if kind in READ_BY["at_s"] and first_tick(sets_in, fast_hz) >= first_tick(seconds, fast_hz):
+            refuse("at_s", f"a number < {seconds!r} (simulate.duration_s)", show(sets_in))
+        if kind in READ_BY["width_s"] and width * fast_hz < 1 - AT_A_TICK:
+            refuse("width_s", tick, show(width))
 
     def between_ticks(self, fast_hz: float) -> Iterator[str]:
         """Yield which times are read and lie between two ticks, and what that means."""
-        kind, sets_in, width, lasts = (
-            self.values[name] for name in ("input", "at_s", "width_s", "duration_s")
-        )
+        kind, sets_in, width = (self.values[name] for name in ("input", "at_s", "width_s"))
+        lasts = self.values["duration_s"]
         times = [("duration_s", lasts, lasts, "the run ends")]
         if kind in READ_BY["at_s"]:
             times.append(("at_s", sets_in, sets_in, f"the {kind} sets in"))
@@ -435,12 +433,12 @@ class Experiment(TableValue):
                 yield f"simulate.{name} = {value:g}: {what} between the ticks at {before} and {after} s; taken at the later one"
 
     def _seconds(self) -> float:
-        values, frequencies = self.values, self.values["frequency_hz"] or ()
+        """How long the run takes (s); 0 if it is not known here."""
+        values = self.values
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        return sum(
-            step_seconds(tone, values["settle_s"], values["periods"]) for tone in frequencies
-        )
+        settle_s, periods = values["settle_s"], values["periods"]
+        return sum(step_seconds(tone, settle_s, periods) for tone in values["frequency_hz"] or ())
 
 
 def first_tick(seconds: float, fast_hz: float) -> int:
@@ -463,34 +461,21 @@ def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict
     leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
     checked = mistakes.read(
-        KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW, TICKS)}
+        KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)}
     )
     checked[MESSAGES] = build_messages(of_messages, mistakes) or None
     if FRAMES in leaves:
         checked[FRAMES] = build_frames(leaves[FRAMES], mistakes)
-    if TICKS in leaves:
-        checked[TICKS] = _lengths(leaves, mistakes)
-    if SHOW in leaves:
-        checked[SHOW] = names_in_list(leaves[SHOW]) or None
-        if not checked[SHOW]:
-            mistakes.refuse(
-                leaves[SHOW],
-                SHOW,
-                "a list of signals, BLOCK.PORT",
-                show(leaves[SHOW].value),
-                of_key=False,
-            )
-    return leaves, checked
-
-
-def _lengths(leaves: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...] | None:
-    """The lengths of ticks in turn (s), None if they are wrong; adds their mistakes."""
-    expected = "a list of the lengths of ticks in s"
-    lengths = mistakes.check_list(TICK, leaves[TICKS], TICKS, expected)
-    if "simulate.jitter" in leaves and leaves["simulate.jitter"].value:
+    if TICKS in leaves and "simulate.jitter" in leaves and leaves["simulate.jitter"].value:
         expected = "either lengths of ticks in turn, or jitter"
         mistakes.refuse(leaves[TICKS], TICKS, expected, "both", of_key=False)
-    return tuple(lengths) if lengths and None not in lengths else None
+    if SHOW in leaves:
+        leaf = leaves[SHOW]
+        checked[SHOW] = names_in_list(leaf) or None  # one name stands without a list, too
+        if not checked[SHOW]:
+            expected = "a list of signals, BLOCK.PORT"
+            mistakes.refuse(leaf, SHOW, expected, show(leaf.value), of_key=False)
+    return leaves, checked
 
 
 def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis | None:
@@ -607,22 +592,16 @@ def entry_of(spec: Spec) -> str:
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
-    keys = {path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()}
-    frequency = KEYS[FREQUENCIES]
-    keys["frequency_hz"] = {
-        "anyOf": [keys["frequency_hz"], shapes.axis(frequency), {"type": "array", "maxItems": 0}]
-    }
-    keys["show"]["items"] = {"type": "string"}
-    keys["ticks"]["items"] = shapes.value(TICK)
-    frame = shapes.table(
-        {name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"]
-    )
+    table = shapes.keys(TABLE.keys_in_it)
+    keys = table["properties"]
+    spans = [keys["frequency_hz"], shapes.axis(KEYS[FREQUENCIES])]
+    keys["frequency_hz"] = {"anyOf": [*spans, {"type": "array", "maxItems": 0}]}
+    frame = shapes.keys(FRAME_KEYS, required=["ticks"])
     keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
     keys["frames"] = {"anyOf": [keys["frames"], {"type": "string", "minLength": 1}]}
     late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
-    return shapes.table(
-        keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])}
-    )
+    keys["messages"] = shapes.table({}, late, description=keys["messages"]["description"])
+    return table
 
 
 TABLE = SpecTable(
