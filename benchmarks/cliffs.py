@@ -5,7 +5,7 @@
 
 Rates that do not divide, states, ticks of a frame, ticks of delay, slices, and numbers in a box. Times are of the processor,
 all processes together, the least of three up to a second; a cross is a size at which not every row is certified. Beside states
-and ticks that of D-decomposition by hand at 180 angles. --most: slices of the largest run. --least: no figure, five ratios of
+and ticks that of D-decomposition by hand at 180 angles. --most: slices of the largest run. --least: no figure, six ratios of
 two sizes alone; the exit code is 1 if one is above twice of what it was when these lines were written.
 """
 
@@ -88,6 +88,13 @@ def plain(tables: dict) -> dict:
     """A chain without the numbers that it does not read: that of one mass has no spring."""
     numbers = {name: value for name, value in tables["numbers"].items() if name != "k" or "m1" in tables["block"]}
     return tables | {"numbers": numbers}
+
+
+def filtered(tables: dict) -> dict:
+    """A chain of which a filter of 2 ms is read, which forgets all within a frame of 20 ms."""
+    fast = {"filter": {"type": "tf", "num": [1.0], "den": [0.002, 1.0]}}
+    wires = {"filter.u": "m0.x", "h.u": "filter.y"}
+    return tables | {"block": tables["block"] | fast, "wire": tables["wire"] | wires}
 
 
 def chained(tables: dict) -> Cost:
@@ -210,6 +217,7 @@ def panels(most: int) -> dict[str, tuple[str, list[Line]]]:
             f"{LOOPS} loops along one gain",
             [
                 Line("this tool", STATES, lambda n: chained(chain(n // 2, 20))),
+                Line("with a filter of 2 ms", STATES, lambda n: chained(filtered(chain(n // 2, 20)))),
                 Line(hand, few, lambda n: by_hand(chain(n // 2, 20))),
             ],
         ),
@@ -251,6 +259,12 @@ class Ratio(NamedTuple):
 RATIOS = (
     Ratio("60 Hz beside 50 Hz", lambda: rates(60), lambda: rates(50), 25.0),
     Ratio("25 states beside D-decomposition", lambda: chained(chain(12, 20)), lambda: by_hand(chain(12, 20)), 2.0),
+    Ratio(
+        "61 states and a filter of 2 ms beside none",
+        lambda: chained(filtered(chain(30, 20))),
+        lambda: chained(chain(30, 20)),
+        1.0,
+    ),
     Ratio("frames of 1000 ticks beside 100", lambda: chained(chain(2, 1000)), lambda: chained(chain(2, 100)), 1.2),
     Ratio("400 ticks of delay beside 100", lambda: one_delay(400), lambda: one_delay(100), 9.0),
     Ratio("10,000 slices beside 1000", lambda: slices(10_000), lambda: slices(1000), 1.5),

@@ -55,6 +55,14 @@ def test_loops_of_20_states_and_more_are_certified_in_doubles(masses, damping, d
     assert radii[0] < 1 < radii[1]
 
 
+def test_a_filter_that_forgets_all_within_a_frame_takes_no_digits():
+    """Its state is read and set, and acts on no other one, so its units follow from nothing else."""
+    tables = drawn_chain(30)
+    tables["block"]["filter"] = {"type": "tf", "num": [1.0], "den": [0.002, 1.0]}
+    tables["wire"] |= {"filter.u": "m0.x", "h.u": "filter.y"}
+    assert arc_crossings(cut_of(tables), FIRST, np.zeros(1), (0.0, 1000.0)).complete.all()
+
+
 def random_system(seed, n):
     """A loop with lightly damped and some equal poles."""
     random = np.random.default_rng(seed)
@@ -80,7 +88,7 @@ def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to
     n = 8
     opened = random_system(seed, n)
     monkeypatch.setattr(resolvent, "MODAL_ERROR", close_to)
-    form = TriangularForm.of(opened[0])
+    form = TriangularForm.of(*opened[:3])
     assert form.diagonal == (close_to > 0)
     angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))
     theta = np.concatenate([np.linspace(0.05, 3.1, 5), angles[::2] * (1 + 1e-6)])[None]
@@ -100,8 +108,9 @@ def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to
 @pytest.mark.parametrize("delay", [0, 60])
 def test_the_resolvent_of_many_states_is_the_inverse(delay):
     """In eigenvectors, and along delay lines."""
-    E = cut_of(drawn_chain(2 if delay else 20, 0.2, delay)).E[0]
-    many, random = ManyStates.of(E), np.random.default_rng(1)
+    cut = cut_of(drawn_chain(2 if delay else 20, 0.2, delay)).at(0)
+    E = cut.E
+    many, random = ManyStates.of(E, cut.B, cut.C), np.random.default_rng(1)
     assert isinstance(many.form, TriangularForm) == (not delay)
     w = on_circle(np.array([0.1, 0.5, 2.0]))
     exact = np.linalg.inv(w[:, None, None] * np.eye(len(E)) - E)
@@ -115,7 +124,7 @@ def test_the_resolvent_of_many_states_is_the_inverse(delay):
 def test_crossings_of_many_states_are_polished_as_those_of_few(monkeypatch, delay):
     cut = cut_of(drawn_chain(2 if delay else 12, 0.2, delay))
     theta = np.array([0.3, 1.1, 2.0, 2.9])
-    many = ManyStates.of(cut.at(0).E)
+    many = ManyStates.of(cut.E[0], cut.B[0], cut.C[0])
     few, _ = polish(cut.at(np.zeros(4, int)), FIRST, np.zeros(4), theta, 1e3)
     found = polish_of_many_states(cut.at(0), many, FIRST, 0.0, theta, 1e3)
     np.testing.assert_array_equal(few.converged, found.converged)

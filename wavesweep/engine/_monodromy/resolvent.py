@@ -155,16 +155,27 @@ class TriangularForm:
     diagonal: bool
 
     @staticmethod
-    def of(E) -> "TriangularForm":
-        """Return the form of each of some loops, `(loops, n, n)`, by eigenvectors, or Schur's if
-        these are nearly dependent.
+    def of(E, B, C) -> "TriangularForm":
+        """Return the form of each of some loops by eigenvectors, or Schur's if these are nearly
+        dependent; E: `(loops, n, n)`, B: `(loops, n, 1)`, C: `(loops, outputs, n)`.
+
+        Units of the states are even with B and C as well: E alone leaves those of a state open that
+        hardly acts on any other one, as one of a filter that forgets all within a frame, and the
+        product of what reaches it and what is read of it would be large in some and small in others.
 
         With `E V = V T + R` the frame is `V (T + V^-1 R) V^-1`. If the norm f of `1 - Z V` is below
         1/2, that of V^-1 is at most twice that of Z. Z moves the states that are reached and read
         by f of themselves, and rounding of sums of n terms by as many roundings, times the
         condition of V.
         """
-        balanced, units = balance(E)
+        n = E.shape[-1]
+        system = np.zeros((len(E), n + 1, n + 1))
+        system[:, :n, :n] = E
+        system[:, :n, n:] = B
+        system[:, n, :n] = np.abs(C).max(-2)
+        units = balance(system)[1]
+        units = units[:, :n] / units[:, n:]
+        balanced = E * (units[:, None, :] / units[:, :, None])
         T, V, Z, error = _with_error(balanced, *_eigenvectors(balanced))
         diagonal = bool((error <= MODAL_ERROR).all())
         if not diagonal:
@@ -337,14 +348,15 @@ class ManyStates:
     most: int
 
     @staticmethod
-    def of(E) -> "ManyStates":
-        """E: `(n, n)`."""
+    def of(E, B, C) -> "ManyStates":
+        """E: `(n, n)`, B: `(n, 1)`, C: `(outputs, n)`."""
         lines = DelayLines.of(E)
         if lines.solved.size <= FEW_SOLVED:
             return ManyStates(
                 E, lines, max(1, NUMBERS_AT_ONCE // (len(E) * (1 + lines.solved.size)))
             )
-        return ManyStates(E, TriangularForm.of(E[None]), max(1, NUMBERS_AT_ONCE // len(E)))
+        form = TriangularForm.of(E[None], B[None], C[None])
+        return ManyStates(E, form, max(1, NUMBERS_AT_ONCE // len(E)))
 
     def at(self, w) -> InLines | InForm:
         """w: `(points,)`."""

@@ -46,7 +46,7 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     solver = lines
     system = opened
     if lines.solved.size > FEW_SOLVED:
-        solver = TriangularForm.of(opened.E)
+        solver = TriangularForm.of(opened.E, opened.B, opened.C)
         system = solver.system(opened)
     largest = max(map(abs, span))
 
@@ -232,7 +232,8 @@ def _collect(cut, along, fixed, span, boundary, roots):
     largest = max(map(abs, span))
     many = None
     if cut.order > MANY_STATES:  # of a single column
-        many = ManyStates.of(cut.at(0).E)
+        loop = cut.at(0)
+        many = ManyStates.of(loop.E, loop.B, loop.C)
         inverses = np.zeros((0, *cut.E.shape[-2:]))
         polished = polish_of_many_states(cut.at(0), many, along, fixed[0], seed, largest)
     else:
