@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 import wavesweep
 from wavesweep.program import plots
@@ -49,6 +51,26 @@ def test_an_axis_that_other_keys_follow_from_is_drawn(axis):
     figure = wavesweep.compile(spec).plot_zwidth(span=(0, 4000), **{axis: values})
     names = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert ("nominal design" in names) == (axis == "rates.slow_hz")
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_figure_has_no_legend_and_no_notes_if_they_are_not_wanted(inside):
+    loop, across = wavesweep.compile(SPEC), {"span": (0, 4000), "B_VE": [0.0, 5.0], "b": [20.0, 40.0]}
+
+    def drawn(**parts):
+        whole, axes = plt.subplots(figsize=(3.5, 2.6), layout="constrained") if inside else (None, None)
+        figure = loop.plot_zwidth(ax=axes, **parts, **across)
+        assert (figure is whole) == inside
+        figure.draw_without_rendering()
+        part = figure.subfigs[0] if inside else figure
+        panel = part.axes[0].get_position()
+        return len(figure.findobj(Legend)), "computed between" in part.get_supxlabel(), panel.height
+
+    (_, _, least), (legends, notes, most) = drawn(), drawn(legend=False, caption=False)
+    assert (legends, notes) == (0, False)
+    assert drawn()[:2] == (1, True)
+    assert most > (1.3 if inside else 1.0) * least
+    plt.close("all")
 
 
 def crosses(figure):

@@ -1,11 +1,13 @@
 """The calls that do what the commands do."""
 
 import re
+import sys
 import tomllib
 from fractions import Fraction
 from importlib import import_module
 from inspect import isclass, isfunction
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas
@@ -14,13 +16,15 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
 from wavesweep.capabilities import CAPABILITIES, of_library
-from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine import StateSpaceBlock, loop_from_blocks
+from wavesweep.engine._loops import blocks
+from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.errors import UsageError
 from wavesweep.program import api
 from wavesweep.program.platform_compat import one_thread
 from wavesweep.program.spec import load
 from wavesweep.program.tables import fields as tables_fields
-from wavesweep.program.tables import kind_named
+from wavesweep.program.tables import interval_table, kind_named
 from wavesweep.program.tables.fields import COLUMNS, Field
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
@@ -251,6 +255,8 @@ def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():
 
 def test_a_loop_in_a_notebook_shows_its_question_its_intervals_and_their_figure():
     shown = wavesweep.compile({"controller": {"kind": "dc-slow"}})._repr_html_()
+    assert "<th>low</th>" in shown
+    assert "<th>doubt</th>" not in shown  # which is empty
     assert "For which K_VE from 0 to 20000" in shown
     assert "263.137165" in shown
     assert "<svg" in shown
@@ -296,3 +302,53 @@ def test_the_help_of_a_call_names_its_columns_with_their_units(call, kind):
     for column in (each for each in kind_named(kind).fields if not each.optional):
         assert re.search(rf"\b{column.name}\b", call.__doc__), column.name
     assert any(unit in call.__doc__ for unit in ("rad/s", "Hz", "m/N"))
+
+
+def test_loops_are_told_in_a_line():
+    plant = StateSpaceBlock(A=[[0, 1], [0, -10]], B=[[0], [10]], C=[[1, 0]])
+    loop = loop_from_blocks({"plant": plant}, {"plant.u": "-kp*plant.y"}, rate_hz=1000, numbers={"kp": 1.0})
+    assert repr(loop) == "<ClosedLoop: plant; frame of 1 ms; kp = 1>"
+    block = blocks.ss("g", 1.0, [[0.5]], [[1.0]], [[1.0]], [[0.0]], ("u",), ("y",), discrete=True)
+    drawn = wavesweep.compile(MultirateLoop(0.001, (ScheduledBlock(block, 2, 0),), {"g.u": {"g.y": -0.5}}))
+    assert repr(drawn) == "<DrawnLoop: g; frame of 2 ticks>"
+    assert repr(wavesweep.load({"controller": {"kind": "pmw"}})) == "<Spec spec: pmw, from tables>"
+
+
+def test_what_was_computed_is_kept_for_the_next_question(monkeypatch):
+    loop = wavesweep.compile({"controller": {"kind": "dc-slow"}})
+    first = loop.stable_intervals(B_VE=[1.0, 2.0])
+    first["low"] = -1.0  # what a caller does to a table is his own
+    monkeypatch.setattr(interval_table, "of_calls", None)
+    assert loop.stable_intervals(B_VE=np.array([1.0, 2.0]))["low"].tolist() == [0.0, 0.0]
+    with pytest.raises(TypeError):
+        loop.stable_intervals(B_VE=[1.0, 3.0])
+
+
+@pytest.mark.parametrize("installed", [False, True])
+def test_a_bar_shows_what_is_done(monkeypatch, installed):
+    moved, said = [], []
+
+    class Bar:
+        def __init__(self, **_):
+            self.n = 0
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            moved.append("closed")
+
+        def set_postfix_str(self, text, **_):
+            said.append(text)
+
+        def update(self, more):
+            self.n += more
+            moved.append((self.n, self.total))
+
+    auto = SimpleNamespace(tqdm=Bar) if installed else None
+    monkeypatch.setitem(sys.modules, "tqdm", auto and SimpleNamespace(auto=auto))
+    monkeypatch.setitem(sys.modules, "tqdm.auto", auto)
+    table = wavesweep.zwidth({"controller": {"kind": "dc-slow"}, "sweep": {"B_VE": [1, 2]}}, progress=True)
+    assert len(table) == 2
+    assert moved == ([(0, 2), (2, 2), "closed"] if installed else [])
+    assert said == (["0 certified", "2 certified"] if installed else [])

@@ -132,6 +132,11 @@ class LiftedStateSpace:
     outputs: tuple[str, ...]
     states: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        """Its sizes and the frame."""
+        sizes = f"{len(self.A)} states, {len(self.inputs)} inputs, {len(self.outputs)} outputs"
+        return f"<LiftedStateSpace: {sizes}, frame of {1e3 * self.frame_s:.6g} ms>"
+
     def to_control(self) -> StateSpace:
         """The same as a system of python-control, with dt of the frame (s)."""
         import control
@@ -160,6 +165,12 @@ class ClosedLoop:
     drawing: Drawing
     values: Mapping[str, float]
     state_names: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """The blocks, the frame and the numbers."""
+        blocks = ", ".join(block.name for block in self.drawing.blocks)
+        numbers = ", ".join(f"{name} = {value:g}" for name, value in self.numbers.items())
+        return f"<ClosedLoop: {blocks}; frame of {1e3 * self.frame_s:.6g} ms; {numbers or 'no numbers'}>"
 
     @property
     def numbers(self) -> dict[str, float]:

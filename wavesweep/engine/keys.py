@@ -29,7 +29,6 @@ if TYPE_CHECKING:
         Place,
         leaves_of,
         plain,
-        read_dict,
         split_names,
     )
 else:
@@ -59,7 +58,6 @@ else:
                 "VALUE_WORDS",
                 "leaves_of",
                 "plain",
-                "read_dict",
                 "split_names",
             ),
         }

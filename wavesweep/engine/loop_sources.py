@@ -162,10 +162,7 @@ def loop_from_blocks(
     tables = {
         "rates": {"tick_hz": rate_hz},
         "numbers": numbers or {},
-        "block": {
-            name: block.table() if isinstance(block, StateSpaceBlock) else block
-            for name, block in read.items()
-        },
+        "block": {name: _table(block) for name, block in read.items()},
         "wire": wires,
         "ports": {"inputs": {name: name for name in inputs}, "outputs": outputs or {}},
     }
@@ -176,6 +173,15 @@ def loop_from_blocks(
                 f"{name} x{index}": f"{name} {state}" for index, state in enumerate(block.states)
             }
     return replace(loop_from_drawing(tables), state_names=state_names)
+
+
+def block_tables(blocks: Mapping[str, object], rate_hz: float) -> dict[str, Mapping[str, Any]]:
+    """The blocks of `loop_from_blocks` in the language of drawings; systems have no names of states."""
+    return {name: _table(_block(name, block, rate_hz)) for name, block in blocks.items()}
+
+
+def _table(block: StateSpaceBlock | Mapping[str, Any]) -> Mapping[str, Any]:
+    return block.table() if isinstance(block, StateSpaceBlock) else block
 
 
 def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[str, Any]:
@@ -219,7 +225,7 @@ def _every(name: str, dt: Any, rate_hz: float) -> int | None:
     if dt is True or not ticks > 0 or abs(ticks - round(ticks)) > SAME_RATE * ticks:
         expected = f"a sample time of whole ticks of {1 / rate_hz:g} s"
         raise UsageError(
-            f"block {name}: expected {expected}, found dt = {dt!r}; give rate_hz, or a StateSpaceBlock with `every`"
+            f"block {name}: expected {expected}, found dt = {dt!r}; give another rate of the tick, or a StateSpaceBlock with `every`"
         )
     return round(ticks)
 

@@ -47,14 +47,22 @@ class LoopMargins(api.Loop):
         """
         return framed(table.margins(self.spec, cut))
 
-    def plot_margins(self, cut: str, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+    def plot_margins(
+        self,
+        cut: str,
+        *,
+        ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
+        **axes: Numbers,
+    ) -> Figure:
         """Nyquist curve, open-loop Bode plot and step response with the margins, as `wavesweep margins` draws them.
 
         Parameters
         ----------
         cut : str
             As for `margins`.
-        ax : Axes, optional
+        ax, legend, caption
             As for `plot_zwidth`.
         **axes : float or array of shape (n,)
             Numbers with several values each (see `Loop`); each combination has a curve in each
@@ -78,4 +86,9 @@ class LoopMargins(api.Loop):
             if values
         ]
         family = named_specs(self.spec, places)
-        return drawn_into(ax, lambda: margins(margins_table.columns, margins_table.facts, family))
+        return drawn_into(
+            ax,
+            lambda: margins(margins_table.columns, margins_table.facts, family),
+            legend=legend,
+            caption=caption,
+        )

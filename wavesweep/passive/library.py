@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Unpack
 from wavesweep.passive import table
 from wavesweep.program import api
 from wavesweep.program.analyses.asked import Numbers, axes_asked
-from wavesweep.program.api import Source, figure_from, spec_of
+from wavesweep.program.api import Source, figure_of_table, spec_of
+from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables.frame import framed
@@ -45,12 +46,19 @@ class LoopPassive(api.Loop):
         spec = naming(self.spec, axes)
         return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
 
-    def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
+    def plot_passivity(
+        self,
+        *,
+        ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
+        **axes: Numbers,
+    ) -> Figure:
         """The figure of channel norm and port margin, as `wavesweep passivity` draws it.
 
         Parameters
         ----------
-        ax : Axes, optional
+        ax, legend, caption
             As for `plot_zwidth`.
         **axes
             As for `passivity`.
@@ -59,7 +67,8 @@ class LoopPassive(api.Loop):
         -------
         matplotlib.figure.Figure
         """
-        return figure_from(ax, "passivity", self.passivity(**axes), self.spec, nominal=True)
+        draw = figure_of_table("passivity", self.passivity(**axes), self.spec, nominal=True)
+        return drawn_into(ax, draw, legend=legend, caption=caption)
 
 
 def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[WorkOptions]) -> DataFrame:

@@ -44,7 +44,13 @@ class LoopPoles(api.Loop):
         return framed(table.poles(self.spec))
 
     def plot_root_locus(
-        self, number: str, values: Numbers | None = None, *, ax: Axes | None = None
+        self,
+        number: str,
+        values: Numbers | None = None,
+        *,
+        ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
     ) -> Figure:
         """The poles per frame over a number, with the unit circle and the ends of stable intervals.
 
@@ -56,7 +62,7 @@ class LoopPoles(api.Loop):
             By default 300 over the span that the spec's [sweep] has for it. Ends, which are
             certified or marked as not certified, are those between the least and the largest value;
             a number that decides how the loop is built has none.
-        ax : Axes, optional
+        ax, legend, caption
             As for `plot_zwidth`.
 
         Returns
@@ -74,4 +80,6 @@ class LoopPoles(api.Loop):
             values = np.linspace(span.start, span.stop, table.LOCUS)
         (axis,) = axes_asked(spec, {number: values})
         locus = table.over(spec, axis)
-        return drawn_into(ax, lambda: drawn(locus.columns, locus.facts))
+        return drawn_into(
+            ax, lambda: drawn(locus.columns, locus.facts), legend=legend, caption=caption
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
@@ -25,6 +25,7 @@ from wavesweep.program.analyses.asked import (
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.drawn_loop import DrawnLoop, first_of, refuse_infinite
+from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.spec.studies import value_of
@@ -44,6 +45,10 @@ if TYPE_CHECKING:
 
 Source = Spec | str | Path | Mapping[str, Any]
 Span = tuple[float, float]
+MOST_ANSWERS = 16
+MOST_ROWS_KEPT = 10_000  # of an answer: some 2 MB
+# The latest answers of `stable_intervals`: a figure, and the display of a notebook, ask again.
+_ANSWERS: dict[tuple[Spec, Axis, object, object], Columns] = {}
 
 
 @overload
@@ -56,7 +61,9 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
     Parameters
     ----------
     source : Spec, str, Path, dict or MultirateLoop
-        A spec, its path, its nested tables, or a loop drawn in Python.
+        A spec, its path, its nested tables, or a loop drawn in Python. In nested tables a block may
+        also be a system of python-control or scipy.signal, or a `StateSpaceBlock` of
+        `wavesweep.engine`.
 
     Returns
     -------
@@ -140,7 +147,10 @@ class Loop:
         self.plot_zwidth().savefig(picture, format="svg")
         question = f"For which {axis.name} from {axis.start:g} to {axis.stop:g} is this loop stable? {self!r}"
         svg = picture.getvalue().partition("<svg")
-        return f"<p>{escape(question)}</p>{self.stable_intervals().to_html(index=False)}<p>{svg[1]}{svg[2]}</p>"
+        rows = self.stable_intervals()
+        empty = [name for name in rows if rows[name].isin([""]).all() or rows[name].isna().all()]
+        table = rows.drop(columns=empty).to_html(index=False)
+        return f"<p>{escape(question)}</p>{table}<p>{svg[1]}{svg[2]}</p>"
 
     def with_(self, **values: float | str) -> Self:
         """The loop with other numbers.
@@ -177,6 +187,7 @@ class Loop:
         span: Span | None = None,
         *,
         require: Mapping[str, float] | None = None,
+        progress: bool = False,
         **axes: Numbers,
     ) -> DataFrame:
         """All stable intervals along an axis, for the product of the other axes given.
@@ -192,6 +203,8 @@ class Loop:
             Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}` (per
             T_s, or tick of a drawn loop), `{"settling": 0.1}` (s, to 2 %), `{"damping_ratio":
             0.3}`. By default stability alone.
+        progress : bool, default False
+            Whether to show a bar: that of tqdm or, where it is not installed, one of a terminal.
         **axes : float or array of shape (n,)
             The other axes, see `Loop`.
 
@@ -232,7 +245,17 @@ class Loop:
         job = job_over(
             grid, axis, require=None if require is None else value_of("sweep.require", require)
         )
-        return self._frame("zwidth", intervals.of_calls(job))
+        asked_axes = tuple((name, tuple(np.ravel(values))) for name, values in axes.items())
+        requirement = None if require is None else tuple(require.items())
+        question = (self.spec, axis, requirement, asked_axes)
+        rows = _ANSWERS.get(question)
+        if rows is None:
+            rows = intervals.of_calls(job, progress)
+            if len(rows["low"]) <= MOST_ROWS_KEPT:
+                _ANSWERS[question] = rows
+        if len(_ANSWERS) > MOST_ANSWERS:
+            del _ANSWERS[next(iter(_ANSWERS))]
+        return self._frame("zwidth", rows)
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the product of the axes given.
@@ -340,6 +363,8 @@ class Loop:
         span: Span | None = None,
         *,
         ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
         **axes: Numbers,
     ) -> Figure:
         """The figure of stable intervals, as `wavesweep zwidth` draws it.
@@ -352,6 +377,9 @@ class Loop:
         ax : Axes, optional
             Axes of a figure with a constrained layout, in whose place it is drawn; so for all
             figures of a loop.
+        legend, caption : bool, default True
+            Whether there is a legend, and notes below; a warning stays. A figure of one column
+            (89 mm) has more room for its panels without.
 
         Returns
         -------
@@ -359,19 +387,15 @@ class Loop:
             A notebook shows it.
         """
         along = self._usual if along is None else along
-        columns = self.stable_intervals(along, span, require=None, **axes)
+        columns = self.stable_intervals(along, span, require=None, progress=False, **axes)
         axis = axis_along(naming(self.spec, [along]), along, span)
         swept = {
             "along": along,
             **{name: np.atleast_1d(values).tolist() for name, values in axes.items()},
         }
-        return figure_from(
-            ax,
-            "zwidth",
-            columns,
-            self.spec,
-            swept | {along: {"start": axis.start, "stop": axis.stop}},
-        )
+        swept[along] = {"start": axis.start, "stop": axis.stop}
+        draw = figure_of_table("zwidth", columns, self.spec, swept)
+        return drawn_into(ax, draw, legend=legend, caption=caption)
 
     def plot_bode(
         self,
@@ -380,6 +404,8 @@ class Loop:
         from_: str | None = None,
         to: str | None = None,
         ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
         **axes: Numbers,
     ) -> Figure:
         """The figure of responses, as `wavesweep bode` draws it.
@@ -388,7 +414,7 @@ class Loop:
         ----------
         frequency_hz, from_, to, **axes
             As for `response`.
-        ax : Axes, optional
+        ax, legend, caption
             As for `plot_zwidth`.
 
         Returns
@@ -396,9 +422,9 @@ class Loop:
         matplotlib.figure.Figure
         """
         rows = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return figure_from(
-            ax, "bode-ports" if "from_input" in rows else "bode", rows, self.spec, nominal=True
-        )
+        kind = "bode-ports" if "from_input" in rows else "bode"
+        draw = figure_of_table(kind, rows, self.spec, nominal=True)
+        return drawn_into(ax, draw, legend=legend, caption=caption)
 
     def to_control(
         self, output: Literal["position", "displacement", "outputs"] | None = None
@@ -506,19 +532,17 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
     }
 
 
-def figure_from(
-    ax: Axes | None,
+def figure_of_table(
     kind: str,
     table: DataFrame,
     spec: Spec,
     swept: Mapping[str, Any] | None = None,
     **what: Any,
-) -> Figure:
-    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec. what: see `assumes`."""
+) -> Callable[[], Figure]:
+    """What draws the figure of a DataFrame. swept: the axes of the call in place of those of the spec. what: see `assumes`."""
     from wavesweep.program.analyses.assumptions import assumes
     from wavesweep.program.plots import figure_of
     from wavesweep.program.plots.figure_marks import facts_of_marks
-    from wavesweep.program.plots.style import drawn_into
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [
@@ -531,7 +555,7 @@ def figure_from(
         **facts_of_marks([spec], kind),
     }
     columns = {str(name): table[name].to_numpy() for name in table}
-    return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
+    return lambda: figure_of(kind)(columns, facts)
 
 
 def zwidth(
@@ -570,8 +594,9 @@ def zwidth(
         Kind of the workers, which is then used in any case.
     scheduler : str, optional
         Address of a dask scheduler.
-    progress : callable, optional
-        Is called with the number of slices done, of all slices, and of certified ones, None if no
+    progress : bool or callable, optional
+        True shows a bar: that of tqdm or, where it is not installed, one of a terminal. A callable
+        is called with the number of slices done, of all slices, and of certified ones, None if no
         slice can be.
     checkpoint : str or Path, optional
         File for finished chunks, from which a run of the same spec goes on; by default they stay in

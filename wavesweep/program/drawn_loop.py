@@ -35,6 +35,11 @@ class DrawnLoop:
         def __dir__(self):
             return [*object.__dir__(self), *library_names("DrawnLoop")]
 
+    def __repr__(self) -> str:
+        """The blocks, and the ticks of a frame."""
+        blocks = ", ".join(placed.block.name for placed in self.drawn.placed)
+        return f"<DrawnLoop: {blocks}; frame of {self.drawn.ticks} ticks>"
+
     def spectral_radius(self) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift.
 

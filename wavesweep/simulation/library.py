@@ -11,7 +11,8 @@ from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
 from wavesweep.program import api, drawn_loop
 from wavesweep.program.analyses.asked import Numbers
-from wavesweep.program.api import Source, figure_from, spec_of
+from wavesweep.program.api import Source, figure_of_table, spec_of
+from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.simulation import table
@@ -55,7 +56,13 @@ class LoopSimulation(api.Loop):
         return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
 
     def plot_simulate(
-        self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None
+        self,
+        force: Numbers | None = None,
+        *,
+        ax: Axes | None = None,
+        legend: bool = True,
+        caption: bool = True,
+        **options: float | str | None,
     ) -> Figure:
         """The figure of a simulation, as `wavesweep simulate` draws it.
 
@@ -63,7 +70,7 @@ class LoopSimulation(api.Loop):
         ----------
         force, **options
             As for `simulate`.
-        ax : Axes, optional
+        ax, legend, caption
             As for `plot_zwidth`.
 
         Returns
@@ -76,9 +83,9 @@ class LoopSimulation(api.Loop):
             name: value for name, value in (tables["simulate"] | options).items() if name not in off
         }
         used = load(tables | {"simulate": keys}).asking("simulate")
-        return figure_from(
-            ax, "simulate", self.simulate(force, **options), used, run=run_in_words(used)
-        )
+        run = self.simulate(force, **options)
+        draw = figure_of_table("simulate", run, used, run=run_in_words(used))
+        return drawn_into(ax, draw, legend=legend, caption=caption)
 
 
 class DrawnLoopSimulation(drawn_loop.DrawnLoop):

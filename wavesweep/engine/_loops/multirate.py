@@ -83,6 +83,12 @@ class MultirateLoop:
             )
         object.__setattr__(self, "ticks", ticks)
 
+    def __repr__(self) -> str:
+        """The blocks, the ticks of a frame and the inputs."""
+        blocks = ", ".join(scheduled.block.name for scheduled in self.placed)
+        inputs = ", ".join(self.inputs) or "no inputs"
+        return f"<MultirateLoop: {blocks}; frame of {self.ticks} ticks; {inputs}>"
+
     def labels(self) -> dict[str, str]:
         """Readable labels of the states of blocks and of outputs that are held, by their names
         in `MarginalModes`."""

@@ -74,6 +74,8 @@ _ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked",
 _INTO: ContextVar[Any] = ContextVar(
     "into", default=None
 )  # axes or a part of a figure, in whose place the next one is drawn
+_LEGEND: ContextVar[bool] = ContextVar("legend", default=True)
+_CAPTION: ContextVar[bool] = ContextVar("caption", default=True)
 
 
 @contextmanager
@@ -99,15 +101,35 @@ def is_narrow() -> bool:
     return wide(TWO_COLUMNS) < NARROW_BELOW
 
 
-def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
+def drawn_into(
+    ax: Any, draw: Callable[[], Any], *, legend: bool = True, caption: bool = True
+) -> Any:
     """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as
     a `SubFigure`.
 
-    ax: a `SubFigure` is drawn in. Errors: UsageError for axes that are not part of a grid of
-    panels.
+    ax: a `SubFigure` is drawn in. legend, caption: whether it has these; a warning stays. Errors:
+    UsageError for axes that are not part of a grid of panels.
     """
-    if ax is None:
-        return draw()
+    with _shown(legend, caption):
+        if ax is None:
+            return draw()
+        return _drawn_in_place(ax, draw)
+
+
+@contextmanager
+def _shown(legend: bool, caption: bool) -> Iterator[None]:
+    """Draw figures with or without a legend and the notes below."""
+    legend_before = _LEGEND.set(legend)
+    caption_before = _CAPTION.set(caption)
+    try:
+        yield
+    finally:
+        _LEGEND.reset(legend_before)
+        _CAPTION.reset(caption_before)
+
+
+def _drawn_in_place(ax: Any, draw: Callable[[], Any]) -> Any:
+    """The figure of these axes, in whose place `draw` draws."""
     is_figure = hasattr(ax, "add_subfigure")
     if not is_figure and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
         raise UsageError(
@@ -145,11 +167,16 @@ def figure(width: float, height: float) -> Iterator[Any]:
             )
             place.set_figheight = place.set_layout_engine = lambda *_: None
             yield place
+            _without_legend(place)
+            place.get_figure(root=True).draw_without_rendering()  # which gives panels their sizes
+            for axes in place.axes:
+                _wrapped(axes)
             return
         height *= max(1.0, wide(width) / width) ** 0.5
         canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
         FigureCanvasAgg(canvas)
         yield canvas
+        _without_legend(canvas)
         _settle(canvas)
         _lighten(canvas)
     canvas._repr_png_ = partial(png, canvas, {})  # the name that notebooks ask a value for
@@ -240,6 +267,15 @@ def _settle(canvas: Any) -> None:
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _without_legend(canvas: Any) -> None:
+    """Remove the legends if none were asked for."""
+    from matplotlib.legend import Legend
+
+    if not _LEGEND.get():
+        for legend in canvas.findobj(Legend):
+            legend.remove()
 
 
 def _lighten(canvas: Any) -> None:
@@ -410,9 +446,10 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
 
     width = int(NOTE * canvas.get_figwidth())
     lines: list[str] = []
-    for text in sentences:
-        for paragraph in text.splitlines():
-            lines += wrap(paragraph, width)
+    if _CAPTION.get():
+        for text in sentences:
+            for paragraph in text.splitlines():
+                lines += wrap(paragraph, width)
     if axis and lines:
         lines = [axis, "", *lines]
     elif axis:

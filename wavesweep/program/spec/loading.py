@@ -8,7 +8,7 @@ from itertools import islice
 
 from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, read_dict
+from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, plain
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import normal_path, sort_leaves
@@ -35,7 +35,8 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     Parameters
     ----------
     source : str, Path or dict
-        A path or the tables.
+        A path or the tables. In these a block may also be a `StateSpaceBlock`, or a system of
+        python-control or scipy.signal, see `wavesweep.engine.loop_from_blocks`.
     overrides : iterable of str, optional
         Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They
         replace values of the source before anything is checked; `rates.ratio` also replaces the
@@ -49,13 +50,13 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     Raises
     ------
     UsageError
-        If a file cannot be read.
+        If a file cannot be read, or for a system that is no block.
     SpecError
         With all mistakes of source and overrides at once.
     """
     if isinstance(source, Mapping):
         try:
-            name, path, tables, place = "spec", None, read_dict(source), Place()
+            name, path, tables, place = "spec", None, plain(_with_systems(source)), Place()
         except RecursionError:
             raise UsageError(
                 "a spec: expected nested tables, found one that contains itself"
@@ -72,6 +73,25 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     mistakes = Mistakes()
     leaves = _collect(tables, place, overrides, mistakes)
     return _build(name, path, leaves, place, mistakes)
+
+
+def _with_systems(tables: Mapping) -> Mapping:
+    """The tables, with a table of a block in place of each object that is a system."""
+    blocks = tables.get("block")
+    if not isinstance(blocks, Mapping):
+        return tables
+    in_toml = (Mapping, list, tuple, str, int, float)
+    systems = {name: block for name, block in blocks.items() if not isinstance(block, in_toml)}
+    if not systems:
+        return tables
+    from wavesweep.engine.loop_sources import block_tables
+
+    rates = tables.get("rates")
+    tick_hz = rates.get("tick_hz") if isinstance(rates, Mapping) else None
+    if not isinstance(tick_hz, (int, float)):
+        expected = "a number beside blocks that are systems, whose sample times are so many ticks"
+        raise UsageError(f"rates.tick_hz: expected {expected}, found {tick_hz!r:.60}")
+    return {**tables, "block": {**blocks, **block_tables(systems, tick_hz)}}
 
 
 def naming(spec: Spec, names: Iterable[object], signal: str | None = None) -> Spec:

@@ -47,6 +47,11 @@ class Spec(Studies):
     # of a spec that draws its loop; its values are the tick's rate and the numbers
     drawing: Drawing | None = None
 
+    def __repr__(self) -> str:
+        """Its name, what it describes and its file."""
+        of_what = f"{len(self.drawing.blocks)} blocks drawn" if self.drawing else self.kind
+        return f"<Spec {self.name}: {of_what}, {self.source or 'from tables'}>"
+
     def __getattr__(self, name: str) -> TableValue | None:
         """The value of the table of that name, with the numbers of the spec's device."""
         table_values = object.__getattribute__(self, "asked")

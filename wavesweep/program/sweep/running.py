@@ -2,7 +2,7 @@
 of a table."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields
 from functools import partial
@@ -22,6 +22,7 @@ from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.program.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.program.sweep.job import Job, naming_values
+from wavesweep.program.sweep.progress_bar import Progress, reporting
 from wavesweep.program.sweep.workers import WORTH, Workers, choose, results
 
 LEAST_SECONDS = 1e-6  # s of a slice: none takes less
@@ -29,7 +30,6 @@ LAYOUT = 5  # of the records
 IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
 # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
 ROWS_OF_BLOCK = 1 << 17
-Progress = Callable[[int, int, int | None], None]
 
 
 class WorkOptions(TypedDict, total=False):
@@ -38,7 +38,7 @@ class WorkOptions(TypedDict, total=False):
     jobs: int | None
     backend: str | None
     scheduler: str | None
-    progress: Progress | None
+    progress: Progress | bool | None
     checkpoint: Path | str | None
     force: bool
     part: str
@@ -50,8 +50,8 @@ class Work:
 
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is
     then used in any case. scheduler: address of a dask scheduler. progress: is called with the
-    number of slices done, of all slices, and of certified ones, None if no slice can be.
-    checkpoint: file for finished chunks, from which a run of the same spec goes on; by default they
+    number of slices done, of all slices, and of certified ones, None if no slice can be; True shows
+    a bar. checkpoint: file for finished chunks, from which a run of the same spec goes on; by default they
     stay in memory. force: begin anew, whatever it holds. part: of the checkpoint, if several runs
     keep their chunks in one. Errors: UsageError.
     """
@@ -59,7 +59,7 @@ class Work:
     jobs: int | None = None
     backend: str | None = None
     scheduler: str | None = None
-    progress: Progress | None = None
+    progress: Progress | bool | None = None
     checkpoint: Path | str | None = None
     force: bool = False
     part: str = ""
@@ -190,26 +190,27 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
         )  # of all jobs first: what is kept is not done in no time later on
         if stores[name].place and len(jobs) > 1:
             stores[name].close()  # one of them at a time has the file open
-    for name, job in jobs.items():
-        workers = choose(
-            work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job)
-        )
-        others = [tally for other, tally in tallies.items() if other != name]
-        compute(
-            job,
-            stores[name],
-            workers,
-            work.progress and _continued(work.progress, total, others),
-            tallies[name],
-        )
+    with reporting(work.progress) as report:
+        for name, job in jobs.items():
+            workers = choose(
+                work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job)
+            )
+            others = [tally for other, tally in tallies.items() if other != name]
+            compute(
+                job,
+                stores[name],
+                workers,
+                report and _continued(report, total, others),
+                tallies[name],
+            )
     return Run(jobs, stores, tallies, workers, time.perf_counter() - started, warnings)
 
 
-def in_memory(job: Job) -> Columns:
+def in_memory(job: Job, progress: Progress | None = None) -> Columns:
     """The table of a job, computed in this process."""
     store = MemoryCheckpoint()
     with one_thread():
-        compute(job, store, Workers(1, None, None, "as a library"))
+        compute(job, store, Workers(1, None, None, "as a library"), progress)
     return joined(blocks(job, store))
 
 

@@ -97,18 +97,24 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
         )
 
 
-def of_calls(own: Job) -> Columns:
+def of_calls(own: Job, progress: bool = False) -> Columns:
     """The rows of a job of the library, computed in this process, and those of what is guaranteed beside.
 
-    They have no derived columns. Errors: UsageError for numbers, or a requirement, beside which
-    that cannot be had.
+    They have no derived columns. progress: whether to show a bar. Errors: UsageError for numbers,
+    or a requirement, beside which that cannot be had.
     """
+    from wavesweep.program.sweep.progress_bar import reporting
     from wavesweep.program.sweep.running import in_memory
 
     stages = [Stage("", own, ""), *_guaranteed(own, None)]
     if len(stages) > 1:
         import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
-    return joined(_finished(in_memory(stage.job), stage, stages, None) for stage in stages)
+    blocks = []
+    with reporting(progress) as report:
+        for stage in stages:
+            rows = in_memory(stage.job, report)
+            blocks.append(_finished(rows, stage, stages, None))
+    return joined(blocks)
 
 
 def rows_again(
