@@ -76,7 +76,8 @@ def test_a_folder_without_results_is_refused(tmp_path, wavesweep):
 def test_a_name_that_is_too_long_is_a_mistake_of_the_command_line(command, wavesweep):
     code, out, err = wavesweep(command, "a" * 300 + ".csv")
     assert (code, out) == (2, "")
-    assert err.rstrip().endswith("; choose another name")
+    # From Python 3.13 on there just is no such file.
+    assert err.rstrip().endswith(("; choose another name", "found none"))
 
 
 def test_pandas_has_the_units_of_a_parquet_file(folder):

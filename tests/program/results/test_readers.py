@@ -1,5 +1,7 @@
 """The CSV of every kind of table, read without an option by programs that users have, holds what the Parquet file does."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -48,9 +50,10 @@ def sqlite_columns(path):
 
     words = ["insert", path.with_suffix(".db"), "t", path, "--csv", "--empty-null"]
     CliRunner().invoke(commands, [*map(str, words)], catch_exceptions=False)
-    found = sqlite3.connect(path.with_suffix(".db")).execute("SELECT * FROM t ORDER BY rowid")
-    names = [each[0] for each in found.description]
-    return dict(zip(names, map(list, zip(*found.fetchall(), strict=True)), strict=True))
+    with closing(sqlite3.connect(path.with_suffix(".db"))) as database:
+        found = database.execute("SELECT * FROM t ORDER BY rowid")
+        names = [each[0] for each in found.description]
+        return dict(zip(names, map(list, zip(*found.fetchall(), strict=True)), strict=True))
 
 
 READERS = [pandas_columns, polars_columns, duckdb_columns, sqlite_columns]
@@ -88,8 +91,9 @@ def test_no_name_of_a_column_is_a_word_of_sql():
     import sqlite3
 
     names = {field.name for kind in kinds().values() for field in kind.fields}
-    for name in names:
-        sqlite3.connect(":memory:").execute(f"SELECT {name} FROM (SELECT 1 AS '{name}')")  # noqa: S608 - names of our own
+    with closing(sqlite3.connect(":memory:")) as database:
+        for name in names:
+            database.execute(f"SELECT {name} FROM (SELECT 1 AS '{name}')")  # noqa: S608 - names of our own
     duckdb = pytest.importorskip("duckdb")
     words = "SELECT keyword_name FROM duckdb_keywords() WHERE keyword_category = 'reserved'"
     assert names & {word for (word,) in duckdb.sql(words).fetchall()} == set()

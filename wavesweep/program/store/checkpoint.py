@@ -249,7 +249,7 @@ class FileCheckpoint:
     def _prepare(self, sqlite3, options):
         address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
         self._db = sqlite3.connect(
-            address, LOCK_SECONDS, isolation_level=None, check_same_thread=False, uri=True
+            address, timeout=LOCK_SECONDS, isolation_level=None, check_same_thread=False, uri=True
         )
         if self.place and self.place.exists() and max(_formats(self.place), default=0) > NEWEST:
             raise sqlite3.DatabaseError(
