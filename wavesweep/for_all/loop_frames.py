@@ -4,7 +4,6 @@ over an interval."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 
@@ -15,7 +14,8 @@ from wavesweep.engine.frames import (
     Ticks,
     both,
     pattern_of,
-    product_with_errors,
+    products_of_rows,
+    products_with_errors,
 )
 from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
@@ -74,7 +74,7 @@ class LoopFrames:
     def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
         """Return the frames that consist of these ticks. kept: the states without drift. drift:
         if it depends on numbers."""
-        changes = [tick_map.E for tick_map in _closed(ticks, SOME).maps]
+        changes = [tick_map.E for tick_map in _closed(ticks, np.array(SOME)).maps]
         rows = tuple(map(tuple, rows))
         samples = tuple(samples)
         whole_rows = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
@@ -103,47 +103,51 @@ class LoopFrames:
             if tick_map.inputs:
                 f = x / (1 - x * tick_map.D[0, 0])
                 E = E + f * (tick_map.B @ tick_map.C)
-            maps.append(np.eye(len(E)) + E)
-        frames = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
+            maps.append(E)
+        changes = np.array(maps)
+        identity = np.eye(changes.shape[-1])
+        (frames,) = products_of_rows(self._whole_rows, (identity + changes,), _after)
         if self.drift:
-            identity = np.eye(len(maps[0]))
-            changes = np.array(maps) - identity
             V, dV = shift_of(changes, 0 * changes, self.drift)
-            E = np.array(frames) - identity
+            E = frames - identity
             counted, _ = counted_from_rest(E, np.zeros_like(E), V, dV, self.drift)
             return np.eye(self.kept.size) + counted
-        return np.array([frame[np.ix_(self.kept, self.kept)] for frame in frames])
+        return frames[:, *np.ix_(self.kept, self.kept)]
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
-        maps = _closed(self.ticks, x).maps
-        changes = [tick_map.E for tick_map in maps]
-        errors = [ENTRY_ROUNDING * tick_map.terms[0] for tick_map in maps]
-        n = len(changes[0])
-        E, dE = np.empty((2, len(self.rows), n, n))
-        products = {}
-        if self.at_once is None:
-            products = {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
-        for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
-            if self.at_once is not None:
-                frame, error = self.at_once.enclosed(i, changes, errors)
-            else:
-                frame, error = both(products[row], (changes[sample], errors[sample]))
-            E[i] = np.where(self.patterns[i], frame, -np.eye(n))
-            dE[i] = np.where(self.patterns[i], error, 0.0)
-        if self.drift:
-            V, dV = shift_of(np.array(changes), np.array(errors), self.drift)
-            return counted_from_rest(E, dE, V, dV, self.drift)
-        at = np.ix_(self.kept, self.kept)
-        return E[:, *at], dE[:, *at]
+        (E,), (dE,) = self._enclosed(x)
+        return E, dE
 
-    def _ticks(self, symbol):
-        """The kinds of a frame's ticks, including the sample at its end, each with the length of
-        its run."""
-        return [
-            (kind, len(list(run)))
-            for kind, run in groupby([*self.rows[symbol], self.samples[symbol]])
-        ]
+    def _enclosed(self, *numbers: float) -> tuple[np.ndarray, np.ndarray]:
+        """`enclosed` at some numbers, `(numbers, symbols, n, n)`."""
+        maps = _closed(self.ticks, np.array(numbers)).maps
+        n = len(self.ticks.states)
+        shape = (len(numbers), n, n)
+        changes = np.array([np.broadcast_to(tick_map.E, shape) for tick_map in maps])
+        sizes = np.array([np.broadcast_to(tick_map.terms[0], shape) for tick_map in maps])
+        errors = ENTRY_ROUNDING * sizes
+        if self.at_once is not None:
+            E, dE = self.at_once.enclosed(changes, errors)
+        else:
+            E, dE = products_with_errors(self._whole_rows, changes, errors)
+        patterns = np.array(self.patterns)[:, None]
+        E = np.where(patterns, E, -np.eye(n)).swapaxes(0, 1)
+        dE = np.where(patterns, dE, 0.0).swapaxes(0, 1)
+        if self.drift:
+            counted = []
+            for at in range(len(numbers)):
+                V, dV = shift_of(changes[:, at], errors[:, at], self.drift)
+                counted.append(counted_from_rest(E[at], dE[at], V, dV, self.drift))
+            E, dE = (np.array(each) for each in zip(*counted, strict=True))
+            return E, dE
+        at = np.ix_(self.kept, self.kept)
+        return E[..., *at], dE[..., *at]
+
+    @property
+    def _whole_rows(self):
+        """The kinds of each symbol's ticks, including the sample that ends its frame."""
+        return [(*row, sample) for row, sample in zip(self.rows, self.samples, strict=True)]
 
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """See `Family`.
@@ -164,19 +168,20 @@ class LoopFrames:
         has_one_sign = closing[0] * closing[1] > 0
         if not (is_solvable.all() and has_one_sign.all()):
             return None
-        A, dA = self.enclosed(low)
-        if low == high:
-            return A[None], dA[None]
-        B, dB = self.enclosed(high)
-        if self.at_once is not None and (direct == direct[:1]).all():
-            return np.stack([A, B]), np.stack([dA, dB])
+        at_once = self.at_once is not None and (direct == direct[:1]).all()
+        if low == high or at_once:
+            return self._enclosed(*dict.fromkeys((low, high)))
         middle = (low + high) / 2
         half = (high - low) / 2
-        C, dC = self.enclosed(middle)
-        maps = [_enclosure(tick_map, middle, half) for tick_map in self.ticks.maps]
-        at = np.ix_(self.kept, self.kept)
-        rest = [_joined(self._ticks(i), maps, _after).rest[at] for i in range(len(self.rows))]
-        spread = 2.3 * np.array(rest)
+        (A, C, B), (dA, dC, dB) = self._enclosed(low, middle, high)
+        enclosures = [_enclosure(tick_map, middle, half) for tick_map in self.ticks.maps]
+        maps = (
+            np.array([each.terms for each in enclosures]),
+            np.array([each.rest for each in enclosures]),
+        )
+        _, rest = products_of_rows(self._whole_rows, maps, _after_over)
+        rest = rest[:, *np.ix_(self.kept, self.kept)]
+        spread = 2.3 * rest
         control = 2 * C - (A + B) / 2
         rounding = MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
         of_control = 2 * dC + (dA + dB) / 2 + rounding
@@ -198,42 +203,41 @@ def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
 class _AtOnce:
     """Frames in which the number acts in one tick, `A + f(x) b c'` with `f(x) = x/(1 - d x)`.
 
-    kind: of that tick; before, after: the products of the ticks before and after it, minus the
-    identity, with bounds on their errors, for each symbol; None after the last tick.
+    kinds: of that tick in each symbol. before, after: the products of the ticks before and after it,
+    minus the identity, with bounds on their errors, `(symbols, 1, n, n)` each. followed: which
+    symbols have ticks after it.
     """
 
     A: np.ndarray
     b: np.ndarray
     c: np.ndarray
     d: np.ndarray
-    kind: tuple[int, ...]
-    before: tuple
-    after: tuple
+    kinds: tuple[int, ...]
+    before: tuple[np.ndarray, np.ndarray]
+    after: tuple[np.ndarray, np.ndarray]
+    followed: np.ndarray
 
     @staticmethod
     def of(ticks, rows, acting, kept):
         """acting: the index of the tick in which the number acts in each row."""
-        changes = [tick_map.E for tick_map in ticks.maps]
-        errors = [ENTRY_ROUNDING * tick_map.terms[0] for tick_map in ticks.maps]
         n = len(ticks.states)
+        nothing = np.zeros((1, n, n))
+        changes = np.concatenate([[tick_map.E for tick_map in ticks.maps], nothing])
+        sizes = np.concatenate([[tick_map.terms[0] for tick_map in ticks.maps], nothing])
         identity = np.eye(n)
-        products = {}
-
-        def product_of(row):
-            if row not in products:
-                products[row] = _in_a_row(row, changes, errors)
-            return products[row]
-
-        kinds = []
-        before = []
-        after = []
+        still = (len(ticks.maps),)  # a row in which nothing happens
+        kinds = [row[i] for row, i in zip(rows, acting, strict=True)]
+        earlier = [row[:i] or still for row, i in zip(rows, acting, strict=True)]
+        later = [row[i + 1 :] if i >= 0 else () for row, i in zip(rows, acting, strict=True)]
+        E, dE = products_with_errors(
+            earlier + [row or still for row in later], changes, ENTRY_ROUNDING * sizes
+        )
+        count = len(rows)
         terms = []
-        for row, i in zip(rows, acting, strict=True):
-            later = row[i + 1 :] if i >= 0 else ()
-            kinds.append(row[i])
-            before.append(product_of(row[:i]))
-            after.append(product_of(later) if later else None)
-            tick = ticks.maps[row[i]]
+        for first, last, kind in zip(
+            identity + E[:count], identity + E[count:], kinds, strict=True
+        ):
+            tick = ticks.maps[kind]
             B = np.zeros((n, 1))
             C = np.zeros((1, n))
             d = 0.0
@@ -241,44 +245,32 @@ class _AtOnce:
                 B = tick.B
                 C = tick.C
                 d = tick.D[0, 0]
-            first = identity + before[-1][0]
-            last = identity + product_of(later)[0]
             A = last @ (identity + tick.E) @ first
             b = last @ B
             c = C @ first
             terms.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d))
         A, b, c, d = (np.array(column) for column in zip(*terms, strict=True))
-        return _AtOnce(A, b, c, d, tuple(kinds), tuple(before), tuple(after))
+        before = E[:count, None], dE[:count, None]
+        followed = np.array([bool(row) for row in later])
+        after = E[count:, None][followed], dE[count:, None][followed]
+        return _AtOnce(A, b, c, d, tuple(kinds), before, after, followed)
 
     def at(self, x):
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
 
-    def enclosed(self, symbol, changes, errors):
-        """The frame minus the identity and bounds on its errors, of ticks at a value of the
-        number."""
-        kind = self.kind[symbol]
-        first = both(self.before[symbol], (changes[kind], errors[kind]))
-        if self.after[symbol] is None:
-            return first
-        return both(first, self.after[symbol])
+    def enclosed(self, changes, errors):
+        """The frames minus the identity and bounds on their errors, of ticks at some values of the
+        number, `(symbols, numbers, n, n)`."""
+        kinds = list(self.kinds)
+        E, dE = both(self.before, (changes[kinds], errors[kinds]))
+        some = self.followed
+        E[some], dE[some] = both((E[some], dE[some]), self.after)
+        return E, dE
 
 
-def _closed(ticks, x):
-    """The ticks at a value of the number."""
-    if x == 0:
-        return ticks
-    return OpenTicks(ticks, None).closed(np.zeros((), int), np.asarray(float(x)), terms=True)
-
-
-def _in_a_row(row, changes, errors):
-    """The product of the ticks of a row, minus the identity, with bounds on the errors of its
-    entries."""
-    n = changes[0].shape[-1]
-    if not row:
-        return np.zeros((n, n)), np.zeros((n, n))
-    return product_with_errors(
-        np.array(row), changes, [bound / ENTRY_ROUNDING for bound in errors], per_loop=True
-    )
+def _closed(ticks, numbers):
+    """The ticks at values of the number."""
+    return OpenTicks(ticks, None).closed(np.zeros((), int), numbers, terms=True)
 
 
 def _enclosure(tick, middle, half):
@@ -301,18 +293,13 @@ def _enclosure(tick, middle, half):
 
 
 def _after(first, later):
-    return later @ first
+    return (later[0] @ first[0],)
 
 
-def _joined(runs, maps, joined):
-    """The product of runs of ticks, `(kind, ticks)`; the powers of a run by repeated squaring."""
-    product = None
-    for kind, ticks in runs:
-        power = maps[kind]
-        left = ticks
-        while left:
-            if left % 2:
-                product = power if product is None else joined(product, power)
-            left //= 2
-            power = joined(power, power) if left else power
-    return product
+def _after_over(first, later):
+    """The same of ticks over an interval, as terms `(ticks, 3, n, n)` and what these leave out."""
+    before, after = (
+        Polynomials(np.swapaxes(terms, 0, 1), rest, 1, 2) for terms, rest in (first, later)
+    )
+    found = after @ before
+    return np.swapaxes(found.terms, 0, 1), found.rest

@@ -45,6 +45,8 @@ HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
+# of the largest entry of frames: if they change by less along a side, norms hardly do
+UNITS_KEPT = 1e-2
 # parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the
 # cache
 CELLS_AT_ONCE = 16
@@ -388,29 +390,36 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
     They follow from norms at both ends of each side, as energies do: half the logarithm of what a
     form has on its diagonal.
     """
-    units = None
-    for side in np.flatnonzero(box[0] < box[1]):
-        logs = []
-        for end in box[:, side]:
-            place = box.mean(0)
-            place[side] = end
-            enclosed = frames.over(np.stack([place, place])[None])[0]
-            if isinstance(enclosed, int):
-                return None
-            A = enclosed.matrices
-            if isinstance(follows, OnAverage):
-                found = forms_on_average(A, follows.graph, follows.weight)[0]
-                centre = found and found[0]
-            else:
-                centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
-                centre = centre if factor == 1 else None
-            logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if centre else None)
-        if units is None:
-            units = np.zeros((box.shape[1], A.terms.shape[-1]))
-        if logs[0] is not None and logs[1] is not None:
-            change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
+    wide = np.flatnonzero(box[0] < box[1])
+    places = np.repeat(box.mean(0)[None], 2 * wide.size, 0)
+    for i, side in enumerate(wide):
+        places[2 * i : 2 * i + 2, side] = box[:, side]
+    found = frames.over(np.stack([places, places], 1)) if wide.size else []
+    if not found or any(isinstance(each, int) for each in found):
+        return None
+    A = [each.matrices for each in found]
+    units = np.zeros((box.shape[1], A[0].terms.shape[-1]))
+    for side, low, high in zip(wide, A[::2], A[1::2], strict=True):
+        change = np.abs(high.terms[0] - low.terms[0]).max()
+        if change < UNITS_KEPT * np.abs(low.terms[0]).max():
+            continue
+        before, after = (_log_of_forms(end, follows) for end in (low, high))
+        if before is not None and after is not None:
+            change = (after - before) / (box[1, side] - box[0, side])
             units[side] = change - np.median(change)
     return units
+
+
+def _log_of_forms(A, follows):
+    """Half the logarithm of what forms for the middle of a box have on their diagonal; None
+    without forms."""
+    if isinstance(follows, OnAverage):
+        found = forms_on_average(A, follows.graph, follows.weight)[0]
+        centre = found and found[0]
+    else:
+        centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
+        centre = centre if factor == 1 else None
+    return np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if centre else None
 
 
 def _forms(A, follows, start, work, words=()):

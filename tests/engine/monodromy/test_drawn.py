@@ -16,7 +16,12 @@ from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, then
-from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
+from wavesweep.engine._monodromy.product import (
+    product_with_errors,
+    product_with_norm_of_errors,
+    product_with_tight_errors,
+    products_with_errors,
+)
 from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import port_of
@@ -183,6 +188,16 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
         off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
         assert np.all(off <= dE)
         assert np.all(dE <= most * length * np.finfo(float).eps * units)
+    errors = ENTRY_ROUNDING * np.abs(changes)
+    rows = [kinds.tolist(), kinds[: length // 2 + 1].tolist(), kinds[::-1].tolist()]
+    together = products_with_errors(rows, np.array(changes), errors)
+    for at, row in enumerate(rows):
+        E, dE = product_with_errors(np.array(row), changes, [np.abs(each) for each in changes], per_loop=True)
+        assert (np.abs(together[0][at] - E) <= dE + together[1][at]).all()
+        assert (together[1][at] <= 3 * dE).all()
+        assert (together[1][at] >= dE / 3).all()
+    off = np.array([[float(abs(Fraction(together[0][0, i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
+    assert (off <= together[1][0]).all()
 
 
 def test_tight_bounds_on_a_frame_hold_the_errors_of_its_ticks():

@@ -136,8 +136,8 @@ def _sizes_closed(block, at, p, gain):
         return _with_gain(E, B, C, at, gain)
     direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
     through = np.abs(p) * _of_loops(direct, at)[..., 0, 0]
-    size = np.abs(gain)
-    unsure = size * (size / np.abs(p) * (1 + through))
+    left = np.abs(1 - p * _of_loops(block.D, at)[..., 0, 0])
+    unsure = np.abs(gain) * ((1 + through) / left)
     return _with_gain(E, B, C, at, unsure)
 
 

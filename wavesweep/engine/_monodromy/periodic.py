@@ -232,6 +232,46 @@ def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, A
     return row[0]
 
 
+def products_of_rows(
+    rows: Sequence[Sequence[int]],
+    maps: tuple[np.ndarray, ...],
+    joined: Callable[[Any, Any], tuple[np.ndarray, ...]],
+) -> tuple[np.ndarray, ...]:
+    """Return the maps of several rows of kinds, joined two by two, `(rows, ...)`.
+
+    maps: arrays `(kinds, ...)`, of all kinds together. joined(first, second): the maps of some
+    pairs, one after the other, each as such arrays. All pairs of neighbours that differ are joined
+    in one call, in whatever row they are, so that rows which have much in common cost little more
+    than one of them.
+    """
+    steps, own = _pairs_of_rows(tuple(map(tuple, rows)), len(maps[0]))
+    for first, second in steps:
+        found = joined(tuple(each[first] for each in maps), tuple(each[second] for each in maps))
+        maps = tuple(np.concatenate(each) for each in zip(maps, found, strict=True))
+    return tuple(each[own] for each in maps)
+
+
+@lru_cache(maxsize=64)
+def _pairs_of_rows(rows, count):
+    """The pairs that are joined in each step, as indices of both, the maps of all steps being in a
+    row after those of the kinds; and the index of the map of each row. count: of the kinds."""
+    steps = []
+    while max(map(len, rows)) > 1:
+        pairs = {}
+        shorter = []
+        for row in rows:
+            halved = []
+            for pair in zip(row[::2], row[1::2], strict=False):
+                halved.append(count + pairs.setdefault(pair, len(pairs)))
+            if len(row) % 2:
+                halved.append(row[-1])
+            shorter.append(halved)
+        rows = shorter
+        steps.append(np.array(list(pairs)).T)
+        count += len(pairs)
+    return steps, [row[0] for row in rows]
+
+
 def stretches(kinds, maps, joined):
     """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the
     rest between them, in a row."""
