@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._monodromy.open_frame import OpenFrame
     from wavesweep.engine._monodromy.open_ticks import OpenTicks
     from wavesweep.engine._monodromy.periodic import Change, Ticks, in_a_row, products_of_rows
-    from wavesweep.engine._monodromy.product import blocks_of, pattern_of, products_with_errors
+    from wavesweep.engine._monodromy.product import blocks_of, pattern_of
     from wavesweep.engine._monodromy.rounding import (
         ENTRY_ROUNDING,
         SHORT_SUM_ROUNDING,
@@ -49,7 +49,7 @@ else:
             "_monodromy.open_frame": ("OpenFrame",),
             "_monodromy.open_ticks": ("OpenTicks",),
             "_monodromy.periodic": ("Change", "Ticks", "in_a_row", "products_of_rows"),
-            "_monodromy.product": ("blocks_of", "pattern_of", "products_with_errors"),
+            "_monodromy.product": ("blocks_of", "pattern_of"),
             "_monodromy.rounding": ("ENTRY_ROUNDING", "SHORT_SUM_ROUNDING", "balance", "both"),
             "_monodromy.unit_circle": ("inverse", "on_circle", "solve"),
             "_search.frames_along": ("frames_where_solvable",),

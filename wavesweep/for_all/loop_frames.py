@@ -15,7 +15,6 @@ from wavesweep.engine.frames import (
     both,
     pattern_of,
     products_of_rows,
-    products_with_errors,
 )
 from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
@@ -130,7 +129,7 @@ class LoopFrames:
         if self.at_once is not None:
             E, dE = self.at_once.enclosed(changes, errors)
         else:
-            E, dE = products_with_errors(self._whole_rows, changes, errors)
+            E, dE = products_of_rows(self._whole_rows, (changes, errors), both)
         patterns = np.array(self.patterns)[:, None]
         E = np.where(patterns, E, -np.eye(n)).swapaxes(0, 1)
         dE = np.where(patterns, dE, 0.0).swapaxes(0, 1)
@@ -229,9 +228,8 @@ class _AtOnce:
         kinds = [row[i] for row, i in zip(rows, acting, strict=True)]
         earlier = [row[:i] or still for row, i in zip(rows, acting, strict=True)]
         later = [row[i + 1 :] if i >= 0 else () for row, i in zip(rows, acting, strict=True)]
-        E, dE = products_with_errors(
-            earlier + [row or still for row in later], changes, ENTRY_ROUNDING * sizes
-        )
+        stretches = earlier + [row or still for row in later]
+        E, dE = products_of_rows(stretches, (changes, ENTRY_ROUNDING * sizes), both)
         count = len(rows)
         terms = []
         for first, last, kind in zip(

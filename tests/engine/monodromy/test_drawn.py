@@ -15,14 +15,9 @@ from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
-from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, then
-from wavesweep.engine._monodromy.product import (
-    product_with_errors,
-    product_with_norm_of_errors,
-    product_with_tight_errors,
-    products_with_errors,
-)
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, products_of_rows, then
+from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, both
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import port_of
 from wavesweep.engine._response.steady import respond
@@ -190,7 +185,7 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
         assert np.all(dE <= most * length * np.finfo(float).eps * units)
     errors = ENTRY_ROUNDING * np.abs(changes)
     rows = [kinds.tolist(), kinds[: length // 2 + 1].tolist(), kinds[::-1].tolist()]
-    together = products_with_errors(rows, np.array(changes), errors)
+    together = products_of_rows(rows, (np.array(changes), errors), both)
     for at, row in enumerate(rows):
         E, dE = product_with_errors(np.array(row), changes, [np.abs(each) for each in changes], per_loop=True)
         assert (np.abs(together[0][at] - E) <= dE + together[1][at]).all()

@@ -242,11 +242,13 @@ def products_of_rows(
     maps: arrays `(kinds, ...)`, of all kinds together. joined(first, second): the maps of some
     pairs, one after the other, each as such arrays. All pairs of neighbours that differ are joined
     in one call, in whatever row they are, so that rows which have much in common cost little more
-    than one of them.
+    than one of them. Overflow gives infinities or NaN without a warning.
     """
     steps, own = _pairs_of_rows(tuple(map(tuple, rows)), len(maps[0]))
     for first, second in steps:
-        found = joined(tuple(each[first] for each in maps), tuple(each[second] for each in maps))
+        pairs = [tuple(each[some] for each in maps) for some in (first, second)]
+        with np.errstate(all="ignore"):
+            found = joined(*pairs)
         maps = tuple(np.concatenate(each) for each in zip(maps, found, strict=True))
     return tuple(each[own] for each in maps)
 

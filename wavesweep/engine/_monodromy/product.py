@@ -12,8 +12,8 @@ from itertools import groupby
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
-from wavesweep.engine._monodromy.periodic import in_a_row, products_of_rows
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING, both
+from wavesweep.engine._monodromy.periodic import in_a_row
+from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 
 # ticks, or stretches of them, one after the other, over which errors are summed up
 SUMMED_STRETCHES = 128
@@ -59,20 +59,6 @@ def product_with_errors(
         pair = in_parts(of_loops, batch, changes[0].shape[-1], np.result_type(*changes))
     E, dE = pair[..., 0, :, :], pair[..., 1, :, :]
     return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
-
-
-def products_with_errors(
-    rows: Sequence[Sequence[int]], changes: np.ndarray, errors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the product of each of some rows of ticks less identity, `(rows, n, n)`, and bounds on
-    the errors of its entries.
-
-    rows: the kinds of their ticks. changes: E of each kind, `(kinds, n, n)`; errors: bounds on
-    those of its entries. Accuracy: to first order in a rounding.
-    """
-    with np.errstate(all="ignore"):
-        E, dE = products_of_rows(rows, (changes, errors), both)
-    return E, dE
 
 
 def product_with_norm_of_errors(
