@@ -15,10 +15,11 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.for_all.frame_families import ANY_NUMBER, FRAME, LOST, FramesInAnyOrder
+from wavesweep.for_all.frame_families import ANY_NUMBER, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth, is_refuted, shortest_through
+from wavesweep.for_all.plan import FRAME, LOST
 from wavesweep.haptics.controller_page import loop_drawing, wall_cut
 from wavesweep.program.spec import load
 

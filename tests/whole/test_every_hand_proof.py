@@ -10,7 +10,8 @@ from support.specs import values_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import every_hand_proof as every_hand
 from wavesweep.for_all.every_hand_proof import EveryHand
-from wavesweep.for_all.frame_families import FRAME, FramesInAnyOrder
+from wavesweep.for_all.frame_families import FramesInAnyOrder
+from wavesweep.for_all.plan import FRAME
 
 WALL = {"device.velocity": "difference", "environment.integration": "explicit"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from wavesweep.for_all.frame_families import LOST
+from wavesweep.for_all.plan import LOST
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.claims import (

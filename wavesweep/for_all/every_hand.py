@@ -30,7 +30,7 @@ from wavesweep.for_all.rows import (
     text_of_part,
 )
 from wavesweep.for_all.unknown import Case, Part
-from wavesweep.for_all.varying import Rules, placed, text_of
+from wavesweep.for_all.varying import Rules, placed, text_of_pattern
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_keys, device_of, held_loop
 from wavesweep.program.analyses.claims import PASSIVE_HANDS, Scope
@@ -246,7 +246,7 @@ class _Margin:
         loop, omega = next(row for row in self.known.values() if row[1] is needed)[0], needed.omega
         alike = omega * loop.period < STANDING_ANGLE
         moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
-        return f"{text_of(loop, needed.word)}, a hand that moves {moves}"
+        return f"{text_of_pattern(loop, needed.word)}, a hand that moves {moves}"
 
 
 def _row(margin: _Margin, case: Case, span) -> Row | None:

@@ -10,7 +10,7 @@ another tick.)
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 from wavesweep.engine.drawing import (
     Drawing,
@@ -23,20 +23,14 @@ from wavesweep.engine.drawing import (
 from wavesweep.engine.errors import Mistake, SpecError
 from wavesweep.engine.expressions import names_in, text_of
 from wavesweep.for_all.loop_frames import Symbol
-from wavesweep.for_all.plan import Plan, Schedule
+from wavesweep.for_all.plan import FRAME, LATE, LOST, SHOW, THROUGH, TICK, Plan, Schedule
 from wavesweep.haptics.controller_page import loop_drawing
 
-FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
-LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 ANY_NUMBER = -1  # of results in a row that are lost
 # as delays: results are in place when the blocks that show them run, by their phases
 IN_PHASE = (None,)
 RULED = "whose types have a rule for steps that vary (`wavesweep keys block`)"
 RATIO, DELAY = "rates.ratio", "environment.delay"
-# Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place
-# at once; one in which a result comes into place; an ordinary one; and the moment before the next
-# sample in which a result comes into place.
-THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +52,23 @@ class FramesInAnyOrder:
         """Check lengths and delays. Errors: SpecError."""
         if not self.lengths or min(self.lengths) < 1:
             refuse(RATIO, "frames of 1 tick or more", f"{self.lengths}")
-        longest = max((delay for delay in self.delays if delay not in (FRAME, None)), default=0)
-        if not self.delays or longest > min(self.lengths):
-            expected = f'delays up to the shortest frame, {min(self.lengths)} ticks, or "frame", with the next one'
-            refuse(DELAY, expected, f"{longest}" if self.delays else "none")
+        shortest = min(self.lengths)
+        expected = (
+            f'delays up to the shortest frame, {shortest} ticks, or "frame", with the next one'
+        )
+        if not self.delays:
+            refuse(DELAY, expected, "none")
+        longest = max([0, *(delay for delay in self.delays if delay not in (FRAME, None))])
+        if longest > shortest:
+            refuse(DELAY, expected, f"{longest}")
+
+    @property
+    def results(self) -> list[tuple[int | str | None, int]]:
+        """What may come of a result: its delay, and how many are lost in a row with it, if it is
+        lost."""
+        in_a_row = (0,) if self.lost == ANY_NUMBER else range(1, self.lost + 1)
+        on_time = [(delay, 0) for delay in self.delays]
+        return on_time + [(LOST, count) for count in in_a_row]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,39 +95,33 @@ class SlowFrames:
         without a number. Errors: SpecError for lengths that are not whole, and for blocks of
         different lengths.
         """
-        name, known, found = name_of(number), scalars(values), {}
-        tried = [*numbers, known.get(name, 0)]
+        name, known = name_of(number), scalars(values)
+        cases = [known | {name: value} for value in (*numbers, known.get(name, 0))]
+        ticks_of = {}
         for block in drawing.blocks:
-            ticks = _whole_ticks(block, [known | {name: value} for value in tried], name)
-            if {*ticks} != {1} or any(each == name for each, _ in names_in(block.every)):
-                found[block.name] = block, tuple(map(int, ticks))
-        if len({ticks for _, ticks in found.values()}) > 1:
-            runs = ", ".join(
-                f"{text_of(block.every)} of {block.name}" for block, _ in found.values()
-            )
-            last, _ = [*found.values()][-1]
-            refuse(
-                _every(last),
-                "one `every` of all blocks that do not run in every tick, whatever varies",
-                runs,
-            )
-        ticks = next((ticks for _, ticks in found.values()), (1,))
-        return SlowFrames(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
+            ticks = tuple(_whole_ticks(block, case, name) for case in cases)
+            reads_it = any(read == name for read, _ in names_in(block.every))
+            if set(ticks) != {1} or reads_it:
+                ticks_of[block.name] = ticks
+        slow = [block for block in drawing.blocks if block.name in ticks_of]
+        if len(set(ticks_of.values())) > 1:
+            expected = "one `every` of all blocks that do not run in every tick, whatever varies"
+            runs = ", ".join(f"{text_of(block.every)} of {block.name}" for block in slow)
+            refuse(_every(slow[-1]), expected, runs)
+        *lengths, nominal = ticks_of[slow[0].name] if slow else (1,)
+        distinct = tuple(dict.fromkeys(lengths)) or (nominal,)
+        return SlowFrames(tuple(ticks_of), distinct, nominal, name)
 
 
-def _whole_ticks(block, numbers, name):
-    """The ticks in which a block runs once, with each of some numbers in turn; name: of the one
-    that differs, or empty."""
-    ticks = [finite_value(block.every, values) for values in numbers]
-    for values, value in zip(numbers, ticks, strict=True):
-        if value is None or value < 1 or value % 1:
-            at = f" with {name} = {values[name]}" if name else ""
-            refuse(
-                _every(block),
-                "a whole number of ticks, 1 or more",
-                f"{'none' if value is None else f'{value:g}'}{at}",
-            )
-    return ticks
+def _whole_ticks(block: DrawnBlock, numbers: Mapping[str, float], name: str) -> int:
+    """The ticks in which a block runs once, with these numbers; name: of the one that varies, or
+    empty."""
+    ticks = finite_value(block.every, numbers)
+    if ticks is None or ticks < 1 or ticks % 1:
+        found = "none" if ticks is None else f"{ticks:g}"
+        at = f" with {name} = {numbers[name]}" if name else ""
+        refuse(_every(block), "a whole number of ticks, 1 or more", f"{found}{at}")
+    return int(ticks)
 
 
 def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
@@ -156,90 +157,79 @@ def plan_of(
     do not run then, and show the last one. Errors: SpecError for blocks that cannot have such
     frames.
     """
-    blocks, known = [block for block in drawing.blocks if block.name in slow.names], scalars(values)
-    shown = frozenset(
-        name for name in slow.names if frames.delays != IN_PHASE and name.endswith("_shown")
-    )
-    phases = {
-        block.name: int(finite_value(block.phase, known))
-        for block in blocks
-        if block.name not in shown
-    }
-    for name, phase in phases.items():
-        if phase >= min(frames.lengths):
-            refuse(
-                f"block.{name}.phase",
-                f"phases below the shortest frame, {min(frames.lengths)}",
-                f"{phase} of {name}",
-            )
-    if len({*frames.lengths, slow.nominal}) > 1:
-        _refuse_unsteady(
-            drawing,
-            [each for each in blocks if each.name not in channels],
-            slow.number,
-            frames.elapsed,
-        )
-    kinds = {
-        phase: frozenset(name for name in phases if phases[name] == phase)
-        for phase in sorted({0, *phases.values()})
-    }
-    steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
-    in_a_row = (0,) if frames.lost == ANY_NUMBER else range(1, frames.lost + 1)
-    results = [(delay, 0) for delay in frames.delays] + [(LOST, count) for count in in_a_row]
-    through = sorted({delay == 0 for delay, _ in results})
-    some = [
-        frozenset(each)
-        for count in range(len(channels) + 1)
-        for each in combinations(sorted(channels), count)
-    ]
-    kinds |= {
-        (phase, gone): kinds[phase] - gone
-        for phase in [*kinds]
-        for gone in some
-        if gone & kinds[phase] == gone != set()
-    }
-    symbols = [
-        Symbol(ticks, *result, step, each, gone)
-        for ticks in frames.lengths
-        for result in results
-        for step in steps
-        for each in through
-        for gone in some
-    ]
-
-    def kind(phase, symbol):
-        gone = symbol.gone & kinds[phase]
-        return (phase, gone) if gone else phase
-
-    def sample(symbol):
-        return THROUGH if symbol.through else kind(0, symbol)
-
-    def rest(symbol):
-        row = [kind(phase, symbol) if phase in kinds else TICK for phase in range(1, symbol.ticks)]
-        if symbol.delay in (symbol.ticks, FRAME):
-            return [*row, LATE]
-        if symbol.delay not in (None, 0, LOST):
-            row[symbol.delay - 1] = SHOW
-        return row
-
-    kinds_of_ticks = {**kinds, TICK: frozenset()}
+    shown = frozenset()
     if frames.delays != IN_PHASE:
-        kinds_of_ticks |= {SHOW: shown, LATE: None} | (
-            {THROUGH: frozenset(slow.names)} if 0 in frames.delays else {}
+        shown = frozenset(name for name in slow.names if name.endswith("_shown"))
+    names = [name for name in slow.names if name not in shown]
+    at_phases = _at_phases(drawing, values, names, min(frames.lengths))
+    if len({*frames.lengths, slow.nominal}) > 1:
+        stepping = set(slow.names) - channels
+        blocks = [block for block in drawing.blocks if block.name in stepping]
+        _refuse_unsteady(drawing, blocks, slow.number, frames.elapsed)
+    losses = [
+        frozenset(lost)
+        for count in range(len(channels) + 1)
+        for lost in combinations(sorted(channels), count)
+    ]
+    kinds = _kinds_of_ticks(at_phases, losses)
+    if frames.delays != IN_PHASE:
+        kinds |= {SHOW: shown, LATE: None}
+    if 0 in frames.delays:
+        kinds[THROUGH] = frozenset(slow.names)
+    schedule = Schedule(kinds, slow.nominal, frames.elapsed, shown, at_phases)
+    read = drawing.reads.union(drawing.building)
+    own = {path: value for path, value in values.items() if path in read}
+    steps = frames.lengths if frames.elapsed and len(at_phases) > 1 else (None,)
+    return Plan(drawing, own, schedule, _symbols(frames, steps, losses))
+
+
+def _at_phases(
+    drawing: Drawing, values: Mapping[str, object], names: Sequence[str], shortest: int
+) -> dict[int, frozenset[str]]:
+    """The blocks of these names that run at each phase, in ticks after the sample, which is at
+    phase 0. shortest: the shortest frame (ticks)."""
+    known = scalars(values)
+    phases = {}
+    for block in drawing.blocks:
+        if block.name not in names:
+            continue
+        phase = int(finite_value(block.phase, known))
+        if phase >= shortest:
+            expected = f"phases below the shortest frame, {shortest}"
+            refuse(f"block.{block.name}.phase", expected, f"{phase} of {block.name}")
+        phases[block.name] = phase
+    at_phases = {}
+    for phase in sorted({0, *phases.values()}):
+        at_phases[phase] = frozenset(name for name in phases if phases[name] == phase)
+    return at_phases
+
+
+def _kinds_of_ticks(
+    at_phases: Mapping[int, frozenset[str]], losses: Sequence[frozenset[str]]
+) -> dict[object, frozenset[str] | None]:
+    """The slow blocks that run in each kind of tick: those of a phase, the same without some of
+    the channels, whose messages are lost, and none in any other tick."""
+    kinds: dict[object, frozenset[str] | None] = dict(at_phases)
+    for phase, blocks in at_phases.items():
+        for lost in losses:
+            if lost and lost <= blocks:
+                kinds[phase, lost] = blocks - lost
+    kinds[TICK] = frozenset()
+    return kinds
+
+
+def _symbols(
+    frames: FramesInAnyOrder, steps: Sequence[int | None], losses: Sequence[frozenset[str]]
+) -> list[Symbol]:
+    """The kinds of frames. steps: periods of slow blocks, of the frame before; losses: channels
+    whose message of the frame may be lost together."""
+    at_once = sorted({delay == 0 for delay, _ in frames.results})
+    return [
+        Symbol(ticks, *result, step, through, lost)
+        for ticks, result, step, through, lost in product(
+            frames.lengths, frames.results, steps, at_once, losses
         )
-    held = {
-        path: value
-        for path, value in values.items()
-        if path in drawing.reads or path in drawing.building
-    }
-    return Plan(
-        drawing,
-        held,
-        Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown),
-        symbols,
-        rest,
-        sample,
-    )
+    ]
 
 
 def _refuse_unsteady(

@@ -29,12 +29,12 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import degree, names_in
 from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.channel_families import LOST, channels_of, frames_with_messages
-from wavesweep.for_all.frame_families import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import NEAR_START, Bracket, ProvedStretch
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.norm_check import Norms, shrink_on_average
 from wavesweep.for_all.norms import acting, packed, unpacked
+from wavesweep.for_all.plan import LOST as LOST_RESULT
 
 MOST_MOMENTS = 800  # second moments, whose operator is formed
 MOMENT_BISECTIONS = 60

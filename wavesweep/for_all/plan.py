@@ -1,7 +1,7 @@
 """The ticks that frames of varying length consist of: along one number, or over a box of
 numbers."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -19,6 +19,12 @@ from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, i
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
+FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
+LOST = "lost"  # as a delay: the result never arrives, and the last one is held
+# Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place
+# at once; one in which a result comes into place; an ordinary one; and the moment before the next
+# sample in which a result comes into place.
+THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +32,38 @@ class Schedule:
     """Which slow blocks run in each kind of tick.
 
     kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal:
-    the nominal length of a frame; elapsed: see `FramesInAnyOrder`.
+    the nominal length of a frame; elapsed: see `FramesInAnyOrder`. at_phases: the blocks that run
+    at each phase, in ticks after the sample; their kind is the phase, or, if messages of channels
+    among them are lost, the phase and these channels.
     """
 
     kinds: Mapping[object, frozenset[str] | None]
     nominal: int
     elapsed: bool
-    shown: frozenset[str] = frozenset()
+    shown: frozenset[str]
+    at_phases: Mapping[int, frozenset[str]]
+
+    def sample(self, symbol: Symbol) -> object:
+        """Return the kind of the sample that ends a frame."""
+        return THROUGH if symbol.through else self._at_phase(0, symbol)
+
+    def before_sample(self, symbol: Symbol) -> list[object]:
+        """Return the kinds of a frame's ticks, from the one after its first sample to the one
+        before its last."""
+        kinds: list[object] = []
+        for phase in range(1, symbol.ticks):
+            kinds.append(self._at_phase(phase, symbol) if phase in self.at_phases else TICK)
+        if symbol.delay in (symbol.ticks, FRAME):
+            kinds.append(LATE)
+        elif symbol.delay not in (None, 0, LOST):
+            kinds[symbol.delay - 1] = SHOW
+        return kinds
+
+    def _at_phase(self, phase: int, symbol: Symbol) -> object:
+        """The kind of a tick in which the blocks of a phase run, but for channels whose message
+        is lost."""
+        lost = symbol.gone & self.at_phases[phase]
+        return (phase, lost) if lost else phase
 
     @property
     def slow(self) -> set[str]:
@@ -82,18 +113,12 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What the frames of a loop consist of.
-
-    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks before its sample;
-    sample: the kind of that.
-    """
+    """What the frames of a loop consist of; symbols: the kinds of frames."""
 
     drawing: Drawing
     values: Mapping[str, object]
     schedule: Schedule
     symbols: Sequence[Symbol]
-    rest: Callable[[Symbol], list]
-    sample: Callable[[Symbol], object]
 
     def along(self, number: str) -> LoopFrames:
         """Return the frames as a family along a number that one wire or gain reads; empty for the
@@ -230,20 +255,19 @@ class Plan:
     def written(self, index):
         """The rows and samples of the symbols as indices of kinds, the symbols, and which may
         follow which."""
-        steps, symbols = self.steps, list(self.symbols)
-        others = {*self.schedule.kinds} - {self.sample(symbol) for symbol in symbols}
+        schedule, steps, symbols = self.schedule, self.steps, list(self.symbols)
+        samples = {schedule.sample(symbol) for symbol in symbols}
+        others = [kind for kind in schedule.kinds if kind not in samples]
         if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         symbols, follows = _endless(symbols)
-        rows = [
-            tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol))
-            for symbol in symbols
-        ]
-        samples = [
-            index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]]
-            for symbol in symbols
-        ]
-        return tuple(rows), tuple(samples), tuple(symbols), follows
+        rows, ends = [], []
+        for symbol in symbols:
+            step = symbol.step or steps[0]
+            rows.append(tuple(index[kind, step] for kind in schedule.before_sample(symbol)))
+            at_end = symbol.ticks if schedule.elapsed else steps[0]
+            ends.append(index[schedule.sample(symbol), at_end])
+        return tuple(rows), tuple(ends), tuple(symbols), follows
 
 
 def _endless(symbols):

@@ -32,7 +32,7 @@ from wavesweep.for_all.varying import (
     decided_along,
     decided_over,
     placed,
-    text_of,
+    text_of_pattern,
 )
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import (
@@ -376,7 +376,7 @@ class _Loop:
         )
 
     def _row(self, case, family, found) -> Row:
-        texts = [text_of(family, word) for word in found.words]
+        texts = [text_of_pattern(family, word) for word in found.words]
         interval = Part(
             found.fails_below if texts[0] else found.low,
             found.fails_from if texts[1] else found.high,

@@ -29,9 +29,7 @@ from wavesweep.for_all.climb import corners_of, growth_in_words, growth_on_avera
 from wavesweep.for_all.frame_families import (
     ANY_NUMBER,
     DELAY,
-    FRAME,
     IN_PHASE,
-    LOST,
     RATIO,
     RULED,
     FramesInAnyOrder,
@@ -41,7 +39,7 @@ from wavesweep.for_all.frame_families import (
     refuse,
 )
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
-from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.mean_square import (
     Chances,
     chain_of,
@@ -52,11 +50,11 @@ from wavesweep.for_all.mean_square import (
 )
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
 from wavesweep.for_all.patterns import is_refuted
-from wavesweep.for_all.plan import Plan
+from wavesweep.for_all.plan import FRAME, LOST, Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
 from wavesweep.for_all.worst import OPERATIONS_OF_PROOFS as WORK_OVER
-from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
+from wavesweep.for_all.worst import LoopsOver, Refuted, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
@@ -90,12 +88,16 @@ class Rules:
     @staticmethod
     def of(spec: Spec) -> "Rules":
         """The rules of a spec with [for_all]."""
-        drawing = spec.drawing
-        messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
-        own_delays = any(axis.path == DELAY for axis in spec.for_all.axes)
-        with_frame = spec.delay_of_frame and not own_delays
-        found = Rules(spec.for_all, drawing, with_frame, spec.step == "elapsed", *messages)
-        return replace(found, at_random=True) if spec.for_all.loss else found
+        drawing, for_all = spec.drawing, spec.for_all
+        own_delays = any(axis.path == DELAY for axis in for_all.axes)
+        return Rules(
+            for_all,
+            drawing,
+            with_frame=spec.delay_of_frame and not own_delays,
+            elapsed=spec.step == "elapsed",
+            messages=bool(drawing and drawing.channels),
+            at_random=bool(for_all.loss or (drawing and drawing.at_random)),
+        )
 
     def drawing_of(self, values: Mapping[str, object], gains: Sequence[str]) -> Drawing:
         """The drawing of the spec, or that of its built-in controller with these values; gains:
@@ -105,9 +107,9 @@ class Rules:
     def on_average(self) -> "Rules | None":
         """The rules of frames at random, beside those in any order; None if a spec does not say
         how often what occurs."""
-        return (
-            replace(self, at_random=True) if self.for_all.at_random and not self.at_random else None
-        )
+        if self.at_random or not self.for_all.at_random:
+            return None
+        return replace(self, at_random=True)
 
     @property
     def ranges(self) -> bool:
@@ -117,9 +119,8 @@ class Rules:
     @property
     def vary(self) -> bool:
         """Whether anything varies."""
-        return bool(
-            self.for_all.changing or self.for_all.lost or self.for_all.loss or self.messages
-        )
+        for_all = self.for_all
+        return bool(for_all.changing or for_all.lost or for_all.loss or self.messages)
 
     def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
@@ -127,19 +128,20 @@ class Rules:
         values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or
         another one along.
         """
-        if not self.messages or (self.at_random and self.for_all.shares):
-            frames, asked = self.plan(values, (along,)).along(along), self.for_all
-            lost = losses_at_random(self.drawing, values) if self.messages else {}
-            return (
-                frames_at_random(frames, asked.lengths, asked.results, along, lost)
-                if self.at_random
-                else frames
-            )
-        if self.for_all.changing:
-            found = ", ".join(without_rule(self.drawing.channels))
-            expected = f"blocks {RULED} beside channels, or both frames (shares) and messages (loss, burst) at random"
-            refuse(self._key(self.for_all.changing[0]), expected, found)
-        return (chances if self.at_random else frames_with_messages)(self.drawing, values, along)
+        for_all = self.for_all
+        if self.messages and not (self.at_random and for_all.shares):
+            if for_all.changing:
+                found = ", ".join(without_rule(self.drawing.channels))
+                expected = f"blocks {RULED} beside channels, or both frames (shares) and messages (loss, burst) at random"
+                refuse(self._key(for_all.changing[0]), expected, found)
+            if self.at_random:
+                return chances(self.drawing, values, along)
+            return frames_with_messages(self.drawing, values, along)
+        frames = self.plan(values, (along,)).along(along)
+        if not self.at_random:
+            return frames
+        lost = losses_at_random(self.drawing, values) if self.messages else {}
+        return frames_at_random(frames, for_all.lengths, for_all.results, along, lost)
 
     def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
         """What the frames of a loop without channels consist of; gains: numbers that count as other
@@ -148,71 +150,56 @@ class Rules:
         values: all of a spec, by their paths. Errors: SpecError, whose mistakes have no places; see
         `placed`.
         """
-        axes = {axis.path: axis for axis in self.for_all.changing}
-        if self.drawing:
-            return self._plan_of_drawing(values, axes)
-        drawing, delays = (
-            drawing_of_controller(values, gains),
-            (FRAME if self.with_frame else values[DELAY],),
-        )
-        if wrong := [axis for path, axis in axes.items() if path not in (RATIO, DELAY)]:
-            refuse(
-                self._key(wrong[0]),
-                "rates.ratio or environment.delay as numbers that vary",
-                wrong[0].name,
-            )
+        return self._plan_of_drawing(values) if self.drawing else self._plan_of_page(values, gains)
+
+    def _plan_of_page(self, values: Mapping[str, object], gains: Sequence[str]) -> Plan:
+        """The plan of the page of a built-in controller."""
+        drawing = drawing_of_controller(values, gains)
+        varying = {axis.path: axis for axis in self.for_all.changing}
+        for path, axis in varying.items():
+            if path not in (RATIO, DELAY):
+                expected = "rates.ratio or environment.delay as numbers that vary"
+                refuse(self._key(axis), expected, axis.name)
         if values[RATIO] % 1:
             slow_hz = values["rates.fast_hz"] / values[RATIO]
             below = math.floor(values[RATIO])
             expected = "a rate that divides rates.fast_hz beside frames, delays or losses that vary: rates.ratio, the ticks in "
             expected += f"a frame, such as {below} or {below + 1}"
             refuse("rates.slow_hz", expected, f"{slow_hz:g} Hz, {values[RATIO]:.6g} ticks")
-        lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
+        lengths = values_of_range(varying[RATIO]) if RATIO in varying else (values[RATIO],)
         slow = SlowFrames.of(drawing, values, RATIO, lengths)
         if self.vary and not slow.names:
-            refuse(
-                KIND, "a controller with a slow environment, whose frames may vary", values[KIND]
-            )
-        delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
+            expected = "a controller with a slow environment, whose frames may vary"
+            refuse(KIND, expected, values[KIND])
+        delays = (FRAME if self.with_frame else values[DELAY],)
+        if DELAY in varying:
+            delays = tuple(values_of_range(varying[DELAY]))
         lost = ANY_NUMBER if self.for_all.loss else self.for_all.lost
-        return plan_of(
-            drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow
-        )
+        frames = FramesInAnyOrder(slow.lengths, delays, lost, self.elapsed)
+        return plan_of(drawing, values, frames, slow)
 
-    def _refuse_numbers_of_drawing(self, axes):
+    def _plan_of_drawing(self, values: Mapping[str, object]) -> Plan:
+        """The plan of a drawn loop, in which one number at most varies, that `every` of blocks
+        reads."""
+        varying = self.for_all.changing
         running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
-        wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [
-            *axes.values()
-        ][1:]
+        wrong = [axis for axis in varying if name_of(axis.path) not in running] or varying[1:]
         if wrong:
-            found = ", ".join(axis.name for axis in axes.values())
-            refuse(
-                self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found
-            )
-
-    def _plan_of_drawing(self, values, axes):
-        self._refuse_numbers_of_drawing(axes)
-        slow = SlowFrames.of(
-            self.drawing,
-            values,
-            *(of for path, axis in axes.items() for of in (path, values_of_range(axis))),
-        )
+            expected = "one number that varies, which `every` of blocks reads"
+            found = ", ".join(axis.name for axis in varying)
+            refuse(self._key(wrong[0]), expected, found)
+        slow = SlowFrames.of(self.drawing, values)
+        if varying:
+            axis = varying[0]
+            slow = SlowFrames.of(self.drawing, values, axis.path, values_of_range(axis))
         channels = self.drawing.channels
-        if wrong := [
-            block
-            for block in channels
-            if block.name not in slow.names or dict(block.keys)["missing"] == "zero"
-        ]:
-            expected = 'channels that run once a frame and hold the last message (missing = "held") beside frames at random'
-            refuse(f"block.{wrong[0].name}", expected, "another")
+        for block in channels:
+            if block.name not in slow.names or dict(block.keys)["missing"] == "zero":
+                expected = 'channels that run once a frame and hold the last message (missing = "held") beside frames at random'
+                refuse(f"block.{block.name}", expected, "another")
+        frames = FramesInAnyOrder(slow.lengths, IN_PHASE, 0, self.elapsed)
         names = frozenset(block.name for block in channels)
-        return plan_of(
-            self.drawing,
-            values,
-            FramesInAnyOrder(slow.lengths, IN_PHASE, 0, self.elapsed),
-            slow,
-            names,
-        )
+        return plan_of(self.drawing, values, frames, slow, names)
 
     @staticmethod
     def _key(axis: Axis) -> str:
@@ -277,70 +264,72 @@ def bracketed_over(
     """What is proved and refuted about an interval for all numbers of some ranges; None if no
     start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
-    least = loops.sides[0].zero + RANGES_FROM_ZERO * (about[1] - loops.sides[0].zero)
+    low, high = about
+    zero = loops.sides[0].zero
+    least = zero + RANGES_FROM_ZERO * (high - zero)
     report = partial(PROOF_LOGGER.info, SO_FAR, name_of(along))
     for share in STARTS:
-        found = bracket_over(
-            loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report
-        )
+        start = low + share * (high - low)
+        found = bracket_over(loops, start, span, least, rules.work, report)
         if np.isfinite(found.low):
-            ends = (
-                End(each.x, each.point, each.word, _text_at(loops, each))
-                for each in (found.below, found.above)
-            )
-            return Over(found.low, found.high, *ends, found.settled, found.open)
+            below, above = _end(loops, found.below), _end(loops, found.above)
+            return Over(found.low, found.high, below, above, found.settled, found.open)
     return None
 
 
-def _text_at(loops, refuted):
-    return text_of(loops.family(refuted.point), refuted.word) if refuted.word else ""
+def _end(loops: LoopsOver, refuted: Refuted) -> End:
+    """A refuted number with the text of its pattern."""
+    word = refuted.word
+    text = text_of_pattern(loops.family(refuted.point), word) if word else ""
+    return End(refuted.x, refuted.point, word, text)
 
 
 def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    # frames, so that steps of messages are what differs
-    alike = rules.messages and not rules.for_all.changing
-    plan = None if alike else rules.plan(values, (along, *paths))
+    # Of channels beside frames of one length, steps of messages are what differs, otherwise frames.
+    steps = rules.messages and not rules.for_all.changing
+    plan = None if steps else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
-    sides, whole = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)], box
+    sides = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)]
+    whole = box
     if along:
         zero = min(0.0, span[0])
+        low = max(span[0], zero + RANGES_FROM_ZERO * (span[1] - zero))
         sides = [Side(along, zero), *sides]
-        whole = np.column_stack(
-            [[max(span[0], zero + RANGES_FROM_ZERO * (span[1] - zero)), span[1]], box]
-        )
+        whole = np.column_stack([[low, span[1]], box])
     whole = as_sides(whole, sides)
-    frames = plan.over(sides, whole) if plan else messages_over(*own, sides, whole)
+    numbers = [side.path for side in sides]
+    bounds = as_numbers(whole, sides)
+    if plan:
+        frames = plan.over(sides, whole)
+        members = plan.members(numbers, bounds)
+    else:
+        frames = messages_over(*own, sides, whole)
+        members = members_with_messages(*own, numbers, bounds)
 
     @cache
     def family(point):
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
-    numbers = [side.path for side in sides]
-    bounds = as_numbers(whole, sides)
-    members = (
-        plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
-    )
-    spec_numbers = [[float(values[path]) for path in paths]]
-    starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
-
     @cache
     def extremes():
         return Resolution(*own, list(map(Expressed, paths))).extremes(box)
 
+    spec_numbers = [[float(values[path]) for path in paths]]
+    starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
     loops = partial(LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes)
     if not rules.at_random:
         return loops(growth=growth_in_words(members.at, members.states, members.follows))
-    if alike:
+    if steps:
         middle = family(tuple(box.mean(0).tolist()))
         on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
+        for_all = rules.for_all
         lost = losses_at_random(rules.drawing, values) if rules.messages else {}
-        on_average = OnAverage(
-            *chain_of(rules.for_all.lengths, rules.for_all.results, frames.symbols, lost=lost)
-        )
+        chain = chain_of(for_all.lengths, for_all.results, frames.symbols, lost=lost)
+        on_average = OnAverage(*chain)
     growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
     return loops(growth=growth, on_average=on_average)
 
@@ -352,12 +341,10 @@ def decided_over(
     what it is not stable with."""
     loops = _over(rules, values, "", ranges)
     point, word, proved = decide_over(loops)
-    by = dict(zip((axis.path for axis in ranges), point, strict=False))
-    return (
-        (REFUTED, by | {text_of(loops.family(point), word): None})
-        if word
-        else (PROVED if proved else UNKNOWN, {})
-    )
+    if word:
+        by = dict(zip((axis.path for axis in ranges), point, strict=False))
+        return REFUTED, {**by, text_of_pattern(loops.family(point), word): None}
+    return PROVED if proved else UNKNOWN, {}
 
 
 def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) -> tuple[str, str]:
@@ -369,7 +356,7 @@ def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) ->
         verdict = decays(family)
         return verdict, GROW if verdict == REFUTED else ""
     found = decide(family, work=work)
-    return found.verdict, text_of(family, found.word)
+    return found.verdict, text_of_pattern(family, found.word)
 
 
 def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
@@ -377,45 +364,45 @@ def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tu
     and the patterns of its ends."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
-    word = next(
-        (
-            each
-            for each in (found.words if found else ())
-            if each and is_refuted(family, each, value)
-        ),
-        (),
-    )
-    return REFUTED if word else UNKNOWN, text_of(family, word)
+    for word in found.words if found else ():
+        if word and is_refuted(family, word, value):
+            return REFUTED, text_of_pattern(family, word)
+    return UNKNOWN, ""
 
 
-def text_of(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
+def text_of_pattern(family: LoopFrames | Chances, word: tuple[int, ...]) -> str:
     """A pattern of frames, or of messages, or that second moments grow as a text; empty without
     a word."""
     if isinstance(family, Chances):
         return GROW if word else ""
-    symbols = [family.symbols[each] for each in word]
-    if symbols and isinstance(symbols[0], Sent):
-        return "messages " + "; ".join(
-            f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items()
-        )
-    return (
-        f"frames {', '.join(_frame(family.symbols[each], family) for each in word)}" if word else ""
-    )
+    if not word:
+        return ""
+    symbols = [family.symbols[index] for index in word]
+    if isinstance(symbols[0], Sent):
+        texts = [f"{name}: {_messages(late)}" for name, late in Sent.by_channel(symbols).items()]
+        return f"messages {'; '.join(texts)}"
+    results = {(symbol.delay, symbol.lost) for symbol in family.symbols}
+    texts = [_frame(symbol, several=len(results) > 1) for symbol in symbols]
+    return f"frames {', '.join(texts)}"
 
 
-def _frame(symbol, family):
-    several = len({(each.delay, each.lost) for each in family.symbols}) > 1
+def _frame(symbol: Symbol, *, several: bool) -> str:
+    """A frame as a text; several: whether results may come after several delays."""
     if symbol.delay == LOST:
         return f"{symbol.ticks} (lost)"
     return f"{symbol.ticks} (delay {symbol.delay})" if several else f"{symbol.ticks}"
 
 
-def _messages(late):
+def _messages(late: Sequence[int | None]) -> str:
     """What happens to the messages of a channel, as [simulate] takes it: those that are lost in
     a row are counted."""
-    runs = [(each, len(list(run))) for each, run in groupby(late)]
-    texts = (
-        [f"{count} lost" if count > 1 else "lost"] if each is None else [f"{each}"] * count
-        for each, count in runs
-    )
-    return ", ".join(text for some in texts for text in some)
+    texts = []
+    for ticks, run in groupby(late):
+        count = len(list(run))
+        if ticks is not None:
+            texts += [f"{ticks}"] * count
+        elif count > 1:
+            texts.append(f"{count} lost")
+        else:
+            texts.append("lost")
+    return ", ".join(texts)
