@@ -39,11 +39,8 @@ NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames f
 NUMBERS_SCANNED = 48  # numbers between the start and the limit at which short words are tried
 LONG_WORDS_EVERY = 12  # long words are searched at one of so many of these
 WORDS_TRIED = 8  # words whose crossings are computed
-BACK = (
-    0.3,
-    0.1,
-    0.03,
-)  # of a refuted number, how far back words are searched that may decay again next to it
+# of a refuted number, how far back words are searched that may decay again next to it
+BACK = (0.3, 0.1, 0.03)
 # of the search for words that refute a number closer to the start, from each of these
 WORD_ROUNDS = 8
 MORE = 3  # times as many words are searched where no proof is found
@@ -52,21 +49,16 @@ SPENT = 0.9  # part of the work after which no more norms are searched
 WORD_SEARCHES = 4
 # the next number for which norms are searched leaves this part of the way to the refuted one
 STRIDE = 0.35
-FINER, FINEST, FINE = (
-    3.0,
-    3e-4,
-    1e9,
-)  # factor and last value of finer tolerances that follow if cheap, and the work for them
+# factor and last value of finer tolerances that follow if cheap, and the work for them
+FINER, FINEST, FINE = 3.0, 3e-4, 1e9
 FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
 NORMS_A_SIDE = 300  # norms for one side of the start
 # The shortest stretch of a proof that goes on from the start, of one that goes back to what is
 # proved, and of several together without a finer graph; relative to the rest of the way or to the
 # number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
-SHORTEST, SHORTEST_LEFT = (
-    1e-7,
-    1e-3,
-)  # relative to the whole way: a stretch, and the least rest to which it is compared
+# relative to the whole way: a stretch, and the least rest to which it is compared
+SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +119,8 @@ def decide(family: Family, x: float = 0.0, work: float = OPERATIONS_OF_SEARCH) -
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
-    if factor == 1 and (norms := _proved(family, (x,), (centre,))):
+    norms = _proved(family, (x,), (centre,)) if factor == 1 else None
+    if norms:
         return Decision(PROVED, *norms)
     for word in growing(A, family.follows, centre.basis, (), MORE, norms=centre.norms):
         if is_refuted(family, word, x):
@@ -152,19 +145,19 @@ def bracket(
     The proof holds for every number from `low` to `high`, not only for those that were computed,
     see `shrink_along`. A refuted number says nothing about numbers beyond it.
     """
-    family = Remembered.of(family, (start, *(start + NEARBY * (limit - start) for limit in limits)))
+    nearby = [start + NEARBY * (limit - start) for limit in limits]
+    family = Remembered.of(family, (start, *nearby))
+    unknown = Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
     A = family.at(start)
-    first, factor = (
-        (None, 0.0)
-        if growing_of(A, short_words(family.follows))
-        else find_norms(A, family.follows, work=work)
-    )
+    if growing_of(A, short_words(family.follows)):
+        return unknown
+    first, factor = find_norms(A, family.follows, work=work)
     if factor < 1:
-        return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
-    above = _side(family, start, limits[1], tolerance, first, work)
-    below = _side(
-        family, start, limits[0], tolerance, first, work, tolerance**2 * abs(above.end - start)
-    )
+        return unknown
+    above = _side(_Way(family, start, limits[1], tolerance), first, work)
+    near = tolerance**2 * abs(above.end - start)
+    below = _side(_Way(family, start, limits[0], tolerance, near), first, work)
+    stretches = sorted((*below.stretches, *above.stretches), key=lambda stretch: stretch.low)
     return Bracket(
         float(below.end),
         float(above.end),
@@ -172,12 +165,66 @@ def bracket(
         float(above.fails),
         (below.word, above.word),
         bool(below.settled and above.settled),
-        tuple(sorted((*below.stretches, *above.stretches), key=lambda stretch: stretch.low)),
+        tuple(stretches),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """The way of a family from a start to a limit, which counts as reached from the distance
+    `near` on. tolerance: see `bracket`."""
+
+    family: Family
+    start: float
+    limit: float
+    tolerance: float
+    near: float = 0.0
+
+    def size(self, end: float) -> float:
+        """The size of a number, to which distances from it are compared."""
+        return max(abs(end), NEAR_START * abs(end - self.start))
+
+    def inside(self, end: float, share: float) -> float:
+        """The number closer to the start by a share of the end's size, but by at most half of
+        the way."""
+        back = min(share * self.size(end), abs(end - self.start) / 2)
+        return end + np.sign(self.start - end) * back
+
+    def short_of(self, end: float) -> float:
+        """The number short of an end up to which a proof is tried."""
+        return self.inside(end, FIRST_PROOF_AT * self.tolerance)
+
+    def farther(self, one: float, other: float) -> float:
+        """The one of two numbers that is farther from the start."""
+        return one if abs(one - self.start) > abs(other - self.start) else other
+
+    def grown(
+        self, x: float, centre: Centre, word: Word = (), more: int = 1
+    ) -> tuple[float, Word] | None:
+        """The refuted number closest to the start of words that grow at x, and its word; None if
+        none is found."""
+        A, first = self.family.at(x), [word] if word else []
+        words = growing(A, self.family.follows, centre.basis, first, more, norms=centre.norms)
+        found = _first(self.family, words, self.start, x, x)
+        return found if found[1] else None
+
+    def aim(self, reached: float, goal: float, fails: float, ceiling: float | None) -> float:
+        """The next number for which norms are searched: short of the refuted one by STRIDE of
+        what is left, or half of the way to one without norms, but not beyond the goal."""
+        if ceiling is not None:
+            aim = (reached + ceiling) / 2
+        elif np.isnan(fails):
+            return goal
+        else:
+            aim = fails - STRIDE * (fails - reached)
+        return aim if abs(aim - self.start) < abs(goal - self.start) else goal
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Side:
+    """What is proved and refuted on one side: the end of the proof and its stretches, the nearest
+    refuted number with its word, and the last forms."""
+
     end: float
     fails: float
     word: Word
@@ -186,75 +233,70 @@ class _Side:
     centre: Centre
 
 
-def _side(family, start, limit, tolerance, first, work, near=0.0):
-    """What is proved and refuted from the start towards a limit, which counts as reached from the
-    distance `near` on.
+def _side(way: _Way, first: Centre, work: float) -> _Side:
+    """What is proved and refuted from the start towards the limit.
 
     first: forms for the start. They need few nodes, and the proof goes as far as it can with them.
     Then norms are searched for a number further on, and the proof goes back from there to what is
     already proved; and so on. Each search begins with the least graph: one that was refined for
     other numbers takes up to three times the nodes.
     """
-    fails, word = nearest_refuted(family, start, limit, tolerance)
-    goal = _inside(fails, start, FIRST_PROOF_AT * tolerance) if word else limit
-    stretches, reached, climbed = _covered(
-        family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work
-    )
-    # ceiling: a number for which no norms were found.
-    spent, centre, ceiling, before = climbed.work, None, None, start
-    while reached != goal and (word or abs(limit - reached) > near) and spent < SPENT * work:
-        if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
-            if word or abs(reached - before) <= tolerance * _scale(reached, start):
+    family, tolerance = way.family, way.tolerance
+    fails, word = nearest_refuted(family, way.start, way.limit, tolerance)
+    goal = way.short_of(fails) if word else way.limit
+    begun = replace(first, work=0.0)
+    stretches, reached, climbed = _covered(family, begun, way.start, goal, LEAST_CLIMB, work)
+    spent, centre = climbed.work, first
+    ceiling = None  # a number for which no norms were found
+    before = way.start  # where the proof was when a ceiling was given up
+    while reached != goal and spent < SPENT * work:
+        if not word and abs(way.limit - reached) <= way.near:
+            break
+        if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * way.size(reached):
+            if word or abs(reached - before) <= tolerance * way.size(reached):
                 break
             ceiling, before = None, reached  # once more, from nearer to the limit
-        aim = fails - STRIDE * (fails - reached) if word else goal
-        aim = aim if ceiling is None else (reached + ceiling) / 2
-        aim = aim if abs(aim - start) < abs(goal - start) else goal
-        nearer = _grown(family, start, aim, centre or first, word)
-        if nearer and abs(nearer[0] - start) > abs(reached - start):
-            (fails, word), ceiling = nearer, None
-            goal = _farther(_inside(fails, start, FIRST_PROOF_AT * tolerance), reached, start)
-            continue
-        centre, factor = find_norms(
-            family.at(aim), family.follows, work=(work - spent) / WORD_SEARCHES
-        )
-        further, used = _back(family, centre, factor, aim, reached, work - spent)
-        spent += used
-        if further:
-            stretches, reached = (*stretches, *further), aim
-            continue
-        tried = (aim, (aim + fails) / 2) if word else (aim,)
-        nearer = next(
-            filter(None, (_grown(family, start, x, centre, word, MORE) for x in tried)), None
-        )
-        if nearer and abs(nearer[0] - start) > abs(reached - start):
-            (fails, word), ceiling = nearer, None
-            goal = _farther(_inside(fails, start, FIRST_PROOF_AT * tolerance), reached, start)
-        elif aim == limit:
-            goal = _farther(_inside(limit, start, FIRST_PROOF_AT * tolerance), reached, start)
+        aim = way.aim(reached, goal, fails, ceiling)
+        nearer = way.grown(aim, centre, word)
+        if nearer is None or way.farther(nearer[0], reached) == reached:
+            A, most = family.at(aim), (work - spent) / WORD_SEARCHES
+            centre, factor = find_norms(A, family.follows, work=most)
+            further, used = _back(family, centre, factor, aim, reached, work - spent)
+            spent += used
+            if further:
+                stretches, reached = (*stretches, *further), aim
+                continue
+            nearer = way.grown(aim, centre, word, MORE)
+            if nearer is None and word:
+                nearer = way.grown((aim + fails) / 2, centre, word, MORE)
+        if nearer is not None and way.farther(nearer[0], reached) != reached:
+            fails, word = nearer
+            goal, ceiling = way.farther(way.short_of(fails), reached), None
+        elif aim == way.limit:
+            goal = way.farther(way.short_of(aim), reached)
         else:
             ceiling = aim
-    side = _Side(reached, fails, word, False, stretches, centre or first)
-    if word and abs(fails - reached) <= tolerance * _scale(fails, start):
-        side = _refined(family, side, start, tolerance)
-    if word:
-        side = replace(side, fails=nearest(family, side.word, start, side.fails))
-    end = side.fails if word else limit
-    return replace(
-        side,
-        settled=abs(end - side.end) <= max(tolerance * _scale(end, start), 0.0 if word else near),
-    )
+    side = _Side(reached, fails, word, False, stretches, centre)
+    if not word:
+        left = max(tolerance * way.size(way.limit), way.near)
+        return replace(side, settled=abs(way.limit - side.end) <= left)
+    if abs(fails - reached) <= tolerance * way.size(fails):
+        side = _refined(way, side)
+    fails = nearest(family, side.word, way.start, side.fails)
+    settled = abs(fails - side.end) <= tolerance * way.size(fails)
+    return replace(side, fails=fails, settled=settled)
 
 
-def _refined(family, side, start, tolerance):
+def _refined(way: _Way, side: _Side) -> _Side:
     """The side with proof and refutation closer together, as far as this costs little."""
-    gap, spent = tolerance, 0.0
+    family, gap, spent = way.family, way.tolerance, 0.0
     while gap > FINEST and spent < FINE:
         gap /= FINER
-        aim = _inside(side.fails, start, gap)
-        fails, word = _grown(family, start, aim, side.centre, side.word) or (side.fails, side.word)
-        side, aim = replace(side, fails=fails, word=word), _inside(fails, start, gap)
-        if abs(aim - start) <= abs(side.end - start):
+        nearer = way.grown(way.inside(side.fails, gap), side.centre, side.word)
+        if nearer:
+            side = replace(side, fails=nearer[0], word=nearer[1])
+        aim = way.inside(side.fails, gap)
+        if way.farther(aim, side.end) == side.end:
             continue
         centre, factor = find_norms(family.at(aim), family.follows, side.centre, FINE - spent)
         further, used = _back(family, centre, factor, aim, side.end, FINE - spent)
@@ -271,20 +313,22 @@ def _back(family, centre, factor, aim, reached, work):
     centre, factor: the result of the search for norms at that number. Where a stretch cannot be
     made longer, norms are searched again, on a finer graph if that has not helped before.
     """
-    stretches, at, used, fruitless = (), aim, centre.work, 0
-    if factor == 1 and not _proved(
-        family, (aim,), (centre,)
-    ):  # rounding leaves no room, and a finer graph gives none
+    used = centre.work
+    if factor != 1:
         return (), used
+    if not _proved(family, (aim,), (centre,)):
+        return (), used  # rounding leaves no room, and a finer graph gives none
+    stretches, at, fruitless = (), aim, 0
     while factor == 1 and used < work and fruitless < FRUITLESS:
-        further, far, last = _covered(
-            family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used
-        )
-        stretches, used = (*stretches, *further), used + last.work
+        begun = replace(centre, work=0.0)
+        further, far, last = _covered(family, begun, at, reached, LEAST_BACK, work - used)
+        stretches += further
+        used += last.work
         if far == reached:
             return stretches, used
         fruitless = 0 if further else fruitless + 1
-        stalled, at = abs(far - at) <= LEAST_AGAIN * abs(far - reached), far
+        stalled = abs(far - at) <= LEAST_AGAIN * abs(far - reached)
+        at = far
         try:
             centre = finer(last, family.at(at), family.follows) if stalled else last
         except np.linalg.LinAlgError:
@@ -296,54 +340,43 @@ def _back(family, centre, factor, aim, reached, work):
     return (), used
 
 
-def _farther(one, other, start):
-    return one if abs(one - start) > abs(other - start) else other
-
-
-def _scale(end, start):
-    return max(abs(end), NEAR_START * abs(end - start))
-
-
-def _inside(end, start, share):
-    """The number closer to the start by a share of the end's size, but by at most half of the
-    way."""
-    return end + np.sign(start - end) * min(share * _scale(end, start), abs(end - start) / 2)
-
-
 def nearest_refuted(
     family: Family, start: float, limit: float, tolerance: float
 ) -> tuple[float, Word]:
     """Return the refuted number closest to the start that a search finds, and its word; NaN and
     () if there is none."""
-    fails, word, before = np.nan, (), start
-    short = [*dict.fromkeys((*short_words(family.follows), *shortest_through(family.follows)))]
-    for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)):
-        A = family.at(x)
-        grows = growing_of(A, short)
-        if not grows and i % LONG_WORDS_EVERY == LONG_WORDS_EVERY - 1:
-            grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
-        if grows:
-            fails, word = _first(family, grows, before, x, limit)
-            break
-        before = x
-    for share in (*BACK, tolerance / 4) if word else ():
+    way = _Way(family, start, limit, tolerance)
+    fails, word = _first_refuted(way)
+    if not word:
+        return fails, word
+    for share in (*BACK, tolerance / 4):
         for _ in range(WORD_ROUNDS):
-            x = _inside(fails, start, share)
-            nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
+            x = way.inside(fails, share)
+            centre, _ = first_centre(family.at(x), family.follows)
+            nearer = way.grown(x, centre, word)
             if not nearer:
                 break
             fails, word = nearer
-    return nearest(family, word, start, fails) if word else fails, word
+    return nearest(family, word, start, fails), word
 
 
-def _grown(family, start, x, centre, word=(), more=1):
-    """The refuted number closest to the start of words that grow at x, and its word; None if
-    none is found."""
-    words = growing(
-        family.at(x), family.follows, centre.basis, [word] if word else [], more, norms=centre.norms
-    )
-    found = _first(family, words, start, x, x)
-    return found if found[1] else None
+def _first_refuted(way: _Way) -> tuple[float, Word]:
+    """The refuted number of the first words that grow on the way, and its word; NaN and () if
+    none grows."""
+    family, before = way.family, way.start
+    follows = family.follows
+    short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
+    scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)
+    for index, x in enumerate(scanned):
+        A = family.at(x)
+        grows = growing_of(A, short)
+        if not grows and index % LONG_WORDS_EVERY == LONG_WORDS_EVERY - 1:
+            centre, _ = first_centre(A, follows)
+            grows = growing(A, follows, centre.basis)
+        if grows:
+            return _first(family, grows, before, x, way.limit)
+        before = x
+    return np.nan, ()
 
 
 def _first(family, words, stable, unstable, limit):
@@ -368,10 +401,12 @@ def _proved(family, ends, centres):
     points = family.hull(ends[0], ends[-1])
     if points is None:
         return None
-    norms = tuple(
-        family.norms(centre, points[0][[at]]) for centre, at in zip(centres, (0, -1), strict=False)
-    )
-    return norms if None not in norms and shrink_along(norms, *points, family.follows) else None
+    norms = []
+    for centre, place in zip(centres, (0, -1), strict=False):
+        norms.append(family.norms(centre, points[0][[place]]))
+    if None in norms or not shrink_along(tuple(norms), *points, family.follows):
+        return None
+    return tuple(norms)
 
 
 def _covered(family, centre, start, goal, least, work):
@@ -384,22 +419,37 @@ def _covered(family, centre, start, goal, least, work):
     """
     stretches, end = [], start
     while end != goal and len(stretches) < NORMS_A_SIDE and centre.work < work:
-        share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
-        shortest, target = max(share, SHORTEST * abs(goal - start)), goal
-        norms, ahead = None, centre
-        while norms is None and ahead.work < work:
-            try:
-                ahead, x = advanced(replace(centre, work=ahead.work), family.at, end, target)
-                ahead = ahead.rounded()
-            except np.linalg.LinAlgError:
-                break
-            if abs(x - end) < min(shortest, abs(goal - end)) or x == end:
-                break
-            ends, centres = ((end, x), (centre, ahead)) if end < x else ((x, end), (ahead, centre))
-            norms, target = _proved(family, ends, centres), (x + end) / 2
-        centre = replace(centre, work=ahead.work)
-        if norms is None:
-            break
-        stretches.append(ProvedStretch(*ends, norms))
-        end, centre = x, ahead
+        rest, whole = abs(goal - end), abs(goal - start)
+        share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))
+        shortest = min(rest, max(share, SHORTEST * whole))
+        stretch, ahead = _stretch(family, centre, end, goal, shortest, work)
+        if stretch is None:
+            return tuple(stretches), end, replace(centre, work=ahead.work)
+        stretches.append(stretch)
+        end = stretch.high if end < stretch.high else stretch.low
+        centre = ahead
     return tuple(stretches), end, centre
+
+
+def _stretch(
+    family: Family, centre: Centre, end: float, target: float, shortest: float, work: float
+) -> tuple[ProvedStretch | None, Centre]:
+    """The first proved stretch from a number to a target, or half as far, and so on, with the
+    forms at its other end; None if it would be shorter than the shortest one."""
+    ahead = centre
+    while ahead.work < work:
+        try:
+            ahead, x = advanced(replace(centre, work=ahead.work), family.at, end, target)
+            ahead = ahead.rounded()
+        except np.linalg.LinAlgError:
+            break
+        if abs(x - end) < shortest or x == end:
+            break
+        ends, centres = (end, x), (centre, ahead)
+        if x < end:
+            ends, centres = ends[::-1], centres[::-1]
+        norms = _proved(family, ends, centres)
+        if norms is not None:
+            return ProvedStretch(*ends, norms), ahead
+        target = (x + end) / 2
+    return None, ahead
