@@ -14,7 +14,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
 from wavesweep.simulation.experiment import simulation_of
 from wavesweep.simulation.export import exported
-from wavesweep.simulation.export.source import _identifiers
+from wavesweep.simulation.export.controller import identifiers
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")
@@ -114,7 +114,7 @@ def test_a_device_that_responds_within_the_tick_is_refused():
 
 
 def test_two_ports_never_share_a_name_in_c():
-    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == ["ws_a_b_c", "ws_a_b_c_2", "ws_0_x"]
+    assert identifiers(["a_b.c", "a.b_c", "0.x"]) == ["ws_a_b_c", "ws_a_b_c_2", "ws_0_x"]
 
 
 @pytest.mark.sample(2)

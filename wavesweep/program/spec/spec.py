@@ -39,9 +39,8 @@ class Spec(Studies):
     name: str
     source: str | None
     _values: dict[str, float | int | str]
-    _given: (
-        Given  # the keys of the loop as given, with their places; `with_values` starts from them
-    )
+    # the keys of the loop as given, with their places; `with_values` starts from them
+    _given: Given
     # names of tables that are part of this request and not of every one, see `asking`
     parts: frozenset[str] = frozenset()
     # of a spec that draws its loop; its values are the tick's rate and the numbers
@@ -54,12 +53,14 @@ class Spec(Studies):
 
     def __getattr__(self, name: str) -> TableValue | None:
         """The value of the table of that name, with the numbers of the spec's device."""
-        table_values = object.__getattribute__(self, "asked")
-        if name not in table_values:
+        asked = object.__getattribute__(self, "asked")
+        if name not in asked:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        return None if table_values[name] is None else table_values[name].on(self._given.device())
+        value = asked[name]
+        return None if value is None else value.on(self._given.device())
 
     def _asked(self) -> list[TableValue]:
+        """The values of the tables that the spec has."""
         return [value for value in self.asked.values() if value is not None]
 
     @property
@@ -83,9 +84,8 @@ class Spec(Studies):
     def files(self) -> list[Path]:
         """The file of the spec, and those that its tables name; none for a dict."""
         own = [Path(self.source)] if self.source else []
-        return own + [
-            Path(self.source or "").parent / name for each in self._asked() for name in each.files
-        ]
+        folder = Path(self.source or "").parent
+        return own + [folder / name for value in self._asked() for name in value.files]
 
     @property
     def given(self) -> frozenset[str]:
@@ -106,11 +106,12 @@ class Spec(Studies):
         The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of
         its band. path: of the number. changes: paths that are given in addition to the spec's own.
         """
-        paths = (*self._given.leaves, *changes)
-        alone = not any(
-            each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in paths
+        if path != "rates.fast_hz":
+            return self.names.keys[path].structural
+        given = (*self._given.leaves, *changes)
+        return any(
+            other == "rates.slow_hz" or other.rpartition(".")[2] in BAND_EDGES for other in given
         )
-        return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
 
     @property
     def slow_hz_written(self) -> float | None:
@@ -128,16 +129,14 @@ class Spec(Studies):
     def assumed(self) -> frozenset[str]:
         """The paths of the device preset's numbers that have no public source and that the spec
         does not give itself."""
-        device = self._given.device()
+        device, own = self._given.device(), self._own()
         numbers = device.numbers.items() if device else ()
-        return frozenset(
-            path for path, number in numbers if number.assumed and path not in self._own()
-        )
+        return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
     def _own(self) -> frozenset[str]:
-        return frozenset(
-            (*self._given.leaves, *(path for each in self._asked() for path in each.given))
-        )
+        """The paths of the keys that the spec itself gives."""
+        in_tables = (path for value in self._asked() for path in value.given)
+        return frozenset((*self._given.leaves, *in_tables))
 
     @property
     def hardware(self) -> Mapping[str, float | None]:
@@ -149,13 +148,8 @@ class Spec(Studies):
         """The mistake of a drawn loop whose [ports] name no hand; empty for any other spec."""
         if self.drawing is None or self.drawing.hand:
             return []
-        return [
-            self.mistake(
-                "ports",
-                "hand = { force = ..., displacement = ... }, where the hand's force acts",
-                "no hand",
-            )
-        ]
+        expected = "hand = { force = ..., displacement = ... }, where the hand's force acts"
+        return [self.mistake("ports", expected, "no hand")]
 
     @property
     def routes(self) -> tuple[tuple[str, str], ...]:
@@ -177,17 +171,12 @@ class Spec(Studies):
         if drawing is None or (drawing.hand and not asked):
             return ()
         for end, name, ports in (("from", source, "inputs"), ("to", output, "outputs")):
-            if name is not None and (fault := unknown_end(drawing, name, ports)):
+            fault = None if name is None else unknown_end(drawing, name, ports)
+            if fault:
                 raise UsageError(str(Mistake("", end, *fault)))
-        names = ([each[0] for each in ports] for ports in (drawing.inputs, drawing.outputs))
-        return tuple(
-            product(
-                *(
-                    some if name is None else [name]
-                    for some, name in zip(names, (source, output), strict=True)
-                )
-            )
-        )
+        sources = [name for name, *_ in drawing.inputs] if source is None else [source]
+        outputs = [name for name, *_ in drawing.outputs] if output is None else [output]
+        return tuple(product(sources, outputs))
 
     def unit_between(self, source: str, output: str) -> str:
         """The unit of the response from an input to an output, empty if one of their units is
@@ -198,7 +187,11 @@ class Spec(Studies):
             return ""
         if under in (over, "1"):
             return RATIO if over == under else over
-        return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
+        if "/" in over:
+            over = f"({over})"
+        if "/" in under or "*" in under:
+            under = f"({under})"
+        return f"{over}/{under}"
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
         """Return a mistake about the key at `path`, at its place. expected, found: the two texts
@@ -267,8 +260,8 @@ class Spec(Studies):
     def refuse_require(self, what: str) -> None:
         """Raise UsageError if a table asks for more than stability, which is all that `what` is
         about."""
-        for each in self._asked():
-            each.refuse_stability_alone(self.name, what)
+        for value in self._asked():
+            value.refuse_stability_alone(self.name, what)
 
     @property
     def frequency_hz(self) -> tuple[float, ...]:
@@ -277,9 +270,9 @@ class Spec(Studies):
 
     @property
     def _frequencies(self) -> Axis:
-        return fitting(
-            self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz"
-        )
+        """The axis of the responses' frequencies, below half the rate of the ticks."""
+        rate = RATE if self.drawing else "rates.fast_hz"
+        return fitting(self.frequencies, self.bode, self.tick_hz, rate)
 
     @property
     def uneven(self) -> bool:
@@ -304,57 +297,55 @@ class Spec(Studies):
         that follow from them. A slow rate appears as the ratio if that is a whole number. Tables on
         which nothing depends are left out, see `asking`.
         """
-        found: dict[str, dict] = {}
+        loop: dict[str, dict] = {}
         for (*parents, last), value in self._written().items():
-            table = found
+            table = loop
             for parent in parents:
                 table = table.setdefault(parent, {})
             table[last] = value
+        with_axes, others, inside = self._written_tables()
         along = {"along": self.along} if self.along else {}
-        inner, like_sweep, others = self._written_tables()
         swept = {axis.name: axis.written() for axis in self.sweep}
-        found["sweep"] = {**along, **inner.pop("sweep", {}), **swept}
-        bode = (self._frequencies, *self.bode)
-        for parent, tables_in_it in inner.items():
-            like_sweep[parent] = like_sweep.get(parent, {}) | tables_in_it
-        return (
-            found
-            | like_sweep
-            | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}}
-            | others
-        )
+        loop["sweep"] = {**along, **inside.pop("sweep", {}), **swept}
+        for parent, tables_in_it in inside.items():
+            with_axes[parent] = with_axes.get(parent, {}) | tables_in_it
+        bode = dict(self.route)
+        for axis in (self._frequencies, *self.bode):
+            bode[axis.name] = axis.written()
+        return loop | with_axes | {"bode": bode} | others
 
     def _written_tables(self) -> tuple[dict, dict, dict]:
-        """The tables of capabilities: those in others, by these, those that hold axes as [sweep]
-        does, and all others."""
-        found: tuple[dict, dict, dict] = {}, {}, {}
-        for table in sorted(
-            tables().values(), key=lambda table: not table.always
-        ):  # the order decides the digest
+        """The tables of capabilities: those that hold axes as [sweep] does, all others, and those
+        in others, by these."""
+        with_axes: dict[str, dict] = {}
+        others: dict[str, dict] = {}
+        inside: dict[str, dict] = {}
+        # the order decides the digest
+        for table in sorted(tables().values(), key=lambda table: not table.always):
             value = getattr(self, table.name)
-            if (
-                value is not None
-                and (table.always or table.name in self.parts)
-                and (written := value.written())
-            ):
-                parent = table.path.rpartition(".")[0]
-                place = (
-                    found[0].setdefault(parent, {})
-                    if parent
-                    else found[1 if table.path in table.sections else 2]
-                )
-                place[table.name] = written
-        return found
+            if value is None or not (table.always or table.name in self.parts):
+                continue
+            table_written = value.written()
+            if not table_written:
+                continue
+            parent = table.path.rpartition(".")[0]
+            if parent:
+                inside.setdefault(parent, {})[table.name] = table_written
+            elif table.path in table.sections:
+                with_axes[table.name] = table_written
+            else:
+                others[table.name] = table_written
+        return with_axes, others, inside
 
     def _written(self) -> dict[tuple[str, ...], object]:
+        """The values of the loop by their paths, as a spec could give them."""
         if self.drawing:
             return written(self.drawing, self._values, self._given)
-        edges = {
-            path: float(leaf.value)
-            for path, leaf in self._given.leaves.items()
-            if path.startswith("filters.")
-        }
-        names = {**edges, **self._values}
+        names: dict[str, object] = {}
+        for path, leaf in self._given.leaves.items():
+            if path.startswith("filters."):  # also the edges of a band
+                names[path] = float(leaf.value)
+        names |= self._values
         if self.uneven:
             del names["rates.ratio"]
             names["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
@@ -385,16 +376,16 @@ class Spec(Studies):
         """
         changed, mistakes = self._given, Mistakes()
         for name, value in changes.items():
-            if key := self.names.find(name):
+            key = self.names.find(name)
+            if key:
                 changed = changed.replaced(key.path, Leaf(plain(value), Place()), changes)
             else:
-                names = (*self.names.symbols, *self.names.keys)
-                mistakes.refuse(
-                    Place(), name, "a key of the spec", "an unknown key", nearest(name, names)
-                )
-        values, wrong = (
-            resolve_drawn(self.drawing, self._values, changed) if self.drawing else resolve(changed)
-        )
+                near = nearest(name, (*self.names.symbols, *self.names.keys))
+                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", near)
+        if self.drawing:
+            values, wrong = resolve_drawn(self.drawing, self._values, changed)
+        else:
+            values, wrong = resolve(changed)
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
@@ -442,24 +433,24 @@ def _axis_name(spec: Spec, along: str | None) -> str:
             raise SpecError([spec.mistake("ports", expected, "no wall")])
         if not name:
             expected = "along = ..., the number whose stable intervals are wanted"
-            raise SpecError(
-                [spec.mistake("sweep", expected, "none, and not a single axis that is only a span")]
-            )
-        name = spec.drawing.wall[0] if along == "K_VE" else name
+            found = "none, and not a single axis that is only a span"
+            raise SpecError([spec.mistake("sweep", expected, found)])
+        if along == "K_VE":
+            return spec.drawing.wall[0]
     return name
 
 
 def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | None:
     """Return the axis of [sweep] over a key, or one with a default span; None if it has neither."""
-    wanted = next(
-        (axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)),
-        None,
-    )
+    for axis in spec.sweep:
+        if axis.path == path and (swept or axis.start < axis.stop):
+            return axis
     value, structural = spec.own(path), spec.names.keys[path].structural
-    if wanted is None and (path in spec.wall[:1] or (value and not swept and not structural)):
-        span = K_VE_SPAN if path in spec.wall[:1] else sorted((value / 10, value * 10))
-        wanted = Axis(name, path, (), *span, structural, "linear")
-    return wanted
+    if path in spec.wall[:1]:
+        return Axis(name, path, (), *K_VE_SPAN, structural, "linear")
+    if value and not swept and not structural:
+        return Axis(name, path, (), *sorted((value / 10, value * 10)), structural, "linear")
+    return None
 
 
 def no_axis(spec: Spec, name: str) -> str:

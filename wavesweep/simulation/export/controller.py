@@ -1,0 +1,209 @@
+"""A controller without its device: the programs of its ticks, what it reads, and what it gives."""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+from wavesweep.engine.drawing import PORT
+from wavesweep.engine.errors import UsageError
+from wavesweep.simulation.laws import Sum
+from wavesweep.simulation.march import Results, results_of
+from wavesweep.simulation.running_blocks import (
+    DEPTH,
+    FORCE,
+    REACTION,
+    SPEED,
+    MarchedLoop,
+    RunningBlock,
+)
+from wavesweep.simulation.tick_sums import Line, Program, TickSums, arrived, besides
+
+MOST_PRODUCTS = 50_000  # in all programs together; each is a product in the source
+MOST_PROGRAMS = 1000
+
+
+class ExportedController(NamedTuple):
+    """A controller without its device.
+
+    ticks: the lines and places of its programs. programs; table: the number of the program for each
+    kind of tick, for each set of slow results that are in time (bits), and for a wall that is free
+    or touched. results: slow results that may be late, or that show whether the wall is touched.
+    inputs, outputs: names of numbers. late: whether results may be late. places: the name in C of
+    each place. beside: ports of the device that only signals from outside enter.
+    """
+
+    loop: MarchedLoop
+    ticks: TickSums
+    programs: list[Program]
+    table: list[int]
+    results: list[Results]
+    inputs: list[str]
+    outputs: list[str]
+    late: bool
+    places: dict[str, str]
+    beside: dict[str, Sum]
+
+    @property
+    def outside(self) -> list[str]:
+        """The signals from outside."""
+        return outside_of(self.loop)
+
+
+def outside_of(loop: MarchedLoop) -> list[str]:
+    """The signals from outside that enter a loop."""
+    return [*loop.inputs, *(signal for _, signal in loop.entries)]
+
+
+def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
+    """Return the controller of a loop, and what it reads of its device and puts there.
+
+    late: whether its slow results may be late. Errors: see `exported`.
+    """
+    plants = [block for block in loop.blocks if block.plant]
+    _refuse(loop, plants)
+    one_sided = loop.wall is not None and loop.wall.position is not None
+    results = results_of(loop) if late or one_sided else []
+    outside = outside_of(loop)
+    ports = [f"{block.name}.{port}" for block in plants for port in block.inputs]
+    pushed = [port for port in ports if _is_pushed(loop, port, outside)]
+    unforced = set(ports).difference(pushed)
+    cut = _cut_at_plants(loop, unforced)
+    delayed = [signal for result in results for signal in result.signals] if late else []
+    ticks = TickSums(cut, [block.name for block in plants], delayed)
+    programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
+    names = list(ticks.places)
+    read = set()
+    for program in programs:
+        for _, terms in lines_of(program):
+            read.update(names[source] for _, source in terms)
+    sensed = [f"{block.name}.{port}" for block in plants for port in block.outputs]
+    inputs = [name for name in (*sensed, *outside) if name in read]
+    if not pushed or not inputs:
+        raise UsageError(
+            "export: expected a controller that reads the device and acts on it, found one that does not"
+        )
+    for name in (DEPTH, SPEED, FORCE):
+        ticks.at(name)  # even if nothing reads it
+    for signal in delayed:
+        ticks.at(signal)
+        ticks.at(arrived(signal))
+    words = identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_")
+    return ExportedController(
+        loop=cut,
+        ticks=ticks,
+        programs=programs,
+        table=table,
+        results=results,
+        inputs=inputs,
+        outputs=[besides(port) for port in pushed],
+        late=late,
+        places=dict(zip(ticks.places, words, strict=True)),
+        beside={port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)},
+    )
+
+
+def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
+    """Raise UsageError if the loop is not a device, whose outputs are states, and a controller."""
+    if not plants or (len(plants) == len(loop.blocks) and not loop.wall):
+        problem = "nothing else" if plants else "none"
+        raise UsageError(
+            f"export: expected a device (continuous blocks, as a mass) and further blocks, found {problem}"
+        )
+    for block in loop.blocks:
+        if block.type == "dead time":
+            problem = f"block.{block.name} with a dead time in seconds, which is between the ticks of a program"
+            raise UsageError(
+                f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {problem}"
+            )
+    read = {name for terms in loop.wires.values() for _, name in terms}
+    for block in plants:
+        if _responds_at_once(block, read):
+            problem = f"block.{block.name} with direct terms"
+            raise UsageError(
+                f"export: expected a device whose outputs follow its inputs a tick later, found {problem}"
+            )
+
+
+def _responds_at_once(block: RunningBlock, read: Collection[str]) -> bool:
+    """Whether an output of a block that is read depends on an input in the same tick."""
+    for port in block.outputs:
+        if f"{block.name}.{port}" not in read:
+            continue
+        if any(factor and name in block.inputs for factor, name in block.law.gives[port]):
+            return True
+    return False
+
+
+def _is_pushed(loop: MarchedLoop, port: str, outside: Collection[str]) -> bool:
+    """Whether anything but signals from outside enters a port."""
+    return any(gain and name not in outside for gain, name in loop.wires.get(port, ()))
+
+
+def _cut_at_plants(loop: MarchedLoop, unforced: Collection[str]) -> MarchedLoop:
+    """The wires that a controller computes: those of ports, without the ports of plants that it
+    does not push."""
+    wires, away = {}, {}
+    for port, terms in loop.wires.items():
+        if port in loop.ports and port not in unforced:
+            wires[port] = terms
+    for port, terms in loop.away.items():
+        if port not in unforced:
+            away[port] = terms
+    cut = replace(loop, wires=wires, away=away)
+    if cut.wall_rhythm != loop.wall_rhythm:
+        # the force against the hand reads the wall's in every tick
+        cut = replace(loop, wires={**wires, REACTION: loop.wires[REACTION]})
+    return cut
+
+
+def _programs(
+    ticks: TickSums, results: Sequence[Results], gated: bool
+) -> tuple[list[Program], list[int]]:
+    """The programs, and which of them belongs to each kind of tick, results in time and contact."""
+    numbers: dict[tuple, int] = {}
+    programs, table = [], []
+    firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
+    for tick, bits, touching in product(firsts, range(2 ** len(results)), (False, True)):
+        in_time: set[str] = set()
+        for place, result in enumerate(results):
+            if bits >> place & 1 and result.shown(tick):
+                in_time.update(result.signals)
+        key = (tick, frozenset(in_time), touching or not gated)
+        if key not in numbers and len(numbers) < MOST_PROGRAMS:
+            programs.append(ticks.program(*key))
+        table.append(numbers.setdefault(key, len(numbers)))
+    terms = sum(len(line[1]) for program in programs for line in lines_of(program))
+    if terms > MOST_PRODUCTS or len(numbers) > MOST_PROGRAMS:
+        size = f"{terms} in {len(numbers)}"
+        raise UsageError(
+            f"export: expected at most {MOST_PRODUCTS} terms in {MOST_PROGRAMS} kinds of ticks, found {size}"
+        )
+    return programs, table
+
+
+def lines_of(program: Program) -> list[Line]:
+    """Return the sums of a program."""
+    return [*program.first, *program.second, *program.keeps]
+
+
+def identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
+    """Return a name in C for each signal, no two the same; start: of all of them, which no word
+    or macro of C has, as EOF or unix."""
+    names: dict[str, None] = {}
+    for signal in signals:
+        base = start + re.sub(r"\W", "_", as_drawn(signal), flags=re.ASCII)
+        name, count = base, 1
+        while name in names:
+            count += 1
+            name = f"{base}_{count}"
+        names[name] = None
+    return list(names)
+
+
+def as_drawn(name: str) -> str:
+    """Return the name of a port as it is drawn."""
+    if PORT in name:
+        name = name.rpartition(".")[2].replace(PORT, ".")
+    return name.removesuffix(" besides")
