@@ -71,20 +71,12 @@ def build_axis(
         not_numeric = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
         mistakes.refuse(next(iter(parts.values())), label, "a numeric key", not_numeric)
     elif "" in parts:
-        values = mistakes.check_list(
-            key, parts[""], label, "a list of numbers or { start, stop, num }"
-        )
+        leaf = parts[""]
+        expected = "a list of numbers or { start, stop, num }"
+        values = tuple(mistakes.check_list(key, leaf, label, expected))
         if len(mistakes) == before:
-            return Axis(
-                name,
-                key.path,
-                tuple(values),
-                min(values),
-                max(values),
-                key.structural,
-                None,
-                parts[""].place,
-            )
+            ends = min(values), max(values)
+            return Axis(name, key.path, values, *ends, key.structural, None, leaf.place)
     else:
         span = _span(label, key, parts, mistakes)
         if len(mistakes) == before:
@@ -100,13 +92,12 @@ def axis_place(parts: Mapping[str, Leaf]) -> Place:
 
 def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:
     """Return the first part of a span that does not fit the others, and what is expected of it."""
-    for name, expected, wrong in (
-        ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
-        ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
-        ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
-    ):
-        if wrong:
-            return name, expected
+    if start > stop or (start == stop and num != 1):
+        return "stop", f"a number > start = {start!r}"
+    if num == 1 and start < stop:
+        return "num", "a whole number >= 2, start and stop being two values"
+    if scale == "log" and not start > 0:
+        return "start", "a number > 0 for the log scale"
     return None
 
 
@@ -114,33 +105,27 @@ def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -
     """Return values, start, stop, whether the axis is structural, and the scale; a part that is
     unknown is reported already."""
     keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
-    numbers = {
-        name: mistakes.check(keys[name], leaf, f"{label}.{name}")
-        for name, leaf in parts.items()
-        if name in keys
-    }
+    given = {}
+    for name, leaf in parts.items():
+        if name in keys:
+            given[name] = mistakes.check(keys[name], leaf, f"{label}.{name}")
     if not {"start", "stop"} <= set(parts):
         mistakes.refuse(axis_place(parts), label, "both start and stop", "only " + ", ".join(parts))
     if len(mistakes) > before:
         return ()
-    start, stop, num = (numbers.get(name) for name in ("start", "stop", "num"))
-    scale = numbers.get("scale") or AXIS_KEYS["scale"].default
-    if fault := _span_fault(start, stop, num, scale):
+    start, stop, num = (given.get(name) for name in ("start", "stop", "num"))
+    scale = given.get("scale") or AXIS_KEYS["scale"].default
+    fault = _span_fault(start, stop, num, scale)
+    if fault:
         name, expected = fault
-        mistakes.refuse(
-            parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False
-        )
+        found = show(parts[name].value)
+        mistakes.refuse(parts[name], f"{label}.{name}", expected, found, of_key=False)
         return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
-    try:
-        if key.type == "integer":
+    if key.type == "integer":
+        try:
             values = tuple(check(key, value) for value in values)
-    except Rejected as error:
-        mistakes.refuse(
-            parts["num"],
-            f"{label}.num",
-            "so many values that all are whole numbers",
-            error.found,
-            of_key=False,
-        )
+        except Rejected as error:
+            expected = "so many values that all are whole numbers"
+            mistakes.refuse(parts["num"], f"{label}.num", expected, error.found, of_key=False)
     return values, start, stop, key.structural, scale

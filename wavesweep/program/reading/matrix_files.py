@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from io import BytesIO
 from math import prod
 from pathlib import Path as File
+from typing import Any
 from zipfile import ZipFile
 
 from wavesweep.engine.drawing import keys_of_block
@@ -18,7 +19,11 @@ NAMES = ("A", "B", "C", "D")
 NEEDED = NAMES[:3]  # without D there are no direct terms
 MOST_BYTES = 2_000_000  # of a file, and of its arrays unpacked, as of a spec
 MOST_NUMBERS = MOST_BYTES // 8  # doubles
-SUFFIXES = (".npz", ".mat")
+# by the suffix of a file, what writes such a file
+WRITTEN_BY = {
+    ".npz": 'numpy.savez("plant.npz", A=A, B=B, C=C, D=D)',
+    ".mat": 'save("plant.mat", "A", "B", "C", "D", "-v7")',
+}
 FILE = Key(
     "file",
     "string",
@@ -52,9 +57,7 @@ def with_matrices(
     folder = File(source).parent if has_folder else File()
     read = dict(leaves)
     for path, leaf in leaves.items():
-        kind = leaves.get((*path[:-1], "type"))
-        is_block = path[-3:-2] == ("block",) and path[0] in ("block", "type")
-        if not is_block or path[-1] != FILE.path or kind is None or kind.value != KIND:
+        if not _is_file_of_matrices(path, leaves):
             continue
         del read[path]
         name = ".".join(path)
@@ -64,20 +67,32 @@ def with_matrices(
             for matrix in beside:
                 del read[(*path[:-1], matrix)]
             continue
-        text = mistakes.check(FILE, leaf, name)
-        if text is None:
-            continue
-        try:
-            matrices = read_matrices(str(folder / text))
-        except UsageError as error:
-            mistakes.refuse(leaf, name, "a file that can be read", str(error), of_key=False)
-        except _Unfit as error:
-            mistakes.refuse(leaf, name, *error.args, of_key=False)
-        else:
-            read |= {
-                (*path[:-1], matrix): Leaf(rows, leaf.place) for matrix, rows in matrices.items()
-            }
+        for matrix, rows in _matrices(leaf, name, folder, mistakes).items():
+            read[(*path[:-1], matrix)] = Leaf(rows, leaf.place)
     return read
+
+
+def _is_file_of_matrices(path: Path, leaves: Mapping[Path, Leaf]) -> bool:
+    """Whether a path is that of the file of a block of type "ss"."""
+    kind = leaves.get((*path[:-1], "type"))
+    is_block = path[-3:-2] == ("block",) and path[0] in ("block", "type")
+    return is_block and path[-1] == FILE.path and kind is not None and kind.value == KIND
+
+
+def _matrices(
+    leaf: Leaf, name: str, folder: File, mistakes: Mistakes
+) -> dict[str, list[list[float]]]:
+    """The matrices in the file that a key names; adds its mistakes. folder: that of the spec."""
+    text = mistakes.check(FILE, leaf, name)
+    if text is None:
+        return {}
+    try:
+        return read_matrices(str(folder / text))
+    except UsageError as error:
+        mistakes.refuse(leaf, name, "a file that can be read", str(error), of_key=False)
+    except _Unfit as error:
+        mistakes.refuse(leaf, name, *error.args, of_key=False)
+    return {}
 
 
 def read_matrices(path: str) -> dict[str, list[list[float]]]:
@@ -86,7 +101,7 @@ def read_matrices(path: str) -> dict[str, list[list[float]]]:
     Errors: UsageError if it cannot be read, _Unfit if it has no usable matrices.
     """
     suffix = File(path).suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in WRITTEN_BY:
         raise _Unfit("a file .npz or .mat", show(path))
     content = read_bytes(path, MOST_BYTES)
     try:
@@ -94,34 +109,35 @@ def read_matrices(path: str) -> dict[str, list[list[float]]]:
     except _Unfit:
         raise
     except Exception as error:  # any: damaged archives fail in many ways
-        expected = (
-            'arrays of numbers as numpy.savez("plant.npz", A=A, B=B, C=C, D=D) writes them'
-            if suffix == ".npz"
-            else 'arrays of numbers as save("plant.mat", "A", "B", "C", "D", "-v7") writes them'
-        )
         reason = " ".join(str(error).split())
+        expected = f"arrays of numbers as {WRITTEN_BY[suffix]} writes them"
         raise _Unfit(expected, f"{path}: {reason or type(error).__name__}") from error
-    if missing := [name for name in NEEDED if name not in arrays]:
-        raise _Unfit(
-            f"arrays {', '.join(NEEDED)} and, unless zero, D", f"{path} without {missing[0]}"
-        )
+    for name in NEEDED:
+        if name not in arrays:
+            expected = f"arrays {', '.join(NEEDED)} and, unless zero, D"
+            raise _Unfit(expected, f"{path} without {name}")
     matrices = {}
     for name, array in arrays.items():
-        expected = f"{name} to be an array of real numbers of two dimensions"
-        if getattr(array, "ndim", 0) != 2:
-            raise _Unfit(expected, f"{path}: {getattr(array, 'ndim', 'none')} of them")
-        if array.dtype.kind not in "iuf" or array.dtype.itemsize > 8:
-            raise _Unfit(expected, f"{path}: entries of type {array.dtype}")
-        numbers = array.astype(float)
-        wrong = numbers[~computable(numbers)]
-        if wrong.size:
-            raise _Unfit(
-                f"{name} of finite numbers, each 0 or of a size to compute with",
-                f"{path}: {wrong[0]:g}",
-            )
+        numbers = _numbers(name, array, path)
         if numbers.size:  # one without entries is none in a spec
             matrices[name] = numbers.tolist()
     return matrices
+
+
+def _numbers(name: str, array: Any, path: str) -> Any:
+    """An array of a file as an array of numbers that can be computed with. Errors: _Unfit."""
+    expected = f"{name} to be an array of real numbers of two dimensions"
+    dimensions = getattr(array, "ndim", "none")
+    if dimensions != 2:
+        raise _Unfit(expected, f"{path}: {dimensions} of them")
+    if array.dtype.kind not in "iuf" or array.dtype.itemsize > 8:
+        raise _Unfit(expected, f"{path}: entries of type {array.dtype}")
+    numbers = array.astype(float)
+    wrong = numbers[~computable(numbers)]
+    if wrong.size:
+        expected = f"{name} of finite numbers, each 0 or of a size to compute with"
+        raise _Unfit(expected, f"{path}: {wrong[0]:g}")
+    return numbers
 
 
 def _of_numpy(content: bytes) -> dict:

@@ -12,7 +12,7 @@ import re
 import stat
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, lru_cache
 
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
@@ -69,26 +69,21 @@ def read_file(path: str) -> tuple[dict, Place]:
         text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         before = error.object[: error.start]
-        line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
-        raise SpecError(
-            [
-                Mistake(
-                    f"{path}:{line}:{column}", "", UTF_8, f"byte {error.object[error.start]:#04x}"
-                )
-            ]
-        ) from error
-    if match := re.search(_LONG_KEY, text):
-        line = text.count("\n", 0, match.start()) + 1
-        raise SpecError(
-            [Mistake(f"{path}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")]
-        )
+        line = before.count(b"\n") + 1
+        column = len(before[before.rfind(b"\n") + 1 :].decode()) + 1
+        found = f"byte {error.object[error.start]:#04x}"
+        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, found)]) from error
+    long_key = re.search(_LONG_KEY, text)
+    if long_key:
+        line = text.count("\n", 0, long_key.start()) + 1
+        expected = f"at most {MOST_NAMES} names in a key"
+        raise SpecError([Mistake(f"{path}:{line}:1", "", expected, "more")])
     try:
         return tomllib.loads(text), TomlPlace(path, text=text)
     except RecursionError as error:
         raise SpecError([Mistake(path, "", "a TOML file", "values nested too deeply")]) from error
-    except (
-        ValueError
-    ) as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
+    except ValueError as error:
+        # TOMLDecodeError, or what int() says of a number with thousands of digits
         raise SpecError([syntax_mistake(text, str(error), path)]) from error
 
 
@@ -143,32 +138,30 @@ def read_override(
     name, equals, value = (side.strip() for side in typed.partition("="))
     path = _key_path(name)
     if not equals or not path:
-        raise SpecError(
-            [Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")]
-        )
-    path = symbols.get(path[0], path[0]).split(".") if len(path) == 1 else path
+        found = "no key" if equals else "no `=`"
+        raise SpecError([Mistake(place.location(), "", "key=value", found)])
+    if len(path) == 1:
+        path = symbols.get(path[0], path[0]).split(".")
     table = _loads_or_none(f"value = {value}")
-    return (
-        tuple(path),
-        table["value"] if isinstance(table, dict) and set(table) == {"value"} else value,
-        place,
-    )
+    is_value = isinstance(table, dict) and set(table) == {"value"}
+    return tuple(path), table["value"] if is_value else value, place
 
 
 def _key_path(name: str) -> list[str]:
     """Return the parts of a dotted key of TOML."""
-    path, table = [], None if "\n" in name else _loads_or_none(f"{name} = 0")
+    table = None if "\n" in name else _loads_or_none(f"{name} = 0")
+    path = []
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)
-    if (
-        table != 0
-    ):  # no key that TOML could have; a later stage says so, with the names that it could have been
-        path = name.split(".") if name else []
-    return path
+    if table == 0:
+        return path
+    # no key that TOML could have; a later stage says so, with the names that it could have been
+    return name.split(".") if name else []
 
 
 def _loads_or_none(text: str) -> dict | None:
+    """The tables of a text; None if it is not TOML."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError):
@@ -182,7 +175,8 @@ def file_stem(path: str) -> str:
     Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables
     take for a missing number or another value, or that cannot be printed.
     """
-    if passed := re.fullmatch(PASSED, path):
+    passed = re.fullmatch(PASSED, path)
+    if passed:
         return f"fd{passed[1]}" if passed[1] else "stdin"
     stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
     if stem.startswith(FORMULA) or not stem.isprintable() or stem.lower() in VALUE_WORDS:
@@ -196,6 +190,84 @@ def file_stem(path: str) -> str:
     return stem
 
 
+KEY, EQUALS, VALUE = "key", "=", "value"  # what is read of a pair: EQUALS comes before its value
+
+
+@dataclass(slots=True)
+class _Scanner:
+    """What is found in a valid TOML text, token after token.
+
+    positions: offsets of keys and of their values, by path. table: path of the table that is read;
+    around: those of the tables around it, if it is an inline one. names: of the key that is read,
+    from the offset `start` on. lists: how deep the token is in lists, which are passed over.
+    """
+
+    positions: dict[tuple[str, ...], tuple[int, int]] = field(default_factory=dict)
+    table: tuple[str, ...] = ()
+    around: list[tuple[str, ...]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    start: int = 0
+    lists: int = 0
+    part: str = KEY
+
+    def read(self, word: str, offset: int, is_name: bool) -> None:
+        """Read a token that is neither a space nor a comment."""
+        if self.lists:
+            self.lists += (word == "[") - (word == "]")
+        elif self.part == EQUALS:
+            if word != "\n":
+                self._read_value(word, offset)
+        elif self.part == KEY:
+            self._read_key(word, offset, is_name)
+        else:
+            self._read_end(word)
+
+    def _read_key(self, word: str, offset: int, is_name: bool) -> None:
+        """Read a part of a key, or of the name of a table in brackets."""
+        if is_name:
+            if not self.names:
+                self.start = offset
+            quoted = word[0] in "\"'"
+            self.names.append(tomllib.loads(f"key = {word}")["key"] if quoted else word)
+        elif word == "[":
+            self.table = ()
+        elif word == "]" and self.names:
+            self._record(self.start)
+            self.table, self.names = tuple(self.names), []
+        elif word == "=":
+            self.part = EQUALS
+        else:
+            self._read_end(word)
+
+    def _read_value(self, word: str, offset: int) -> None:
+        """Read the first token of a value; that of an inline table begins another key."""
+        self._record(offset)
+        self.part = VALUE
+        if word == "[":
+            self.lists = 1
+        elif word == "{":
+            self.around.append(self.table)
+            self.table = (*self.table, *self.names)
+            self.names, self.part = [], KEY
+
+    def _read_end(self, word: str) -> None:
+        """Read what may end a pair, or an inline table."""
+        if word == "}" and self.around:
+            self.table, self.part = self.around.pop(), VALUE
+        elif word == ("," if self.around else "\n"):
+            self.names, self.part = [], KEY
+
+    def _record(self, value: int) -> None:
+        """Keep the offset of the key and of its value; also of the tables that a dotted key makes
+        on its way, of which the value is the key."""
+        if len(self.table) >= DEEPEST_TABLE:
+            return
+        for length in range(1, len(self.names)):
+            path = (*self.table, *self.names[:length])
+            self.positions.setdefault(path, (self.start, self.start))
+        self.positions.setdefault((*self.table, *self.names), (self.start, value))
+
+
 @lru_cache(maxsize=1)
 def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
     """Return the offsets of every table, key and inline key of a valid TOML text, and of its value,
@@ -204,54 +276,13 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
     The value of a table is its own name. Of a table that is written several times the first place
     counts.
     """
-    positions: dict[tuple[str, ...], tuple[int, int]] = {}
-    table: tuple[str, ...] = ()
-    around, names, start, lists, reading_of = (
-        [],
-        [],
-        0,
-        0,
-        "key",
-    )  # part: of a pair, "key", "=" or "value"
-
-    def record(value: int) -> None:
-        for length in range(
-            1, len(names) + 1
-        ):  # also the tables that a dotted key makes on its way
-            if len(table) < DEEPEST_TABLE:
-                positions.setdefault(
-                    (*table, *names[:length]), (start, value if length == len(names) else start)
-                )
-
+    scanner = _Scanner()
     for token in re.finditer(_TOKEN, text):
-        word, at = token[0], token.start()
-        if (word.isspace() and word != "\n") or word[0] == "#":
-            continue
-        if lists:
-            lists += (word == "[") - (word == "]")
-        elif reading_of == "=":
-            if word == "\n":
-                continue
-            record(at)
-            lists, reading_of = int(word == "["), "value"
-            if word == "{":
-                around.append(table)
-                table, names, reading_of = (*table, *names), [], "key"
-        elif reading_of == "key" and token["name"]:
-            start = start if names else at
-            names.append(tomllib.loads(f"key = {word}")["key"] if word[0] in "\"'" else word)
-        elif reading_of == "key" and word == "[":
-            table = ()
-        elif reading_of == "key" and word == "]" and names:
-            record(start)
-            table, names = tuple(names), []
-        elif word == "=" and reading_of == "key":
-            reading_of = "="
-        elif word == "}" and around:
-            table, reading_of = around.pop(), "value"
-        elif word == ("," if around else "\n"):
-            names, reading_of = [], "key"
-    return positions
+        word = token[0]
+        is_space = word.isspace() and word != "\n"
+        if not is_space and word[0] != "#":
+            scanner.read(word, token.start(), bool(token["name"]))
+    return scanner.positions
 
 
 def locate(text: str, path: tuple[str, ...], of_key: bool = False) -> tuple[int, int]:

@@ -49,9 +49,10 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
     """Return the mistake of a text in TOML's syntax. message: tomllib's; name: of the file."""
     match = re.fullmatch(_MESSAGE, message)
     if not match:  # but what int() says of a number
-        at = re.search(r"[\d_]{4300,}", text).start()
-        place = f"{name}:{text.count(chr(10), 0, at) + 1}:{at - text.rfind(chr(10), 0, at)}"
-        return Mistake(place, "", "a number of at most 4300 digits", "more")
+        start = re.search(r"[\d_]{4300,}", text).start()
+        line, column = text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start)
+        expected = "a number of at most 4300 digits"
+        return Mistake(f"{name}:{line}:{column}", "", expected, "more")
     reading = match["what"].removeprefix("Found ")
     reading = reading[:1].lower() + reading[1:]
     line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
@@ -75,9 +76,10 @@ def _slip_at(line: str, column: int) -> tuple[int, str, str] | None:
     """The first usual slip that reaches a column of a line: its own column, what was expected,
     and its text."""
     for pattern, expected in _SLIPS:
-        spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, line))
-        if slip_span := next((span for span in spans if span[0] < column <= span[1] + 1), None):
-            return slip_span[0] + 1, expected, line[slice(*slip_span)].strip()
+        for slip in re.finditer(pattern, line):
+            start, stop = slip.span(slip.lastindex or 0)
+            if start < column <= stop + 1:
+                return start + 1, expected, line[start:stop].strip()
     return None
 
 
