@@ -50,8 +50,10 @@ from wavesweep.program.tables.table import Table, facts_of
 # designs of a task at most: those of one structure are the faster, the more they are
 DESIGNS_OF_TASK = 48
 FRONT = 48  # designs of the table at most
-# designs with [for_all], the best in the search and the spec's own, that are proved for all of it
-PROVED = 6
+# designs with [for_all] next to the best of the search that are proved for all of it, the spec's own
+# among them
+PROVED = 3
+NEARLY_THE_SAME = 0.01  # of a number's range: designs that differ by less are proved alike
 # designs of a search that are checked for all, if none of the front holds for it
 DESIGNS_TRIED = 2000
 RUNNERS_UP = 3  # further designs next to a single best one
@@ -246,14 +248,16 @@ def design(
         further = [genes]
         if spec.for_all:  # of which the search proves nothing
             candidates = np.concatenate([own, candidates])
-            further.append(candidates[:PROVED])
-        further.append(run.next_to(candidates, genes))
+            further.append(run.next_to(candidates, genes, NEARLY_THE_SAME, PROVED))
+        further.append(run.next_to(candidates, genes, FRONT_DISTANCE, RUNNERS_UP))
         genes = np.unique(np.concatenate(further), axis=0)
     job.asked.genes[rounds] = genes
     proved = {}
     if spec.for_all:
         proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None}
-    genes, records = run.kept(genes, run.records(rounds))
+    checked = run.records(rounds)
+    of_own = own_design(spec, job, checked[(genes == own).all(1)])
+    genes, records = run.kept(genes, checked)
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         said = miss(spec, records, job.asked.finest, wish_units(spec))
         run.forget()
@@ -276,7 +280,7 @@ def design(
     facts = facts_of(spec, METHODS, counts, timings, _notices(job))
     facts |= {
         "warnings": warnings,
-        "own": own_design(spec, job),
+        "own": of_own,
         "stop": job.asked.stop,
         "at_end": [wish.name for wish in wanted.wishes if _ends_with_walls(wish, records[still])],
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
@@ -559,12 +563,10 @@ class _Run:
         good = violation == 0
         return genes[good], records[good]
 
-    def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
+    def next_to(self, others: np.ndarray, genes: np.ndarray, apart: float, most: int) -> np.ndarray:
         """The first of some designs, the best first, that differ from those of a result and from
-        each other."""
-        return others[
-            differing(self.job.grid.spec.design.vary, others, genes, FRONT_DISTANCE, RUNNERS_UP)
-        ]
+        each other; see `differing`."""
+        return others[differing(self.job.grid.spec.design.vary, others, genes, apart, most)]
 
     def runners_up(
         self, genes: np.ndarray, others: np.ndarray, records: np.ndarray
@@ -608,18 +610,19 @@ def seconds_of(job: Job) -> float:
     return of_design * (job.chunks.loops - 1) * spec.design.settings["population"]
 
 
-def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
+def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if
-    there is no value."""
-    nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    proof = _proof_of(spec)
-    measured = evaluate(spec, spec.design.wishes, job.asked.finest, nominal, job.asked.stop, proof)
+    there is no value. records: its own, if it was checked as the front was."""
+    if not len(records):
+        nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+        finest = job.asked.finest
+        stop = job.asked.stop
+        records = evaluated(spec, finest, nominal, 1, stop, job.dtype, None, _proof_of(spec))
     values: dict[str, float | None] = {}
-    for name, worst in measured.items():
-        (value,) = worst.value
-        (certified,) = worst.certified
-        known = np.isfinite(value) and (certified or not proof)
-        values[name] = float(value) if known else None
+    for wish in spec.design.wishes:
+        value = records[wish.name][0]
+        known = np.isfinite(value) and (records[f"{wish.name}_certified"][0] or not spec.for_all)
+        values[wish.name] = float(value) if known else None
     return values
 
 

@@ -78,6 +78,14 @@ def evaluate(
     measured = {}
     searched = {}  # damping of the walls -> points, and the stiffest wall of each
     felt = any(wish.name == "felt" for wish in wishes)
+    verdicts: dict[tuple[Any, ...], str] = {}  # of all that was proved for a wish before
+
+    def verdict(own):
+        key = tuple(own.items())
+        if key not in verdicts:
+            verdicts[key] = proof.verdict(spec.with_values(own))
+        return verdicts[key]
+
     for wish in wishes:
         if wish.name in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
@@ -93,9 +101,7 @@ def evaluate(
         blank = _unknown(points.size)
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if proof and not wish.kind.reads:  # all of the loop
-            said = _of_each(
-                points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls)
-            )
+            said = _of_each(points, verdict, (*designs, *walls))
             value = np.where(said == "refuted", np.nan, value)
             certified = certified & (said == "proved")
         worst, scenario = points.worst(value, wish.kind.more)

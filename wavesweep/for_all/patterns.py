@@ -1,7 +1,6 @@
 """Words: patterns of frames that make a loop unstable if they are repeated for ever."""
 
 from collections.abc import Sequence
-from heapq import nlargest
 from itertools import combinations
 
 import numpy as np
@@ -15,9 +14,14 @@ WORDS_KEPT = 60  # words of each length that are extended
 WORDS_LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST_WORD = 14  # matrices in a word
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word
+SQUARINGS = 4  # of the product of a word, by whose size its growth is bounded
+EIGENVALUES_AT_ONCE = (
+    32  # words whose eigenvalues are computed together, those of the largest bounds
+)
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
 WALKS = 32  # of a state
 WALKED = 160  # matrices of a walk
+WORDS_OF_WALKS = 40  # words of walks whose growth counts: most are the same one several times
 GONE_STATE = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
@@ -109,10 +113,9 @@ def growing(
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
         may_repeat = follows[words[order, -1], words[order, 0]]
         closing = order[may_repeat][:WORDS_LOOKED_AT]
-        if closing.size:
-            radius = np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
-            for i in np.argsort(-radius)[:LEADING]:
-                rates[_least(tuple(words[closing[i]].tolist()))] = radius[i]
+        places, found = _fastest(products[closing], np.full(closing.size, length), LEADING)
+        for i, rate in zip(closing[places], found, strict=True):
+            rates[_least(tuple(words[i].tolist()))] = rate
         extended = order[: more * WORDS_KEPT]
         first, symbol = np.nonzero(follows[words[extended, -1]])
         first = extended[first]
@@ -154,10 +157,10 @@ def _of_two_runs(A, follows):
     lengths = np.add.outer(np.arange(1, RUN_OF_WORD + 1), np.arange(1, RUN_OF_WORD + 1))
     for i, j in ends:
         products = powers[None, :, some.index(j)] @ powers[:, None, some.index(i)]
-        radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / lengths)
-        for place in np.argsort(-radius, axis=None)[:LEADING].tolist():
+        places, found = _fastest(products.reshape(-1, *A.shape[1:]), lengths.ravel(), LEADING)
+        for place, rate in zip(places.tolist(), found.tolist(), strict=True):
             one, other = divmod(place, RUN_OF_WORD)
-            rates[_least((i,) * (1 + one) + (j,) * (1 + other))] = size * radius.flat[place]
+            rates[_least((i,) * (1 + one) + (j,) * (1 + other))] = size * rate
     return rates
 
 
@@ -186,16 +189,46 @@ def _of_walks(A, follows, norms):
     ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
     products = np.broadcast_to(np.eye(n), (len(ends), n, n))
     closed = []
+    parts = []
     for length in range(1, 1 + LONGEST_IMPROVED):
         products = products @ A[ends[:, -length]]
         closing = np.flatnonzero(follows[ends[:, -1], ends[:, -length]])
-        radius = scale * np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
-        for rate, i in zip(radius.tolist(), closing.tolist(), strict=True):
-            closed.append((rate, i, length))
+        closed += [(i, length) for i in closing.tolist()]
+        parts.append(products[closing])
+    lengths = np.array([length for _, length in closed])
     rates = {}
-    for rate, i, length in nlargest(WORDS_LOOKED_AT, closed):
-        rates[_least(tuple(ends[i, -length:].tolist()))] = rate
+    for place, rate in zip(*_fastest(np.concatenate(parts), lengths, WORDS_OF_WALKS), strict=True):
+        i, length = closed[place]
+        rates[_least(tuple(ends[i, -length:].tolist()))] = scale * rate
     return rates
+
+
+def _fastest(products, lengths, most):
+    """Return the places of the words that grow fastest per matrix, the fastest first, and their
+    growth, by their products and lengths. most: of them.
+
+    With powers, `|P^k|^(1/k)` is a bound on the spectral radius of P: eigenvalues are computed of
+    those alone whose bounds exceed the growth of as many others.
+    """
+    power = products
+    log = np.zeros(len(products))
+    for squaring in range(1 + SQUARINGS):
+        size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
+        log += np.log(size) / 2**squaring
+        if squaring < SQUARINGS:
+            power = power / size[:, None, None]
+            power = power @ power
+    bounds = np.exp(log / lengths)
+    order = np.argsort(-bounds)
+    rates = np.zeros(0)
+    for first in range(0, len(order), EIGENVALUES_AT_ONCE):
+        some = order[first : first + EIGENVALUES_AT_ONCE]
+        if rates.size >= most and bounds[some[0]] < np.sort(rates)[-most]:
+            break
+        radii = np.abs(np.linalg.eigvals(products[some])).max(-1)
+        rates = np.append(rates, radii ** (1 / lengths[some]))
+    best = np.argsort(-rates, kind="stable")[:most]
+    return order[best], rates[best]
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
@@ -207,14 +240,13 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     rate = _rate(A, word)
     while len(word) < LONGEST_IMPROVED:
         words, products = _neighbours(A, word)
-        lengths = np.array([len(each) for each in words])
-        radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / lengths)
-        allowed = (i for i in np.argsort(-radius).tolist() if _allowed(follows, words[i]))
-        best = next(allowed, None)
-        if best is None or radius[best] <= rate * (1 + 1e-12):
+        allowed = [i for i, each in enumerate(words) if _allowed(follows, each)]
+        lengths = np.array([len(words[i]) for i in allowed])
+        best, found = _fastest(products[allowed], lengths, 1)
+        if not best.size or found[0] <= rate * (1 + 1e-12):
             break
-        word = words[best]
-        rate = radius[best]
+        word = words[allowed[best[0]]]
+        rate = found[0]
     return _least(word)
 
 
