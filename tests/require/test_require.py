@@ -13,19 +13,20 @@ from support.specs import KINDS, nested, random_values
 
 import wavesweep
 from wavesweep.engine._monodromy.radius import errors_within, within
+from wavesweep.engine._search.frames_along import FramesAlong
 from wavesweep.engine._search.lines_of_loops import range_of_lines
+from wavesweep.engine._search.question import Question
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import near_rates
-from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_table import KINDS as TABLES
 from wavesweep.program.tables.interval_table import intervals, rows_again
 from wavesweep.program.tables.specs import intervals_of_specs
-from wavesweep.require.disc_panels import OPEN
+from wavesweep.require.disc_panels import HALF_RIM, OPEN, SAFE
 from wavesweep.require.discs import Spiral
-from wavesweep.require.on_check import facts
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {
@@ -79,22 +80,46 @@ def test_a_time_is_the_radius_of_its_frame(kind):
     assert np.allclose(one[["low", "high"]], constant[["low", "high"]], rtol=1e-9, equal_nan=True)
 
 
+IMAGES = {  # 3 and 23 Hz are images of each other in a frame of 50 ms, which a hold couples
+    "rates": {"tick_hz": 1000},
+    "numbers": {"K": 355.0},
+    "block": {
+        "one": {"type": "mass", "mass": 1.0, "damping": 0.5, "stiffness": "K"},
+        "two": {"type": "mass", "mass": 1.0, "damping": 0.5, "stiffness": 20885.0},
+        "look": {"type": "hold", "every": 50},
+    },
+    "wire": {"look.u": "one.x + two.x", "one.f": "-20*look.y", "two.f": "-400*look.y"},
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "vouched"), [("dc", "certified"), ("dc-slow", "checked")])
-def test_a_damping_ratio_of_several_rates_is_checked_and_not_certified(kind, vouched):
-    sweep = {"require": {"damping_ratio": 0.05}, "K_VE": {"start": 0, "stop": 100}}
-    spec = load({"controller": {"kind": kind}, "environment": {"K_VE": 50.0}, "sweep": sweep})
-    table = intervals(spec)
-    tally = TABLES[0].tally(table)
-    tally.add(table.columns)
-    numbers = tally.numbers(table.facts)
-    lines = [text for text, _ in TABLES[0].lines(numbers)]
-    said = [text for text in lines if text.startswith("the only row")]
-    assert said[0].startswith(f"the only row is {vouched}")
-    assert ("strongest" in said[0]) == (vouched == "checked")
-    (claim,) = facts(spec)["claims"]
-    assert claim.status is Status[vouched.upper()]
-    assert f", {vouched}" in claim.words()
+def test_lines_of_a_panel_and_a_disc_hold_those_of_every_value_in_both():
+    """Told by the middle and a circle about it, held against `poles` at values of the panel."""
+    frames = FramesAlong.of(Question("numbers.K", (0.0, 1000.0)), own_loop(load(IMAGES), "numbers.K"), 1)
+
+    def lines_at(K):
+        rows = wavesweep.compile(IMAGES | {"numbers": {"K": K}}).poles()
+        return rows.z_re + 1j * rows.z_im - 1, 2 * np.pi * rows.shown_hz * 0.05
+
+    r = np.random.default_rng(3)
+    tight = 0
+    changed = 0
+    for _ in range(20):
+        middle = r.uniform(320, 420)
+        size = middle * 10 ** r.uniform(-3, -1)
+        here, before = (array.to_numpy() for array in lines_at(middle))
+        there, shown = (array.to_numpy() for array in lines_at(middle + size * r.choice([-1, 1])))
+        delta = here[here.imag > 0]
+        nearest = np.abs(there[:, None] - delta).argmin(0)
+        radius = np.abs(there[nearest] - delta) + 1e-9
+        p = np.append(middle, middle + 2 * size * HALF_RIM)
+        (told,) = frames.turns(np.zeros(1, int), p[None], delta[None], radius[None], SAFE)
+        spread = -np.log1p(-radius / np.abs(1 + delta)) + 1e-6
+        assert (shown[nearest] > told[:, 1] - spread).all()
+        assert (shown[nearest] < told[:, 2] + spread).all()
+        changed += int((np.abs(shown[nearest] - before[here.imag > 0]) > 3).sum())
+        tight += int((told[:, 2] - told[:, 1] < 1).sum())
+    assert min(tight, changed) > 3
 
 
 def slowest_of_wall(K, hz):

@@ -295,8 +295,6 @@ def _known(spec: Spec, table: Table, *, doubtful: bool) -> str:
         return "The intervals are certified, but not known everywhere: a line below says where."
     if doubtful:
         return "Not all of the intervals are certified."
-    if table.facts.get("checked"):
-        return f"The intervals are checked: {table.facts['checked']}."
     if any(
         row_kind(word).vouched_for(table.columns) == "checked" for word in table.facts["methods"]
     ):

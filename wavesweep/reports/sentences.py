@@ -146,13 +146,12 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
             texts[whose] = row_kinds()[row[whose]].legend
         if not row["intervals"]:
             texts["low"] = "none"
-        rows.append([*texts.values(), _proof(row, checked="checked" in table.facts)])
+        rows.append([*texts.values(), _proof(row)])
     return (*head, "proof"), rows
 
 
-def _proof(row: Columns, *, checked: bool) -> str:
-    """Whether a row is certified, proved by the checker of a guarantee, or checked, as all are if
-    `checked`.
+def _proof(row: Columns) -> str:
+    """Whether a row is certified, proved by the checker of a guarantee, or checked.
 
     Of hands only what is settled is proved, but for the last thousandth next to an end that a hand
     sets.
@@ -163,8 +162,6 @@ def _proof(row: Columns, *, checked: bool) -> str:
             "proved but for a thousandth at its ends" if row["settled"] else "not proved: searched"
         )
     word = "proved" if row.get("guarantee", "spec") != "spec" else kind.vouched_for(row)
-    if checked:
-        word = "checked"
     if row["certified"]:
         return word
     reason = row["doubt"]

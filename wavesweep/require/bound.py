@@ -22,10 +22,6 @@ BY_DISCS, BY_GAIN = (
 )  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
-LINES = (
-    "which line of a spectrum is a mode's strongest is computed at three values of each panel, "
-    "the rest is proved"
-)
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 
 
@@ -190,10 +186,6 @@ class Bound:
                 ],
             )
         )
-
-    def checked(self, ticks: int) -> str:
-        """What is only checked of frames of so many ticks, in words; empty if nothing is."""
-        return LINES if self.damped and ticks > 1 else ""
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError for a time to settle or the band of a gain, along a number that

@@ -8,14 +8,20 @@ import numpy as np
 
 from wavesweep.engine.frames import blocks_of, level, pole_inside
 from wavesweep.engine.intervals import END_ROUNDING, SHARE_OF_SPAN, Intervals
-from wavesweep.require.disc_panels import FIRST_PANELS, HALF_RIM, OPEN, Accuracy, along_panels
-from wavesweep.require.discs import HIGHEST, LOWEST, OWN, RequiredCircle, Spiral, verdicts
+from wavesweep.require.disc_panels import (
+    FIRST_PANELS,
+    HALF_RIM,
+    OPEN,
+    SAFE,
+    Accuracy,
+    along_panels,
+)
+from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 
 MOST_OPEN_PANELS = 1024  # panels of a column that may be open
 LARGE_MATRICES = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
-# times the distance of the nearest eigenvalue, up to which one may be of the same mode
-NEXT_TO_DISC = 2.0
+RIM_ENTRIES_AT_ONCE = 500_000  # of the matrices of a tick, on circles about panels
 TYPICAL = (
     0.53,
     0.37,
@@ -156,53 +162,48 @@ class _LoopsInDiscs:
             place = self.place.at(self.columns[column[inside]])
             lines = None
             if self.turns:
-                lines = partial(self.lines_on_panels, column[inside], low[inside], high[inside])
+                lines = partial(
+                    self.lines_on_panels, column[inside], middle[inside], radius[inside]
+                )
             label[inside] = verdicts(E[inside], dE[inside], rims[inside], place, lines)
         return label
 
-    def lines_on_panels(self, column, low, high, delta, asked):
-        """What the modes of eigenvalues less 1 in the middles of panels turn in a frame (rad)
-        anywhere on them, `(n, r, 3)`.
+    def lines_on_panels(self, column, middle, radius, delta, asked, of_discs=None):
+        """What the modes of eigenvalues less 1 in discs about those in the middles of panels turn
+        in a frame (rad) anywhere on the panels, `(n, r, 3)`; without discs in the middles alone.
 
-        They are asked about of some modes, a mask `(n, r)`; the others have their angles. Lines are
-        told in the middle and at both ends; a mode may have any that it, or one next to it there,
-        may have.
+        They are asked about of some modes, a mask `(n, r)`; the others have their angles. radius:
+        twice that of the panels.
         """
-        some = np.flatnonzero(asked.any(-1))
-        owner = self.columns[column[some]]
-        middle = delta[some]
-        told = self.told(owner, (low[some] + high[some]) / 2, middle, asked[some])
-        lowest = told[..., LOWEST]
-        highest = told[..., HIGHEST]
-        for p in (low[some], high[some]):
-            E, _ = self.at(column[some], p)
-            finite = np.isfinite(E).all((-1, -2))
-            there = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
-            distance = np.abs(there[:, :, None] - middle[:, None, :])
-            nearest = distance.min(1, keepdims=True)
-            near = distance <= NEXT_TO_DISC * nearest + np.finfo(float).eps
-            lines = self.told(owner, p, there, (near & asked[some][:, None, :]).any(-1))
-            least = np.where(near, lines[..., LOWEST, None], np.inf).min(1)
-            most = np.where(near, lines[..., HIGHEST, None], 0.0).max(1)
-            lowest = np.minimum(lowest, least)
-            highest = np.maximum(highest, np.where(finite[:, None], most, np.inf))
         turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
-        ranges = np.stack([told[..., OWN], lowest, highest], -1)
-        turns[some] = np.where(asked[some][..., None], ranges, turns[some])
+        p = middle[:, None]
+        if of_discs is None:
+            of_discs = np.zeros(delta.shape)
+        else:
+            p = np.concatenate([p, p + radius[:, None] * HALF_RIM], axis=1)
+        at_once = max(1, RIM_ENTRIES_AT_ONCE // (p.shape[1] * self.states**2))
+        some = np.flatnonzero(asked.any(-1))
+        for first in range(0, some.size, at_once):
+            batch = some[first : first + at_once]
+            turns[batch] = self.told(
+                self.columns[column[batch]], p[batch], delta[batch], asked[batch], of_discs[batch]
+            )
         return turns
 
-    def told(self, columns, p, delta, asked):
+    def told(self, columns, p, delta, asked, radius):
         """What some modes at values turn, see `FramesAlong.turns`; asked: which, a mask. The
         others may have their angles."""
         turns = np.stack([np.abs(np.angle(1 + delta))] * 3, -1)
         conjugate = np.abs(delta[:, :, None] - delta.conj()[:, None, :]).argmin(-1)
         asked = asked | np.take_along_axis(asked, conjugate, 1)
+        radius = np.maximum(radius, np.take_along_axis(radius, conjugate, 1))
         upper = asked & (delta.imag >= 0)
         most = upper.sum(-1).max(initial=0)
         if not most:
             return turns
         order = np.argsort(~upper, axis=-1, kind="stable")[:, :most]
-        lines = self.turns(columns, p, np.take_along_axis(delta, order, 1))
+        of_order = (np.take_along_axis(array, order, 1) for array in (delta, radius))
+        lines = self.turns(columns, p, *of_order, SAFE)
         np.put_along_axis(turns, order[..., None], lines, 1)
         of_conjugate = np.take_along_axis(turns, conjugate[..., None], 1)
         return np.where((asked & ~upper)[..., None], of_conjugate, turns)
@@ -216,7 +217,9 @@ class _LoopsInDiscs:
         place = self.place.at(np.full(p.size, column))
         if self.turns:
             asked = place.turning(delta)
-            place = place.told(self.told(np.full(p.size, column), p, delta, asked))
+            columns = np.full(p.size, column)
+            alone = np.zeros(delta.shape)
+            place = place.told(self.told(columns, p[:, None], delta, asked, alone))
         beyond = place.beyond(delta)
         loop = np.arange(p.size)
         most = beyond.argmax(-1)

@@ -135,7 +135,8 @@ class Spiral:
             alone = ~_meeting(z, radius, z, radius)
             clear &= ~free | alone | (np.abs(z) + radius < self.least)
         good = clear.all(-1) & ~outside.any(-1)
-        bad = (outside & ~_with_others(delta, radius, ~clear)).any(-1)
+        # Discs that meet have their eigenvalues together, and the line of each is of its own disc.
+        bad = (outside & ~_with_others(delta, radius, ~clear | ~outside)).any(-1)
         return np.where(good, GOOD, np.where(bad, BAD, OPEN))
 
 
@@ -200,14 +201,13 @@ def verdicts(E, dE, rims, place, lines=None):
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice
     the size about them.
 
-    place: `Spiral` or `RequiredCircle`. lines: gives what the modes of eigenvalues less 1 in the
-    middles turn on their panels, `(n, r, 3)`, where a spiral asks for it.
+    place: `Spiral` or `RequiredCircle`. lines: gives what modes turn, `(n, r, 3)`, where a spiral
+    asks for it: a function of the eigenvalues less 1 in the middles, of which of these it is asked
+    about, and of the radii of discs about them, in which they are on the panels, `(n, r)`; without
+    radii in the middles alone.
     """
     n = E.shape[-1]
-    label = np.full(len(E), OPEN)
     delta, V = _vectors(E, place.small)
-    if lines:
-        place = place.told(lines(delta, place.turning(delta)))
     with np.errstate(all="ignore"):
         W = inverse(V)
         sizes_W = np.abs(W)
@@ -226,9 +226,19 @@ def verdicts(E, dE, rims, place, lines=None):
         entries = entries / (1 - loss)[:, None, None]
 
         known = np.isfinite(entries).all((-1, -2)) & (loss < INVERSE_FINE)
-        balanced, _ = balance(entries[known])
-        label[known] = _of_entries(delta[known], balanced, place.at(known))
-    return label
+        entries, _ = balance(np.where(known[:, None, None], entries, 1.0))
+        asked = None
+        if lines:
+            asked = place.turning(delta) & known[:, None]
+            place = place.told(lines(delta, asked))
+        radius, in_units = _radii(delta, entries, place)
+        if lines:
+            largest = np.where(radius < place.room(delta), np.maximum(radius, in_units), in_units)
+            place = place.told(lines(delta, asked, largest))
+        room = place.room(delta)
+        label = place.label(delta, radius, room)
+        label_in_units = place.label(delta, in_units, room)
+    return np.where(known, np.where(label == OPEN, label_in_units, label), OPEN)
 
 
 def _vectors(E, small):
@@ -251,12 +261,12 @@ def _vectors(E, small):
     return delta, V
 
 
-def _of_entries(delta, entries, place):
-    """The labels of panels whose matrices differ from their eigenvalues by these entries, `(n, r,
-    r)`.
+def _radii(delta, entries, place):
+    """The radii of discs about the eigenvalues of panels whose matrices differ from these by such
+    entries, `(n, r, r)`, in two units.
 
-    In units in which the discs that are too large are small beside the others, they are as small as
-    the eigenvalues' first derivatives let them be, however far from normal the frames are; the
+    In the second ones the discs that are too large are small beside the others, they are as small
+    as the eigenvalues' first derivatives let them be, however far from normal the frames are; the
     others may grow by half of their room.
     """
     room = place.room(delta)
@@ -269,9 +279,7 @@ def _of_entries(delta, entries, place):
     ratio = np.where(large, 0.0, ratio).max(-1)
     units = np.where(large, 1.0, np.clip(ratio, 1e-12, 1.0)[:, None])
     in_units = (entries * units[:, None, :]).sum(-1) / units
-    label = place.label(delta, radius, room)
-    label_in_units = place.label(delta, in_units, room)
-    return np.where(label == OPEN, label_in_units, label)
+    return radius, in_units
 
 
 def _meeting(one, small, other, large):

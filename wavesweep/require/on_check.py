@@ -44,10 +44,6 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     ends = [(float(a), float(b)) for a, b in zip(rows["low"], rows["high"], strict=True) if a <= b]
     found |= {"intervals": ends, "certified": bool(rows["certified"].all())}
     status = _status(rows, float(spec.values[path]))
-    checked = job.asked.checked
-    if status is Status.CERTIFIED and checked:
-        claim = Claim(what, own_scope(spec), Status.CHECKED, checked)
-        return {"required": found, "claims": [claim]}
     where = " and ".join(span_in_words(*interval) for interval in ends)
     met = f"met in {where}" if where else f"met nowhere in {span_in_words(low, high)}"
     reason = f"{name} = {spec.values[path]:g}, {met}"

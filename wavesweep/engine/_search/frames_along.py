@@ -14,7 +14,7 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.radius import errors_within, within
-from wavesweep.engine._search.lines_of_loops import lines_of_each
+from wavesweep.engine._search.lines_of_loops import lines_in_discs
 from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO
 from wavesweep.engine._search.question import Question
 from wavesweep.engine._stability.intervals import Intervals
@@ -118,21 +118,29 @@ class FramesAlong:
             return _frames(self.drift.removed_from(E), facts, p.shape)
         return None
 
-    def turns(self, number, p, delta) -> np.ndarray:
-        """What modes turn in a frame (rad) by `range_of_lines`, `(n, r, 3)`; delta: their
-        eigenvalues less 1 at p, `(n, r)`.
+    def turns(self, number, p, delta, radius, margin: float) -> np.ndarray:
+        """What modes turn in a frame (rad), `(n, r, 3)`: see `lines_in_discs`.
 
-        Infinite are the highest ones of loops without a solution.
+        p: `(n, points)`, in the middle of panels, and on circles about these. delta, radius:
+        eigenvalues less 1 in the middle, and of discs about them, `(n, r)`. Infinite are the
+        highest ones of loops without a solution.
         """
-        period = self.period[number][:, None, None]
         angle = np.abs(np.angle(1 + delta))
         told = np.stack([angle, angle, np.full(angle.shape, np.inf)], axis=-1)
         with suppress(IllPosedLoopError), np.errstate(all="ignore"):
-            loops = self._at(number, np.where(p == 0, IN_PLACE_OF_ZERO, p))
-            modes = [np.log1p(delta[:, [at]]) for at in range(delta.shape[-1])]
-            lines = np.stack([*lines_of_each(loops, modes, ranges=True)], axis=1)
-            told = 2 * np.pi * period * lines
+            ticks = self._closed(np.broadcast_to(number[:, None], p.shape).ravel(), p.ravel())
+            points = p.shape[1]
+            told = lines_in_discs(
+                self.loops.drawing, self.drift, ticks, points, delta, radius, margin
+            )
         return told
+
+    def _closed(self, number, p):
+        """The ticks of loops at values p, `(n,)`, with the sizes of their terms."""
+        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
+        if self.open_ticks:
+            return self.open_ticks.closed(number, p, terms=True)
+        return _ticks(self._at(number, p), terms=True)
 
     def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops
@@ -140,13 +148,8 @@ class FramesAlong:
 
         tight: see `MarginalModes.frames_with_errors`.
         """
-        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
         try:
-            ticks = (
-                self.open_ticks.closed(number, p, terms=True)
-                if self.open_ticks
-                else _ticks(self._at(number, p), terms=True)
-            )
+            ticks = self._closed(number, p)
         except IllPosedLoopError:
             if p.size == 1:
                 return (

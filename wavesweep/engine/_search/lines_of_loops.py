@@ -17,8 +17,9 @@ from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of
-from wavesweep.engine._monodromy.rounding import balance
-from wavesweep.engine._monodromy.unit_circle import inverse
+from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
+from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING, balance
+from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._search.open_loops import Opened, OpenLoops
 from wavesweep.engine._search.question import RequiredRegion
 from wavesweep.engine._stability.boundary import times
@@ -32,8 +33,11 @@ BESIDE, ROUNDED = (
 )  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
 FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 NO_PARTICIPATION = 1e-9  # of the largest participation in a mode, up to which a state takes no part
-# of the energy of a mode, by which a line has to be behind the strongest one to be told from it
+# of the energy of a mode, by which a line has to be behind the strongest one of one loop to be told
+# from it
 TIE = 0.2
+SHARE_ROUNDING = 1e-9  # of the energy of a state, what its computation may be off by
+AROUND_DISC = 4  # points of a circle about a disc
 SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
 # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
 REAL_ANGLE = 1e-6
@@ -85,6 +89,252 @@ def lines_of_each(
             moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
             moved[~shown] = 0.0
             yield told(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+
+
+def lines_in_discs(
+    drawing: Drawing, drift: MarginalModes, ticks: Ticks, points: int, delta, radius, margin: float
+) -> np.ndarray:
+    """What modes turn in a frame (rad): by the strongest line in the middle of a panel of a number,
+    and by the lowest and the highest one that is it anywhere on the panel, `(n, r, 3)`.
+
+    ticks: of `(n, points)` loops, those in the middle, and on the upper half of a circle of twice
+    the size about the panel, if there are more. margin: on the largest value at such points, for
+    those between. delta, radius: eigenvalues less 1 in the middle, and of discs about them, `(n,
+    r)`.
+
+    With left and right vectors as border, `B = [E - w, b; c, 0]` has an inverse also where two
+    eigenvalues meet, and `B [x; 0] = [0; 1]`, `[y 0] B = [0 1]` for the vectors of every eigenvalue
+    w in the disc, of every frame E of the panel. Where B has an inverse in the whole disc of twice
+    the size, for all of the larger circle, x and y are analytic there, and so is what a mode shows
+    of a state in the ticks of a frame, `z^(-i/M)` times it. So they differ on the panel by at most
+    half of the largest difference on both circles (Schwarz's lemma); less, where the eigenvalue is
+    in a part of its disc. The share of a line in the energy of a state differs by no more than
+    that, as a part of the length of what is shown, since it is a projection of its direction.
+    """
+    relative, _ = drift.relative_ticks(ticks)
+    n, modes = delta.shape
+    size = len(ticks.states)
+    maps = [tick.E for tick in relative.maps]
+    terms = [tick.terms[0] for tick in relative.maps]
+    E, dE = product_with_errors(relative.kind, maps, terms, per_loop=True)
+    E = _with_lower_half(E, n, points)
+    dE = np.abs(_with_lower_half(dE, n, points)[:, 0])
+    kept = np.delete(np.arange(size), drift.unobserved)
+    inner = kept[:, None], kept
+    connected = ((E != 0).any((0, 1)) | (dE != 0).any(0))[inner]
+    units = balance(np.nan_to_num(E[:, 0].real)[:, *inner])[1]
+    change = units[:, None, :] / units[:, :, None]
+    E = E[:, :, *inner] * change[:, None]
+    dE = dE[:, *inner] * change
+
+    around = np.exp(2j * np.pi * np.arange(AROUND_DISC if points > 1 else 0) / AROUND_DISC)
+    away = 2 * radius[..., None] * np.append(0.0, around)
+    vectors = [_vectors_in_disc(E, dE, delta[:, m], away[:, m], margin) for m in range(modes)]
+    right, off, takes, differs, in_disc = (
+        np.stack(each, -1) for each in zip(*vectors, strict=True)
+    )
+    least = np.maximum(takes - differs, 0.0)
+    most = takes + differs
+
+    # States of other diagonal blocks take no part: one of the two vectors is 0 there, if none is
+    # somewhere in its own block.
+    label = np.zeros(kept.size, int)
+    for at, block in enumerate(blocks_of(connected)):
+        label[block] = at
+    others = label[:, None] != label[least.argmax(1)][:, None]
+    most = np.where(others & (least.max(1) > 0)[:, None], 0.0, most)
+    least = np.where(others, 0.0, least)
+    taking = np.zeros((2, n, modes, size), bool)
+    taking[0][..., kept] = (least > NO_PARTICIPATION * most.max(1, keepdims=True)).mT
+    taking[1][..., kept] = (most > NO_PARTICIPATION * least.max(1, keepdims=True)).mT
+    rows, (sure, possible) = _shown_by(drawing, ticks.states, drift, taking)
+    unclear = (sure & ~possible).any(-1, keepdims=True)  # whether a plant takes part
+    possible = np.where(unclear, possible | taking[1], possible)
+    sure = sure & ~unclear
+    some = possible.any((0, 1))
+    sure = sure[..., some]
+    possible = possible[..., some]
+    known = np.isfinite(most).all(1)
+
+    state = np.zeros((n, E.shape[1], size, *right.shape[3:]), complex)
+    state[:, :, kept] = right * units[:, None, :, None, None]
+    missed = np.zeros((n, size, modes))
+    missed[:, kept] = off * units[..., None]
+    z = 1 + delta
+    s = np.log(z)[..., None] + np.log1p(away / z[..., None])
+    maps = [_with_lower_half(np.eye(size) + tick.E, n, points) for tick in relative.maps]
+    sizes = [np.eye(size) + tick.terms[0] for tick in relative.maps]
+    sizes = [np.broadcast_to(M, (n * points, size, size))[::points] for M in sizes]
+    shown, differ = _shown_on_panels(
+        relative.kind.tolist(), (maps, sizes), rows[some], state, missed, s, in_disc, margin
+    )
+    off_by = differ / np.linalg.norm(shown, axis=-1)
+    off_by = np.where(off_by < 1, off_by, 1.0)
+    off_by = np.where(known[..., None], off_by, np.inf)
+    moved = -np.log1p(-np.abs(radius / z))
+    share = _share_in_each(shown, np.zeros(delta.shape))
+    return _turns_of(share, off_by, sure, possible, np.log1p(delta), moved)
+
+
+def _with_lower_half(matrices, n, points):
+    """Matrices of n panels: in the middle, on the upper half of a circle about it, and on the
+    lower one."""
+    order = matrices.shape[-1]
+    matrices = np.broadcast_to(matrices, (n * points, order, order))
+    matrices = matrices.reshape(n, points, order, order)
+    return np.concatenate([matrices, matrices[:, 1:].conj()], axis=1)
+
+
+def _turns_of(share, off_by, sure, possible, s, moved):
+    """What modes turn by their strongest line, and by the lowest and the highest one that may be
+    it, `(n, modes, 3)`.
+
+    share: in the energy of each state, `(n, modes, states, lines)`. off_by: how far it may be off.
+    sure, possible: which states count, and which may count. moved: how far log z may be off. Where
+    z may be real, the lines of an eigenvalue and its conjugate may be one.
+    """
+    theta = s.imag[..., None]
+    reach = moved[..., None] + REAL_ANGLE
+    turns, own = _turns_and_conjugate(s, share.shape[-1])
+    some = sure.any(-1)[..., None]
+    counting = np.where(some, sure, possible)[..., None]
+    optional = (possible & ~sure)[..., None]
+    pairs = (
+        (True, np.broadcast_to(np.arange(turns.size), own.shape)),
+        (np.abs(theta) <= reach, np.broadcast_to(-turns % turns.size, own.shape)),
+        (np.abs(theta) >= np.pi - reach, (-turns - np.where(theta < 0, -1, 1)) % turns.size),
+    )
+    near = False
+    for may_be, conjugate in pairs:
+        together = _with_conjugate(share, conjugate[..., None, :])
+        best = np.argmax((counting * together).sum(2), -1)[..., None, None]
+        ahead = np.take_along_axis(together, best, -1) - together - 2 * off_by[..., None]
+        least = np.where(optional, np.minimum(ahead, 0.0), 0.0).sum(2)
+        least += np.where(sure[..., None], ahead, 0.0).sum(2)
+        least_of_one = np.where(optional, ahead, np.inf).min(2, initial=np.inf)
+        least = np.where(some, least, np.where(least_of_one < np.inf, least_of_one, -np.inf))
+        near = near | may_be & ~(least > SHARE_ROUNDING * share.shape[2])
+    strongest = _with_conjugate((counting * share).sum(2), own)
+    w = np.abs(theta + 2 * np.pi * turns)
+    first = np.take_along_axis(w, np.argmax(strongest, -1)[..., None], -1)
+    lowest = np.minimum(first, np.where(near, w, np.inf).min(-1, keepdims=True))
+    highest = np.maximum(first, np.where(near, w, 0.0).max(-1, keepdims=True))
+    return np.concatenate([first, lowest, highest], -1)
+
+
+def _vectors_in_disc(E, dE, w, away, margin):
+    """Of modes on panels, `(n, ...)`: right eigenvectors next to w + away for each frame less
+    identity, `(n, points, k, circle)`, of product 1 with that of w in the middle; by how much
+    rounding moves that one, `(n, k)`; how much states take part in the middle, and how much that
+    differs on the panel, NaN if it is not known; and in which part of its disc the eigenvalue is.
+
+    E, dE: in the middle and around it, `(n, points, k, k)`, and bounds on the errors in the middle.
+    See `lines_in_discs`.
+    """
+    n, points, k, _ = E.shape
+    left, right = (vectors.reshape(n, k) for vectors in vectors_of(E[:, 0], w))
+    left = left / np.linalg.norm(left, axis=-1, keepdims=True)
+    right = right / np.linalg.norm(right, axis=-1, keepdims=True)
+    bordered = np.zeros((n, points, away.shape[-1], k + 1, k + 1), complex)
+    identity = np.eye(k + 1)
+    bordered[..., :k, :k] = E[:, :, None]
+    bordered[..., :k, :k] -= (w[:, None] + away)[:, None, :, None, None] * identity[:k, :k]
+    bordered[..., :k, k] = left.conj()[:, None, None]
+    bordered[..., k, :k] = right.conj()[:, None, None]
+    C = inverse(bordered)
+
+    # Whether there is an inverse in both discs, and what rounding does.
+    B0 = bordered[:, 0, 0]
+    C0 = C[:, 0, 0]
+    size_C = np.abs(C0)
+    rounding = SHORT_SUM_ROUNDING * (k + 1) * np.abs(B0)
+    rounding[:, :k, :k] += dE
+    change = np.array(rounding)
+    change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
+    change[:, :k, :k] += np.abs(away).max(-1)[:, None, None] * identity[:k, :k]
+    M = np.abs(identity - C0 @ B0) + size_C @ change
+    of_rows = np.abs(identity - B0 @ C0) + change @ size_C
+    x = C[..., :k, k].swapaxes(-1, -2)
+    y = C[..., k, :k].swapaxes(-1, -2)
+    off_x = _enclosed(M, size_C @ _residual(B0, C0[:, :, k], rounding))
+    off_y = _enclosed(of_rows.mT, size_C.mT @ _residual(B0.mT, C0[:, k], rounding.mT))
+    product = x * y
+    takes = np.abs(product[:, 0, :, 0])
+
+    # The eigenvalue is where `g(w) = 0` in `B [x; g] = [0; 1]`, and g' is the product of both
+    # vectors.
+    slope = product.sum(2)
+    steady = np.abs(slope[:, 0, 0]) - margin / 2 * np.abs(slope - slope[:, :1, :1]).max((1, 2))
+    left_over = margin * np.abs(C[:, :, 0, k, k]).max(1) + off_x[:, k]
+    in_disc = 2 * left_over / (steady * np.abs(away).max(-1))
+    in_disc = np.where((steady > 0) & (in_disc < 1), in_disc, 1.0)
+    differs = np.abs(product[..., 0] - product[:, :1, :, 0]).max(1)
+    differs += in_disc[:, None] * np.abs(product - product[..., :1]).max((1, 3))
+    differs = margin / 2 * differs
+    of_x = off_x[:, :k] * (np.abs(y[:, 0, :, 0]) + off_y[:, :k])
+    of_y = off_y[:, :k] * np.abs(x[:, 0, :, 0])
+    return x, off_x[:, :k], takes, differs + of_x + of_y, in_disc
+
+
+def _residual(B, x, rounding):
+    """What is left of `B x = [0; 1]`, at most."""
+    right_side = np.eye(B.shape[-1])[-1]
+    left = np.abs(right_side - (B @ x[..., None])[..., 0])
+    return (left + (rounding @ np.abs(x)[..., None])[..., 0])[..., None]
+
+
+def _enclosed(M, residual):
+    """v with `residual + M v < v`, `(n, k)`; NaN where there is none.
+
+    So a matrix with an approximate inverse C has one, if M bounds 1 less their product, and v how
+    far a solution with C times what is left is off (S. M. Rump, Verification methods, Acta Numerica
+    19, 2010).
+    """
+    residual = residual * (1 + SHARE_ROUNDING) + np.finfo(float).tiny
+    v = solve(np.eye(M.shape[-1]) - np.nan_to_num(M), np.nan_to_num(residual))
+    v = v * (1 + SHARE_ROUNDING)
+    proved = (v > 0) & (residual + M @ v < v)
+    return np.where(proved.all(1, keepdims=True), v, np.nan)[..., 0]
+
+
+def _shown_on_panels(kinds, changes, rows, state, missed, s, in_disc, margin):
+    """What states show in each tick in the middle of panels, `(n, modes, states, ticks)`, without
+    the growth of the mode, and how far that may be off on the panels, as lengths of vectors over
+    the ticks, `(n, modes, states)`.
+
+    changes: per kind the matrices in the middle and around it, `(n, points, k, k)`, and the sizes
+    of their terms in the middle. state, missed: at the begin of the frame, `(n, points, k, circle,
+    modes)`, and what rounding moves there, `(n, k, modes)`. s: logarithms of the eigenvalues, `(n,
+    modes, circle)`; in_disc: in which part of its disc each is, `(n, modes)`.
+    """
+    maps, sizes = changes
+    n, points, size, circle, modes = state.shape
+    decay = np.exp(-s.swapaxes(1, 2) / len(kinds))[:, None, None]
+    weight = np.ones_like(decay)
+    state = state.reshape(n, points, size, circle * modes)
+    since = np.broadcast_to(np.eye(size), (n, size, size))  # the product of the ticks
+    rounded = np.zeros((n, size, modes))
+    shown = []
+    of_panel = np.zeros((n, points, len(rows), modes))
+    of_disc = np.zeros((n, points, len(rows), circle, modes))
+    off = np.zeros((n, len(rows), modes))
+    for kind in kinds:
+        seen = (rows @ state).reshape(n, points, len(rows), circle, modes) * weight
+        in_middle = seen[:, 0, :, 0]
+        shown.append(in_middle)
+        of_panel += np.abs(seen[:, :, :, 0] - in_middle[:, None]) ** 2
+        of_disc += np.abs(seen - seen[:, :, :, :1]) ** 2
+        at_once = np.abs(rows @ since) @ missed + np.abs(rows) @ rounded
+        off += (at_once * np.abs(weight[:, 0, :, 0])) ** 2
+        here = np.abs(state[:, 0].reshape(n, size, circle, modes)[:, :, 0])
+        rounded = np.abs(maps[kind][:, 0]) @ rounded
+        rounded += SHORT_SUM_ROUNDING * size * (sizes[kind] @ here)
+        since = maps[kind][:, 0] @ since
+        state = maps[kind] @ state
+        weight = weight * decay
+    differ = np.sqrt(of_panel.max(1)) + in_disc[:, None] * np.sqrt(of_disc.max((1, 3)))
+    differ = margin / 2 * differ + np.sqrt(off)
+    return np.stack(shown, -1).swapaxes(1, 2), differ.swapaxes(1, 2)
 
 
 def _shown_by(
@@ -339,20 +589,38 @@ def range_of_lines(moved, s, period) -> np.ndarray:
 def _shares_of_lines(moved, s):
     """The share of each line in modes, its turns per frame, and which line is that of the
     conjugate; see `lines_of`."""
-    ticks, theta = moved.shape[-1], s.imag[..., None]
-    turns, index = np.round(np.fft.fftfreq(ticks) * ticks).astype(int), np.arange(ticks)
+    turns, conjugate = _turns_and_conjugate(s, moved.shape[-1])
     with np.errstate(all="ignore"):
-        energy = (
-            np.abs(np.fft.fft(moved * np.exp(-s[..., None] * index / ticks)[..., None, :])) ** 2
-        )
-        share = np.nan_to_num(energy / energy.sum(-1, keepdims=True)).sum(-2)
+        share = _share_in_each(moved, s).sum(-2)
         share = np.nan_to_num(share / share.sum(-1, keepdims=True))
+    return _with_conjugate(share, conjugate), turns, conjugate
+
+
+def _share_in_each(moved, s):
+    """The share of each line in the energy of each state, `(..., states, ticks)`; 0 of states that
+    rest."""
+    ticks = moved.shape[-1]
+    with np.errstate(all="ignore"):
+        still = moved * np.exp(-s[..., None] * np.arange(ticks) / ticks)[..., None, :]
+        energy = np.abs(np.fft.fft(still)) ** 2
+        return np.nan_to_num(energy / energy.sum(-1, keepdims=True))
+
+
+def _turns_and_conjugate(s, ticks):
+    """The turns per frame of each line, and which line is that of the conjugate: another one if
+    the eigenvalue is real."""
+    theta = s.imag[..., None]
+    index = np.arange(ticks)
+    turns = np.round(np.fft.fftfreq(ticks) * ticks).astype(int)
     half = np.where(np.abs(theta) >= np.pi - REAL_ANGLE, np.sign(theta), 0).astype(int)
-    conjugate = np.where(
-        (np.abs(theta) <= REAL_ANGLE) | (half != 0), (-turns - half) % ticks, index
-    )
-    share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
-    return share, turns, conjugate
+    is_real = (np.abs(theta) <= REAL_ANGLE) | (half != 0)
+    return turns, np.where(is_real, (-turns - half) % ticks, index)
+
+
+def _with_conjugate(share, conjugate):
+    """The share of each line and that of its conjugate, if it is another one."""
+    of_conjugate = np.take_along_axis(share, conjugate, -1)
+    return share + np.where(conjugate == np.arange(share.shape[-1]), 0.0, of_conjugate)
 
 
 def share_of_first(observed, ticks, s) -> np.ndarray:

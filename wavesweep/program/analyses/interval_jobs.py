@@ -108,15 +108,13 @@ class IntervalQuery:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
 
     guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the
-    spec's own loop. require: of every mode, in place of stability alone. checked: what of it is
-    only checked, in words; empty if nothing is.
+    spec's own loop. require: of every mode, in place of stability alone.
     """
 
     axis: Axis
     way: Way = Way.DOMINANCE
     guarantee: "Guarantee | None" = None
     require: TableValue | None = None
-    checked: str = ""
 
     @property
     def span(self) -> tuple[float, float]:
@@ -358,8 +356,7 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     ways_used = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
     most = MOST_SLOW if ways_used is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
-    checked = require.bound.checked(max(loops.drawn().ticks for loops in groups)) if require else ""
-    asked = replace(query, way=ways_used, checked=checked)
+    asked = replace(query, way=ways_used)
     return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, asked)
 
 

@@ -167,8 +167,7 @@ def _best_in_words(shown: Shown, certain: bool) -> str:
     kind = row_kind(best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else "")
     vouched_for = ""
     if best["certified"] and not (certain or kind.proved):
-        checked = shown.facts.get("checked")
-        vouched_for = f" {'checked' if checked else kind.vouched_for(best)}"
+        vouched_for = f" {kind.vouched_for(best)}"
     named = shown.whose == "hand" or (shown.whose == "guarantee" and not kind.proved)
     of_hand = f", {kind.legend}" if named else ""
     end = "low" if best["value"] == best["low"] else "high"

@@ -95,8 +95,7 @@ class Sentences:
         vouched = self._numbers["vouched"]
         if not doubts:
             said = "the only row is" if rows == 1 else f"all {count(rows, 'row')}"
-            checked = self._numbers.get("checked")
-            return f"{said} {vouched}{f': {checked}' if checked else ''}", False
+            return f"{said} {vouched}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
         return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 

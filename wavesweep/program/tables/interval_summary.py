@@ -79,7 +79,6 @@ class LoopSummary:
         self._open = 0  # slices with open places
         self._doubts: Counter[str] = Counter()
         self._vouched = "certified"
-        self._checked = self._facts.get("checked", "")  # what of the rows is only checked
         self._ruled_out = (
             ""  # what rules out every value of a slice that is known to have no interval
         )
@@ -114,7 +113,7 @@ class LoopSummary:
         first[0] = True  # also of a block that begins within a slice
         is_open = np.logical_or.reduceat(columns["open_places"] > 0, np.flatnonzero(first))
         self._open += int(is_open.sum())
-        self._vouched = "checked" if self._checked else self.kind.vouched_for(columns)
+        self._vouched = self.kind.vouched_for(columns)
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         none = ~stable & columns["certified"]
         if none.any() and "counterexample" in columns:
@@ -186,8 +185,6 @@ class LoopSummary:
         claim = self._facts.get("claims", {}).get(self._hand or "spec", {})
         if claim.get("loops"):
             numbers["claim"] = claim["said"]
-        if self._checked:
-            numbers["checked"] = self._checked
         if self._ruled_out:
             numbers["ruled_out"] = self._ruled_out
         lengths = self._lengths.numbers()

@@ -218,8 +218,6 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     facts["claims"] = _claims(spec, stages)
     if job.asked.require:
         facts["require"] = job.asked.require.written()
-    if job.asked.checked:
-        facts["checked"] = job.asked.checked
     facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
     if hands:
         facts |= hands.facts()
