@@ -80,22 +80,21 @@ def test_a_time_is_the_radius_of_its_frame(kind):
     assert np.allclose(one[["low", "high"]], constant[["low", "high"]], rtol=1e-9, equal_nan=True)
 
 
-IMAGES = {  # 3 and 23 Hz are images of each other in a frame of 50 ms, which a hold couples
+IMAGES = {  # an oscillator of a program, whose images an arm of 13 Hz shows more, from K = -0.3806 on
     "rates": {"tick_hz": 1000},
-    "numbers": {"K": 355.0},
+    "numbers": {"K": -0.3},
     "block": {
-        "one": {"type": "mass", "mass": 1.0, "damping": 0.5, "stiffness": "K"},
-        "two": {"type": "mass", "mass": 1.0, "damping": 0.5, "stiffness": 20885.0},
-        "look": {"type": "hold", "every": 50},
+        "arm": {"type": "mass", "mass": 1.0, "damping": 3.0, "stiffness": (2 * np.pi * 13) ** 2},
+        "program": {"type": "biquad", "b0": 0.0, "b1": 1.0, "b2": 0.0, "a1": "K", "a2": 0.9, "every": 50},
     },
-    "wire": {"look.u": "one.x + two.x", "one.f": "-20*look.y", "two.f": "-400*look.y"},
+    "wire": {"program.u": "10*arm.x", "arm.f": "20*program.y"},
 }
 
 
 @pytest.mark.slow
 def test_lines_of_a_panel_and_a_disc_hold_those_of_every_value_in_both():
     """Told by the middle and a circle about it, held against `poles` at values of the panel."""
-    frames = FramesAlong.of(Question("numbers.K", (0.0, 1000.0)), own_loop(load(IMAGES), "numbers.K"), 1)
+    frames = FramesAlong.of(Question("numbers.K", (-1.0, 1.0)), own_loop(load(IMAGES)), 1)
 
     def lines_at(K):
         rows = wavesweep.compile(IMAGES | {"numbers": {"K": K}}).poles()
@@ -104,9 +103,9 @@ def test_lines_of_a_panel_and_a_disc_hold_those_of_every_value_in_both():
     r = np.random.default_rng(3)
     tight = 0
     changed = 0
-    for _ in range(20):
-        middle = r.uniform(320, 420)
-        size = middle * 10 ** r.uniform(-3, -1)
+    for _ in range(12):
+        size = 10 ** r.uniform(-3, -1)
+        middle = -0.3806 + size * r.uniform(-2, 2)
         here, before = (array.to_numpy() for array in lines_at(middle))
         there, shown = (array.to_numpy() for array in lines_at(middle + size * r.choice([-1, 1])))
         delta = here[here.imag > 0]
@@ -119,7 +118,16 @@ def test_lines_of_a_panel_and_a_disc_hold_those_of_every_value_in_both():
         assert (shown[nearest] < told[:, 2] + spread).all()
         changed += int((np.abs(shown[nearest] - before[here.imag > 0]) > 3).sum())
         tight += int((told[:, 2] - told[:, 1] < 1).sum())
-    assert min(tight, changed) > 3
+    assert tight >= 12 > changed > 2
+
+
+@pytest.mark.slow
+def test_a_mode_has_its_own_line_also_where_nothing_runs_in_most_ticks():
+    """The arm rings at 13 Hz with 0.0145, and from sample to sample at 7 Hz, which would be 0.027."""
+    loop = wavesweep.compile(IMAGES)
+    (row,) = loop.stable_intervals("K", (-0.5, 0.5), require={"damping_ratio": 0.02}).itertuples()
+    assert (row.certified, row.intervals) == (True, 0)
+    assert loop.poles().shown_damping_ratio.min() < 0.02
 
 
 def slowest_of_wall(K, hz):
@@ -614,7 +622,10 @@ def test_a_damping_ratio_does_not_change_with_a_block_that_only_looks(every):
         wavesweep.compile(each).stable_intervals("kp", (0.0, 2000.0), require={"damping_ratio": 0.1}) for each in (tables, seen)
     )
     assert one.certified.all()
-    assert other.certified.all()
+    if every == 7:
+        assert other.certified.all()
+    else:  # the mode passes half the rate of the common frame, where it meets its conjugate
+        assert other.doubt.isin(["", "crowded"]).all()
     assert one.high_hz[0] > 10  # half the rate of a frame of 50 ms
     np.testing.assert_allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-8)
 

@@ -303,8 +303,9 @@ def _searches(
 
 def _varied(spec, path, require):
     """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is
-    asked for, in its own ticks."""
-    return "" if spec.drawing and require and require.bound.gains else path
+    asked for, or the lines of modes are, in its own ticks."""
+    in_own_ticks = require and (require.bound.gains or require.bound.damped)
+    return "" if spec.drawing and in_own_ticks else path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
