@@ -23,4 +23,4 @@ def test_refuters_of_both_ends_are_cut_each():
 
 def test_a_pattern_of_messages_says_what_happens_to_them():
     said = in_a_sentence("K = 2, messages camera: 0, 1, lost; up: 12")
-    assert said == ("K = 2, this pattern of messages, repeated: camera: in time, 1 tick late, lost; up: 12 ticks late")
+    assert said == ("K = 2, messages of camera: in time, 1 tick late, lost; of up: 12 ticks late")

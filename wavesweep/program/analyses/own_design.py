@@ -160,7 +160,7 @@ def own_lines(
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
         yield from verdict.lines(subject)
-        subject = f"  {_own_in_words(spec)}"
+        subject = f"  {_own_in_words(spec, found)}"
     yield f"{subject}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
@@ -170,7 +170,7 @@ def own_lines(
         yield f"  assumes: {found['assumes']}"
 
 
-def _own_in_words(spec: Spec) -> str:
+def _own_in_words(spec: Spec, found: Mapping[str, Any]) -> str:
     """The spec's own numbers, those by name for which [for_all] has others, and messages in
     time; what else is of them."""
     axes = spec.for_all.axes if spec.for_all else ()
@@ -180,7 +180,8 @@ def _own_in_words(spec: Spec) -> str:
     what = "message" if spec.drawing else "result"
     in_time = f", every {what} in time" if late else ""
     # The age of the oldest number is that of all frames and messages.
-    below = "below but for the age" if late or spec.changing else "all below"
+    aged = found.get("age") and (late or spec.changing)
+    below = "below but for the age" if aged else "all below"
     return f"own numbers{named}{in_time}, as {below}"
 
 

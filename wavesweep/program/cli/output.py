@@ -190,9 +190,11 @@ def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
     elif spec.members and command not in able:
         yield f"{spec.name}: {command} is of the spec's own numbers; {listed(able)} look at all of {spec.members}"
     walls = {each.scope.walls for each in questions(spec)} - {LINEAR}
-    if walls and command not in THROUGH_CONTACT:
-        able = listed(THROUGH_CONTACT)
-        yield f"{spec.name}: {command} is of the linear loop; {able} look at {' and at '.join(sorted(walls))}"
+    # Of blocks that saturate there are no rows, but a verdict.
+    through = THROUGH_CONTACT if spec.wall else ("check",)
+    if walls and command not in through:
+        able = f"{listed(through)} look{'s' * (len(through) == 1)}"
+        yield f"{spec.name}: {command} is of the linear loop; {able} at {' and at '.join(sorted(walls))}"
 
 
 def _report(

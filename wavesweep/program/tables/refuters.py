@@ -47,7 +47,7 @@ def in_a_sentence(refuter: str) -> str:
         f"{name}: {_shown([_message(each) for each in pattern.split(', ')])}"
         for name, _, pattern in channels
     ]
-    return f"{numbers}this pattern of messages, repeated: {'; '.join(patterns)}"
+    return f"{numbers}messages of {'; of '.join(patterns)}"
 
 
 def _split(text: str) -> tuple[list[str], str]:

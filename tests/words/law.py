@@ -1,0 +1,150 @@
+"""One random spec through all commands: each line with a number has a shape, and holds."""
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import pandas
+from words.loops import drawn, greatest
+from words.sentences import Run, hold
+
+from wavesweep.program.cli import main
+from wavesweep.program.spec.writing import as_toml
+
+QUIET = ("--no-plot", "--out", "t", "--overwrite")
+OTHERS = ("margins", "simulate", "bode", "why", "poles")
+UNSURE = ("not known", "not certified", "not settled", "not proved", "could not be decided", "neither proved nor refuted")
+WIDEST = 120
+
+
+def said_by(*command):
+    """The exit code of a command, what it writes to stdout, and all lines that have a number."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main([*command])
+    lines = [line for line in (out.getvalue() + err.getvalue()).splitlines() if line.strip()]
+    return code, out.getvalue(), lines
+
+
+def unfolded(lines):
+    """The lines of `check`, those that were folded whole again."""
+    whole = []
+    for line in lines:
+        if line.startswith("      ") and whole:
+            whole[-1] += " " + line.strip()
+        else:
+            whole.append(line)
+    return whole
+
+
+def hold_spec(seed, others=OTHERS):
+    """Hold all that commands say of a random spec; in a folder of its own."""
+    case = drawn(seed)
+    Path("mine.toml").write_text(as_toml(case.tables), encoding="utf-8")
+    run = Run(case, "check")
+    _, out, _ = said_by("check", "mine.toml", "--json")
+    verdict = json.loads(out)["verdict"]
+    code, _, lines = said_by("check", "mine.toml")
+    assert code == 0
+    assert len(lines[0]) <= WIDEST, lines[0]
+    hold_verdict(case, verdict, lines[0])
+    said = unfolded(lines[: lines.index("next:")] if "next:" in lines else lines)
+    for line in said:
+        if re.search(r"\d", line):
+            hold(run, line)
+    assert "but for the age" not in " ".join(said) or any("age:" in line for line in said), said
+
+    run.command = "stability-region"
+    code, _, lines = said_by("stability-region", "mine.toml", *QUIET)
+    assert code == 0, lines
+    table = pandas.read_csv("t/stability-region.csv")
+    facts = json.loads(Path("t/stability-region.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]
+    hold_rows(run, table, facts)
+    for line in lines:
+        if found := re.match(r".*? \((\w+)\):$", line):
+            run.word = found[1]
+            assert run.word in run.claims, line
+            assert run.word == "spec" or line.startswith(run.claims[run.word]["said"]), line
+        elif not line.startswith("  "):
+            run.word = "spec"
+        assert len(line) <= WIDEST or run.case.level or line.startswith(("Wrote", "assumes")), line
+        if re.search(r"\d", line):
+            hold(run, line)
+    if not table["certified"].all():
+        assert any(words in line for line in lines for words in UNSURE)
+
+    for command in others:
+        run.command, run.word = command, "spec"
+        code, _, lines = said_by(command, "mine.toml", *QUIET)
+        if code == 0:
+            for line in lines:
+                run.word = "for_all" if "(for_all)" in line else run.word
+                if re.search(r"\d", line):
+                    hold(run, line)
+        else:
+            assert code in (1, 2), (command, lines)
+            assert len(lines) <= 3, (command, lines)
+    if others:
+        hold_page(run, verdict)
+
+
+def hold_verdict(case, verdict, first):
+    """The answer of `check`, as JSON and in words, and its exit code agree; what is refuted comes first."""
+    answer = verdict["answer"]
+    words = first.partition(": ")[2]
+    worded = {"yes": r"(proved )?(stable|as required)", "no": r"not (stable|as required)|UNSTABLE", "not known": "not known"}
+    assert re.match(worded[answer], words), (case.seed, first)
+    statuses = [each["status"] for each in verdict["questions"]]
+    assert ("refuted" in statuses) == (answer == "no")
+    if any(status in ("unknown", "refuted") for status in statuses):
+        assert answer != "yes"
+    code, _, _ = said_by("check", "mine.toml", "--strict", "--quiet")
+    assert code == (answer != "yes")
+
+
+def hold_rows(run, table, facts):
+    """Each row of the table is of a claim, which holds what the spec asks, and is so."""
+    run.rows = table.to_dict("records")
+    run.claims = facts["claims"]
+    case = run.case
+    for row in run.rows:
+        run.word = row.get("guarantee", "spec")
+        assert run.word in run.claims, row
+        c = row.get("c")
+        truth = case.inside(run.members(None if c is None or pandas.isna(c) else c))
+        if row["intervals"]:
+            assert any(a <= row["low"] * (1 + 1e-10) and row["high"] <= b * (1 + 1e-10) for a, b in truth), (row, truth)
+        elif run.word == "spec" and row["certified"]:
+            assert not truth or greatest(truth) <= 1.01, (row, truth)
+        if row["intervals"] and not pandas.isna(row.get("fails_from")):
+            assert row["fails_from"] >= row["high"]
+            assert not any(a < row["fails_from"] < b * (1 - 1e-9) for a, b in truth), (row, truth)
+    if "for_all" in run.claims:
+        scope = run.claims["for_all"]["scope"]
+        if case.asks in ("frames", "both") and len(case.members["n"]) > 1:
+            assert {*case.members["n"]} <= {*scope["frames"]["lengths"]}
+            assert scope["frames"]["order"] == "any"
+        if case.asks in ("numbers", "both"):
+            (numbers,) = [each for each in scope["numbers"] if each["path"].endswith("c")]
+            for value in case.members["c"]:
+                assert value in numbers["values"] or numbers["low"] <= value <= numbers["high"]
+        if case.asks == "losses":
+            assert scope["messages"][0]["lost"] == len(case.members["n"]) - 1
+    assert all("for all" not in run.claims[word]["said"] for word in run.claims if word != "for_all")
+
+
+def hold_page(run, verdict):
+    """The headline of the report is the verdict, and its legends hold bounds."""
+    code, _, lines = said_by("report", "mine.toml", "--out", "r.html", "--quiet")
+    assert code == 0, lines
+    page = Path("r.html").read_text(encoding="utf-8")
+    headline = re.search(r'<div class="verdict( doubt)?">\s*<p><strong>(.*?)</strong>', page)
+    assert ("doubt" in (headline[1] or "")) or verdict["answer"] == "yes"
+    assert not headline[2].startswith("Certified")
+    if verdict["answer"] == "no":
+        assert " not stable" in headline[2] or " not as required" in headline[2]
+    for text in re.findall(r"largest (?:proved|stable) ?K?:? (-?[\d.]+(?:e[+-]?\d+)?)", page):
+        whole = max(map(greatest, run.sets()))
+        assert float(text) <= whole * (1 + 1e-9), text

@@ -1,0 +1,588 @@
+"""What each printed line with a number has to be: a shape for each, which holds its numbers against the closed form.
+
+A line with a number that has no shape is a fault: nobody has said what it claims.
+"""
+
+# ruff: noqa: ARG001 (a function has the numbers of its line, also those that it does not need)
+import re
+from dataclasses import dataclass
+from itertools import product
+from math import hypot, inf, log, pi, prod, sqrt
+
+from words.loops import START, T, greatest, least
+
+N = r"(-?(?:\d[\d.]*(?:e[+-]?\d+)?|inf))"
+OUTWARDS = 1e-10  # relative: by which an end may lie beyond the closed form's, which rounds too
+DIGITS = 2e-5  # relative: of six digits, and what follows from two of them
+BEYOND = r"(?: \((?:where the search starts|the edge of that axis)\))?"
+AT = rf"(?: at c = {N}{BEYOND})?"
+SHAPES = []
+
+
+@dataclass
+class Run:
+    """What a command said of a case; word: of which rows a line is; rows, claims: of the table of intervals."""
+
+    case: object
+    command: str
+    word: str = "spec"
+    rows: tuple = ()
+    claims: dict = None
+    cut: str = ""
+
+    def members(self, c=None):
+        """Of whom a line is."""
+        return self.case.all_of(c) if self.word == "for_all" else self.case.own(c)
+
+    def factors(self):
+        """The values of c in the swept rows."""
+        return self.case.tables["sweep"].get("c", [None])
+
+    def sets(self, c=None):
+        """The intervals of K, for one c or of each swept one."""
+        return [self.case.inside(self.members(each)) for each in ([c] if c else self.factors())]
+
+
+def shape(pattern, command=""):
+    """A function that holds the numbers of a line of this pattern."""
+
+    def kept(function):
+        SHAPES.append((re.compile(pattern), command, function))
+        return function
+
+    return kept
+
+
+def hold(run, line):
+    """Hold a line against the closed form."""
+    for pattern, command, function in SHAPES:
+        if run.command.startswith(command) and (found := pattern.fullmatch(line)):
+            numbers = [None if each is None else float(each) if re.fullmatch(N, each) else each for each in found.groups()]
+            assert function(run, *numbers) is not False, (run.case.seed, run.command, run.word, line)
+            return
+    raise AssertionError(f"nothing says what this claims: {run.case.seed} {run.command}: {line}")
+
+
+def near(first, second, digits=DIGITS):
+    """Whether a printed number is another one, in six digits."""
+    return abs(first - second) <= digits * max(abs(first), abs(second)) + 1e-9
+
+
+def within(low, high, intervals):
+    """Whether a range lies in one of some intervals."""
+    return any(a <= low * (1 + OUTWARDS) and high <= b * (1 + OUTWARDS) for a, b in intervals)
+
+
+def gain(run, K):
+    """f(K)."""
+    zeros = run.case.zeros
+    return (K - zeros[0]) * (K - zeros[1]) / zeros[1] if zeros else K
+
+
+def pole(run, n, c, K):
+    """That of a frame."""
+    return run.case.held(n, c, gain(run, K))
+
+
+def own(run):
+    """The pole of the spec's own frame, and its length (s)."""
+    numbers = run.case.tables["numbers"]
+    return pole(run, numbers["n"], numbers["c"], numbers["K"]), numbers["n"] * T
+
+
+@shape(r"(?:Wrote|assumes: linear|assumes: kept|still at work|at work on|\S+ of \S+ done|\d+ of \d+ done).*")
+@shape(r".*may rise to .*|\s+slopes.*", "nothing")
+@shape(r".* is of the linear loop; check looks at s at its limits, or any curve of slopes from 0 to 1")
+@shape(r"  assumes: linear while \|s.u\| <= 5; simulate goes beyond")
+@shape(rf"{N} curves? of {N} frequencies", "bode")
+def nothing(run, *_):
+    """Times, files and counts of what was asked."""
+
+
+@shape(rf"{N} (?:of {N} loops?|rows?) unstable, without a steady response \(of mine\)", "bode")
+def unstable_rows(run, count, _):
+    unstable = [
+        abs(pole(run, run.case.own(c)["n"][0], run.case.own(c)["c"][0], run.case.tables["numbers"]["K"])) >= 1
+        for c in run.factors()
+    ]
+    return count <= sum(unstable)
+
+
+# The verdict, in `check` and `why`.
+
+
+@shape(r"(?:mine, drawn|the spec's own design): (.*)|  (not (?:as required|stable).*)")
+def verdict(run, said, again):
+    said = said or again
+    own_scope = not {"numbers", "frames", "both", "losses"} & {run.case.asks}
+    members = run.case.own() if own_scope else run.case.members
+    so = within(*[run.case.tables["numbers"]["K"]] * 2, run.case.inside(members)) or run.case.tables["numbers"]["K"] < START
+    if said.startswith("not known"):
+        return True
+    holds = re.match(r"(proved )?(stable|as required)", said) is not None
+    words = run.case.tables["sweep"].get("require") and str(run.case.level).rstrip("0").rstrip(".")
+    if words and "as required" in said:
+        assert f"{run.case.level:g}" in said, said
+    if ": " in said and "own numbers" not in said:
+        assert fails(run, said.partition(": ")[2], run.case.tables["numbers"]["K"]), said
+    return holds == so
+
+
+def fails(run, refuter, K):
+    """Whether what a sentence names does not have what is asked at a value of K."""
+    numbers = dict(run.case.tables["numbers"])
+    if found := re.search(rf"c = {N}", refuter):
+        numbers["c"] = float(found[1])
+        swept = run.case.tables["sweep"].get("c", ())
+        assert numbers["c"] in swept or min(run.case.members["c"]) <= numbers["c"] <= max(run.case.members["c"])
+    if found := re.search(rf"n = {N}", refuter):
+        numbers["n"] = int(float(found[1]))
+    frames = [numbers["n"]]
+    if "frames " in refuter:
+        text = refuter.partition("frames ")[2]
+        frames = [int(each) for each in re.findall(r"(?<!x )\b\d+", text)]
+        assert {*frames} <= {*run.case.members["n"]}, refuter
+    if "messages" in refuter:
+        return fails_by_losses(run, refuter, K, numbers)
+    if run.case.asks in ("frames", "both", "losses", "numbers", "nothing", "contact"):
+        return prod(abs(pole(run, n, numbers["c"], K)) for n in frames) >= 1 - 1e-9
+    return not within(K, K, run.case.inside({"n": frames, "c": [numbers["c"]]}))
+
+
+def fails_by_losses(run, refuter, K, numbers):
+    """Whether a pattern of messages, repeated, makes x grow."""
+    text = refuter.rpartition("h: ")[2]
+    text = re.sub(r"\(([^()]*) x (\d+)\)|(in time|lost) x (\d+)", lambda m: ", ".join([m[1] or m[3]] * int(m[2] or m[4])), text)
+    text = re.sub(r"(\d+) lost", lambda m: ", ".join(["lost"] * int(m[1])), text)
+    pattern = [each.strip(" ().") for each in text.split(",")]
+    x, held, size = 1.0, 1.0, 1.0
+    for _ in range(200):
+        for message in pattern:
+            held = held if message == "lost" else x
+            x -= numbers["n"] * T * numbers["c"] * gain(run, K) * held
+        scale = max(abs(x), abs(held))
+        size, x, held = size * scale, x / scale, held / scale
+    return size >= 1e-3
+
+
+@shape(rf"  own numbers[^:]*: (stable|UNSTABLE) \(spectral radius {N} per frame of {N} ms\)", "check")
+def own_radius(run, said, radius, ms):
+    z, seconds = own(run)
+    return near(radius, abs(z)) and near(ms, 1e3 * seconds) and (abs(z) < 1) == (said == "stable")
+
+
+@shape(rf"(?:mine, drawn|  own numbers[^:]*): (stable|UNSTABLE) \(spectral radius {N} per frame of {N} ms\).*", "check")
+def own_verdict(run, said, radius, ms):
+    return own_radius(run, said, radius, ms)
+
+
+@shape(
+    rf"(?:mine, drawn|  own numbers[^:]*): not known whether .* \(spectral radius 1 per frame of {N} ms, but for rounding\)",
+    "check",
+)
+def on_the_circle(run, ms):
+    return near(abs(own(run)[0]), 1, 1e-12)
+
+
+@shape(rf"  \[for_all\] leaves the spec's own (\w) = {N} out", "check")
+def left_out(run, name, value):
+    return value == run.case.tables["numbers"][name] and value not in run.case.members[name]
+
+
+@shape(rf"  for the spec's own c = {N}, of \[sweep\] {N}, {N}", "check")
+def of_sweep(run, value, *others):
+    return value == 1 and [*others] == run.case.tables["sweep"]["c"]
+
+
+def along(run, name, required):
+    """The intervals of a number with the spec's others; required: with what the spec requires, or of stability alone."""
+    numbers = run.case.tables["numbers"]
+    if name == "K":
+        return run.case.inside(run.case.own(), required)
+    f = gain(run, numbers["K"])
+    low, high = run.case.bounds(numbers["n"], 1.0, required)
+    if f == 0:
+        return [(0.1, 10.0)] if low < 0 < high else []
+    low, high = sorted((low / f, high / f))
+    return [(max(low, 0.1), min(high, 10.0))] if max(low, 0.1) < min(high, 10.0) else []
+
+
+@shape(
+    rf"  (K|c) = {N}(?: \w+)?: (stable|met|as required) from {N}{BEYOND} to (?:at least )?{N}{BEYOND}"
+    r"( \(.*?\))?(?:; also in (.*))?",
+    "check",
+)
+def span_of(run, name, value, what, low, high, may, also):
+    found = along(run, name, what != "stable")
+    assert within(low, high, found), (low, high, found)
+    assert low <= value <= high
+    if may:
+        for way, share in re.findall(rf"(fall|rise) to {N} %", may):
+            end = high if way == "rise" else low
+            assert near(float(share), 100 * end / value, 0.006), (share, 100 * end / value)
+    for a, b in re.findall(rf"{N}{BEYOND} to {N}", also or ""):
+        assert within(float(a), float(b), found), (a, b, found)
+    return True
+
+
+@shape(rf"(?:  |.*: )(K|c) = {N}(?: \w+)?[:,] (stable|met|as required) in (.*)", "check")
+def spans_of(run, name, value, what, said):
+    found = along(run, name, what != "stable")
+    for a, b in re.findall(rf"{N}{BEYOND} to (?:at least )?{N}", said):
+        assert within(float(a), float(b), found), (a, b, found)
+    return not within(value, value, found) or value < START
+
+
+@shape(rf"  (stable|met|as required) at (every|no) value searched: (\w) {N} to {N}", "check")
+def searched(run, what, which, name, low, high):
+    found = along(run, name, what != "stable")
+    assert within(low, high, found) if which == "every" else not found, found
+
+
+@shape(rf"  slowest mode: falls to 1/e in {N} s, damping ratio (?:not known|{N})(?:, {N} Hz)?(?:, .*)?", "check")
+def slowest(run, tau, ratio, hz):
+    z, seconds = own(run)
+    return mode_of(z, seconds, tau, ratio, hz)
+
+
+@shape(r"  slowest mode: over within a frame", "check")
+def over(run):
+    return abs(own(run)[0]) < 1e-9
+
+
+def mode_of(z, seconds, tau, ratio, hz):
+    """Whether a mode of a pole has this time, damping ratio and frequency."""
+    if abs(z) < 1e-9:
+        return tau < 1e-6
+    assert near(tau, abs(seconds / log(abs(z))), 6e-4), (tau, seconds / log(abs(z)))
+    if hz is None:
+        return z > 0 and ratio in (None, 1.0)
+    assert z < 0
+    assert near(hz, 0.5 / seconds, 2e-4)
+    expected = -log(-z) / hypot(log(-z), pi)
+    return ratio is None or near(ratio, expected, 6e-3)
+
+
+# The table of intervals.
+
+
+@shape(r"  stable for .* \((\w+)\):|stable for .* \((\w+)\):", "stability-region")
+def head(run, *_):
+    return True
+
+
+WHAT = r"(?:(?:stable|proved) K|K (?:with|which) .*?|proved K .*?)"
+
+
+@shape(
+    rf"\s*largest {WHAT}: (?:(just below) )?{N}(?: \((?:stable|proved|met) from {N} on\))?{AT}(?:, refuted at {N} by (.*))?",
+    "stability-region",
+)
+def largest(run, just_below, high, low, c, refuted, refuter):
+    sets = run.sets(c)
+    truth = max(map(greatest, sets))
+    assert high <= truth * (1 + OUTWARDS), (high, truth)
+    assert high >= truth * (0.99 if run.word == "for_all" else 1 - DIGITS), (high, truth)
+    if low is not None:
+        assert any(within(low, high * (1 - 1e-15), each) for each in sets), (low, high, sets)
+    if refuted is not None:
+        assert high < refuted or (just_below and high <= refuted), (high, refuted)
+        assert refuted >= truth * (1 - OUTWARDS), (refuted, truth)
+        assert c is None or fails(run, f"c = {c}, {refuter}", refuted) if "c =" not in refuter else fails(run, refuter, refuted)
+    return True
+
+
+@shape(rf"\s*least {WHAT}: (?:just above )?{N}{AT}(?:, refuted at {N} by (.*))?", "stability-region")
+def smallest(run, low, c, refuted, refuter):
+    truth = min(map(least, run.sets(c)))
+    assert low >= truth * (1 - OUTWARDS), (low, truth)
+    return refuted is None or (refuted <= truth * (1 + OUTWARDS) and fails(run, refuter, refuted))
+
+
+@shape(rf"\s*(?:stable|proved|with .*?) for every K (?:from {N} )?up to:? {N}{AT}(?: .*)?", "stability-region")
+def every(run, low, high, c):
+    return within(low or START, high, run.case.inside(run.members(c)))
+
+
+@shape(rf"{N} slices?: {N} (?:stable )?intervals?(?: with .*?)?(?:, {N} slices? with a hole)?(?:, .*)?", "stability-region")
+def counts(run, slices, count, holes):
+    rows = [each for each in run.rows if each.get("guarantee", "spec") == "spec"]
+    assert slices == len(run.factors())
+    assert count == sum(each["intervals"] > 0 for each in rows)
+    assert count == sum(map(len, run.sets()))
+    return (holes or 0) == sum(len(each) > 1 for each in run.sets())
+
+
+@shape(rf"\s*(?:c = {N}: )?K (.*)", "stability-region")
+def slices(run, c, said):
+    spans = re.findall(rf"{N} to {N}", said)
+    truth = run.case.inside(run.members(c))
+    return len(spans) == len(truth) and all(within(float(a), float(b), truth) for a, b in spans)
+
+
+@shape(r"\s*nowhere stable in the swept range: .*", "stability-region")
+@shape(r"\s*(?:no K|nowhere) .*", "stability-region")
+def nowhere(run):
+    return any(not each or greatest(each) < START * 1.01 for each in run.sets())
+
+
+@shape(rf"\s*(?:all {N} rows|the only row is|the only row) (?:are )?certified", "stability-region")
+def all_certified(run, count):
+    rows = [each for each in run.rows if each.get("guarantee", "spec") == run.word]
+    return all(each["certified"] for each in rows) and count in (None, len(rows))
+
+
+@shape(rf"\s*frames of (.*) ticks decide: without those of (.*) no end moves by more than {N} %", "stability-region")
+def decide(run, some, others, share):
+    numbers = [int(each) for each in re.findall(r"\d+", str(int(some) if isinstance(some, float) else some))]
+    whole = run.case.inside(run.case.members)
+    part = run.case.inside(run.case.members | {"n": numbers})
+    return not whole or abs(greatest(whole) - greatest(part)) <= share / 100 * greatest(part) + 1e-9
+
+
+@shape(r"\[sweep\] require: .*", "stability-region")
+def requires(run):
+    return bool(run.case.level)
+
+
+@shape(r"\s*assumes: ((?:n|c) (?:of|is|from) .*)")
+@shape(r"\s*assumes: (messages of h .*)")
+def assumed(run, said):
+    for name, values in re.findall(r"(n|c) (?:of|is) ([\d., -]+)", said):
+        assert {float(each) for each in values.strip(" ,").split(", ")} == {*run.case.members[name]}
+    for name, low, high in re.findall(rf"(n|c) from {N} to {N}", said):
+        assert [float(low), float(high)] == [min(run.case.members[name]), max(run.case.members[name])]
+    words = {2: "never two", 3: "never three"}
+    return "messages" not in said or words[len(run.case.members["n"])] in said
+
+
+# Margins, of L = g/(z - q).
+
+
+@dataclass
+class Loop:
+    """L = g/(z - q) for one member: its margins."""
+
+    g: float
+    q: float
+
+    @property
+    def up(self):
+        return (1 + self.q) / self.g if self.g > 0 else (self.q - 1) / self.g
+
+    @property
+    def phase_deg(self):
+        x = (1 + self.q**2 - self.g**2) / (2 * self.q)
+        if abs(x) > 1 or self.g <= 0:
+            return inf
+        z = complex(x, sqrt(1 - x * x))
+        from cmath import phase
+
+        return 180 - phase(z - self.q) * 180 / pi
+
+    @property
+    def Ms(self):
+        return max(abs((z - self.q) / (z - self.q + self.g)) for z in (1, -1))
+
+    @property
+    def Mt(self):
+        return max(abs(self.g / (z - self.q + self.g)) for z in (1, -1))
+
+    @property
+    def disk(self):
+        return 2 / max(abs((z - self.q - self.g) / (z - self.q + self.g)) for z in (1, -1))
+
+
+def loops(run, all_members):
+    members = run.case.members if all_members else run.case.own()
+    K = run.case.tables["numbers"]["K"]
+    found = []
+    for n, c in product(members["n"], members["c"]):
+        # At p.y the leak is cut too.
+        q = 1.0 if run.cut == "p.y" else (1 - run.case.leak * T) ** n
+        found.append(Loop(q - pole(run, n, c, K), q))
+    return found
+
+
+REST = rf"(?:, at {N} rad/s \({N} Hz\))?(?:, refuted from {N} on by (.*))?"
+
+
+def margin(run, value, omega, hz, refuted, refuter, of, better=1):
+    """A margin is no better than that of the worst loop, and is refuted where it is worse than that."""
+    constant = run.word == "for_all"
+    truth = min(of(each) * better for each in loops(run, constant)) * better
+    assert better * value <= better * truth * (1 + better * 1e-9), (value, truth)
+    if refuted is None:
+        assert near(value, truth, 1e-4), (run.command, value, truth)
+    else:
+        assert better * refuted >= better * truth * (1 - better * 1e-9), (refuted, truth)
+        assert better * value <= better * refuted
+    return omega is None or near(omega, 2 * pi * hz, 1e-3)
+
+
+@shape(rf"gain may grow by a factor up to:? {N}{REST}", "margins")
+def grows(run, *rest):
+    return margin(run, *rest, lambda each: each.up)
+
+
+@shape(rf"phase margin {N} deg{REST}", "margins")
+def phase_margin(run, *rest):
+    return margin(run, *rest, lambda each: each.phase_deg)
+
+
+@shape(rf"disk margin {N}{REST}", "margins")
+def disk_margin(run, *rest):
+    return margin(run, *rest, lambda each: each.disk)
+
+
+@shape(rf"  gain alone within the disk, up or down by a factor of {N}{REST}", "margins")
+def gain_in_disk(run, *rest):
+    return margin(run, *rest, lambda each: (2 + each.disk) / (2 - each.disk) if each.disk < 2 else inf)
+
+
+@shape(rf"  phase alone within the disk {N} deg{REST}", "margins")
+def phase_in_disk(run, *rest):
+    from math import atan
+
+    return margin(run, *rest, lambda each: 2 * atan(each.disk / 2) * 180 / pi)
+
+
+@shape(rf"peak sensitivity Ms {N}{REST}", "margins")
+def peak(run, *rest):
+    return margin(run, *rest, lambda each: each.Ms, -1)
+
+
+@shape(rf"peak complementary sensitivity Mt {N}{REST}", "margins")
+def complementary(run, *rest):
+    return margin(run, *rest, lambda each: each.Mt, -1)
+
+
+@shape(rf"delay margin(?: \(.*?\))? {N}(?: ms| s)?{REST}", "margins")
+def delay_margin(run, value, *rest):
+    """Not in closed form: with more frames of delay than it names the loop is unstable, with all whole ones below it stable."""
+    import numpy as np
+
+    numbers = run.case.tables["numbers"]
+    if "Ms" in str(rest):
+        return False
+    (one,) = loops(run, False)
+    sizes = []
+    for frames in range(int(value) + 2):
+        A = np.diag(np.ones(frames), -1)
+        A[0, 0] = one.q
+        A[0, frames] -= one.g
+        sizes.append(abs(np.linalg.eigvals(A)).max())
+    whole = int(-(-value // 1))
+    return all(size < 1 for size in sizes[:whole]) and numbers["n"] > 0
+
+
+@shape(rf"broken at ([hp].y), (?:once in|in every tick of) {N} ms", "margins")
+def broken(run, cut, ms):
+    run.cut = cut
+    return near(ms, 1e3 * own(run)[1])
+
+
+@shape(rf"{N} of {N} rows not certified \(.*\)", "margins")
+def doubted(run, some, count):
+    return 0 < some <= count
+
+
+@shape(r"(?:nothing|.*): not stable with (.*)", "margins")
+def no_margin(run, refuter):
+    return fails(run, refuter, run.case.tables["numbers"]["K"])
+
+
+@shape(rf"(K|c) is not swept here, held at the spec's {N}")
+def held_at(run, name, value):
+    return value == run.case.tables["numbers"][name]
+
+
+# Motions, modes, and what sets a limit.
+
+
+@shape(rf"(?:h\.)?y settles at {N}(?:, peak {N} {N} s after the step)?(?:, within 2 % from {N} s after it on)?", "simulate")
+def settles(run, at, peak, peak_s, seconds):
+    numbers = run.case.tables["numbers"]
+    n, c, f = numbers["n"], numbers["c"], gain(run, numbers["K"])
+    drive = c * f if run.case.asks == "gain" else c
+    last = drive / (run.case.leak + c * f)
+    assert near(at, last, 1e-3), (at, last)
+    times, peaks = [], []
+    for phase in range(n):  # of the tick in which the step sets in
+        x = held = most = 0.0
+        away = 0
+        for tick in range(10_000):
+            if abs(x - last) > 0.02 * abs(last):
+                away = tick
+            most = max(most, x / last)
+            held = x if (tick + phase) % n == 0 else held
+            x += T * (drive - run.case.leak * x - c * f * held)
+        times.append(away * T)
+        peaks.append(most * last)
+    assert peak is None or any(near(peak, each, 5e-3) for each in peaks), (peak, peaks)
+    assert seconds is None or any(abs(seconds - each) <= 1.5 * T for each in times), (seconds, times)
+
+
+@shape(rf"UNSTABLE: the linear loop diverges \(spectral radius {N} per frame\)", "simulate")
+def diverges(run, radius):
+    return near(radius, abs(own(run)[0]), 1e-3) and radius >= 1
+
+
+@shape(rf"drawn, r: step: {N} ticks, {N} s|drawn, r: .*|stopped after .*", "simulate")
+def ran(run, *_):
+    return True
+
+
+@shape(
+    rf"  (?:{N} Hz, damping ratio {N}|no oscillation), (falls to 1/e|grows by e) in {N} s(?:, UNSTABLE)?: p integral", "poles"
+)
+def mode(run, hz, ratio, way, tau):
+    z, seconds = own(run)
+    assert (way == "grows by e") == (abs(z) > 1)
+    return mode_of(z, seconds, tau, ratio, hz)
+
+
+@shape(rf"{N} poles? per (?:frame|tick) of {N} ms", "poles")
+def modes(run, count, ms):
+    return near(ms, 1e3 * own(run)[1])
+
+
+@shape(r"K: stable from (.*)", "why")
+def whole(run, said):
+    spans = re.findall(rf"{N} to {N}", said)
+    truth = run.case.inside(run.case.own(), required=False)
+    return len(spans) == len(truth) and all(within(float(a), float(b), truth) for a, b in spans)
+
+
+@shape(rf"(low|high) end, K = {N}: set by (.*)", "why")
+def end(run, which, value, said):
+    truth = run.case.inside(run.case.own(), required=False)
+    assert any(near(value, pair[which == "high"], 1e-5) for pair in truth), (value, truth)
+    run.end = value
+    n = run.case.tables["numbers"]["n"]
+    f = gain(run, value)
+    if found := re.search(rf"oscillation of {N} rad/s \({N} Hz\)", said):
+        assert near(float(found[1]), pi / (n * T), 1e-4)
+        assert near(float(found[2]), 0.5 / (n * T), 1e-3)
+        return f > 0
+    return "without oscillation" in said and (f <= 1e-3 * value or run.case.leak)
+
+
+@shape(r"  (1 % more .*)", "why")
+def moves(run, said):
+    """By how many per cent an end moves for one per cent of c, by a difference over a thousandth of that."""
+    found = re.search(rf"c(?: moves it)? (up|down) by {N} %", said)
+    if not found:
+        return True
+
+    def end_at(c):
+        truth = run.case.inside(run.case.own(c), required=False)
+        return min((end for pair in truth for end in pair), key=lambda each: abs(each - run.end))
+
+    share = (end_at(1.00001) / end_at(0.99999) - 1) / 2e-5
+    return near(float(found[2]) * (1 if found[1] == "up" else -1), share, 5e-3)
+
+
+@shape(r"  states that take part: p integral 100 %", "why")
+def states(run):
+    return True
