@@ -147,3 +147,31 @@ def test_a_range_that_begins_within_rounding_of_a_crossing_begins_with_its_mode(
     assert row.certified
     assert (row.low, row.low_omega) == (low, 0.0)
     assert row.high == pytest.approx(min(high, unstable + 1), rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.asks("prove")
+def test_a_free_mass_leaves_1_with_two_modes_as_a_spring_takes_hold_of_it():
+    """They leave along the circle, as roots of the spring, and inwards as its square: at the end they are 1e-26 from it."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 100.0},
+        "block": {
+            "held": {"type": "mass", "mass": 0.17},
+            "free": {"type": "mass", "mass": 1.3},
+            "spring": {"type": "spring", "k": "k"},
+            "drive": {"type": "hold"},
+        },
+        "wire": {
+            "spring.x1": "held.x",
+            "spring.x2": "free.x",
+            "free.f": "spring.f2",
+            "drive.u": "6*held.x + 0.9*held.v",
+            "held.f": "spring.f1 - drive.y",
+        },
+    }
+    loop = wavesweep.compile(tables)
+    (row,) = loop.stable_intervals("k", (0, 2500)).itertuples()
+    assert row.certified
+    assert (row.low, row.high) == (0.0, 2500.0)
+    assert (loop.spectral_radius(k=np.geomspace(1e-2, 2500, 20)) < 1).all()

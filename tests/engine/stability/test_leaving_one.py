@@ -86,6 +86,16 @@ def uneven(rate, b=25.0, delay="frame"):
     }
 
 
+@pytest.mark.slow
+def test_what_nothing_reads_without_a_wall_leaves_the_other_modes_their_digits():
+    """A frame in which a position is read with 1e-300 of itself has eigenvectors as if it were 0, of many loops at once too."""
+    spec = uneven(72)
+    spec["device"] |= {"mass": 0.04502, "damping": 0.2987, "dead_time": 0.001488}
+    spec |= {"controller": {"kind": "pmw-lm", "b": 10.0, "Kp": 0.0}, "local_model": {"K_LM": 100.0}}
+    axes = {"B_VE": [1.0, 1.5, 2.0, 2.5], "b": [5.0, 10.0], "K_LM": [100, 300]}
+    assert wavesweep.compile(spec).stable_intervals("K_VE", (0, 2000), **axes)["certified"].all()
+
+
 @pytest.mark.asks("prove")
 @pytest.mark.parametrize("rate", [60, 72, 90])
 def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(rate, monkeypatch):

@@ -117,3 +117,19 @@ def test_a_link_that_is_tiny_and_0_at_some_values_may_close_a_loop_of_large_gain
             assert not stable
         if abs(e) < (1 - pole) * 0.99:  # the pole and e are too small together for a root on the circle
             assert stable
+
+
+@pytest.mark.parametrize("steps", [60, 100])
+def test_a_slow_crossing_behind_a_long_delay_is_known_to_the_digits_of_its_distance_from_1(steps):
+    """A mass on a spring of 2 N/m that is felt late: the crossing is at 1.4 rad/s of 1000 ticks a second."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"d": 1.0},
+        "block": {"body": {"type": "mass", "mass": 1, "damping": "d"}, "late": {"type": "delay", "steps": steps}},
+        "wire": {"late.u": "2*body.x", "body.f": "-late.y"},
+    }
+    loop = wavesweep.compile(tables)
+    (row,) = loop.stable_intervals("d", (0.01, 100)).itertuples()
+    assert row.certified
+    below, above = loop.spectral_radius(d=row.low * np.array([1 - 1e-6, 1 + 1e-6]))
+    assert above < 1 < below

@@ -14,6 +14,9 @@ import numpy as np
 from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals
 
+# of eigenvalues less 1: two that are 1 come out so near to it at least
+NEARLY_ONE = 1e-6
+
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
     """Whether it can be asked: always."""
@@ -29,12 +32,16 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     loops, along, span, bound = slices.loops, question.along, question.span, question.bound
     frames = FramesAlong.of(question, loops, slices.size)
     frames = replace(frames, radius=bound and bound.radius_of(frames.period))
-    variable = FROM_ZERO if span[0] == 0 and bends_at_zero(loops.drawing, along) else ""
+    stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
+    variable = ""
+    if span[0] == 0:
+        bends = bends_at_zero(loops.drawing, along)
+        if bends or (stops_a_drift and _several_are_one_at_zero(frames, slices.size)):
+            variable = FROM_ZERO
     of_wall = question.number in (loops.drawing.wall or ())
     if of_wall and span[0] >= 0:
         variable = BENT
     balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
-    stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
     intervals = stable_along_any(
         frames.frames,
         span,
@@ -61,6 +68,14 @@ def _drifts_at_zero_alone(question, loops):
         loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0)
     )
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
+
+
+def _several_are_one_at_zero(frames, size) -> bool:
+    """Whether several eigenvalues seem to be 1 where the number is 0, as those of a free mass,
+    which then leave together, as roots of the number."""
+    at_zero = frames.frames(np.arange(size), np.zeros(size)).E
+    w = np.linalg.eigvals(np.nan_to_num(at_zero))
+    return bool(((np.abs(w) < NEARLY_ONE).sum(-1) > 1).any())
 
 
 def _meeting_one_at_zero(span, intervals):

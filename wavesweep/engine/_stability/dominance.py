@@ -38,6 +38,9 @@ ON_WAY_TO_CIRCLE = 0.3  # size of an eigenvalue that may be on its way to the ci
 # of the logarithm of an eigenvalue, from which on it is outside and not on its way there
 OUTSIDE_BY = 1e-6
 DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond the rounding of its own terms
+# size of an entry, below which it is 0 for the choice of vectors: eigenvalues are computed in units
+# in which rows and columns are alike, and those that it asks for leave no digits to the vectors
+FLUSHED = 1e-150
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
 BLOCKED_STATES = 64  # states, beyond which a block makes tests shorter
@@ -73,6 +76,7 @@ def eigenbasis(E) -> Eigenbasis:
     still are, those of a matrix next to it are taken.
     """
     n = E.shape[-1]
+    E = np.where(np.abs(E) < FLUSHED, 0.0, E)
     block = np.zeros(E.shape[:2], bool)
     if n <= BLOCKED_STATES:
         X, Z = _vectors(E)
@@ -110,7 +114,8 @@ def _with_block(E):
     order = np.argsort(np.abs(1 + w))
     left_order = np.argsort(np.abs(1 + left_w))
     size = np.maximum(np.abs(1 + w[order]), SMALLEST)
-    gaps = np.where(size[:-1] < LARGEST, size[1:] / size[:-1], 0)
+    decay = -np.log(np.minimum(size, LARGEST))
+    gaps = np.where(size[:-1] < LARGEST, decay[:-1] / decay[1:], 0)
     k = 1 + int(np.argmax(gaps)) if gaps.any() else 0  # states of the block
     seen = Y[:, left_order[k:]].conj()
     basis = np.linalg.qr(seen, mode="complete")[0][:, n - k :]

@@ -72,7 +72,7 @@ class _Boxes(Rows):
 
 class _Bounds(NamedTuple):
     """Bounds on the second derivatives of S by the angle, by both, and by x, and on its
-    rounding."""
+    rounding but for that of `z - 1`."""
 
     by_angle: np.ndarray
     by_both: np.ndarray
@@ -194,7 +194,7 @@ class ReducedEquation:
         A2, B2, C2 = self.split(bends)
         dA, dB, dC = self.split(self.series.error[panel])
         of_entries = dA + self.summed(dC * (B + dB) + C * dB)
-        terms = 2 * unit + A + self.summed((1 + self.lag) * C * B)
+        terms = A + self.summed((1 + self.lag) * C * B)
         return _Bounds(
             by_angle=unit + self.summed(self.lag**2 * C * B),
             by_both=self.summed(self.lag * (C1 * B + C * B1)),
@@ -216,6 +216,12 @@ class ReducedEquation:
         by_x = -A1 - self.summed((C1 * B + C * B1) * late)
         return S, by_angle, by_x
 
+    def rounding_at(self, theta, radius=1.0):
+        """A bound on the rounding of `z - 1` at some points of a circle, and on what is between
+        boxes that meet there: both are parts of the distance from 1."""
+        size = radius - 1 + 2 * radius * np.abs(np.sin(theta / 2))
+        return SUM_ROUNDING * size[:, None, None] * np.eye(self.n)
+
     def judged(self, boxes: _Boxes, radius=1.0):
         """Whether boxes are proved, and whether it is rather x than the angle that keeps them
         open."""
@@ -234,6 +240,7 @@ class ReducedEquation:
         value, slope = self.entries(boxes.panel[at], boxes.x[at])
         bounds = self.bounds(boxes.panel[at], value, slope, boxes.wide[at])
         R_tt, R_tx, R_xx, rounding = (bound[of] for bound in bounds)
+        rounding = rounding + self.rounding_at(boxes.theta, radius)
         S, S_theta, S_x = self.around(value[of], slope[of], boxes.theta, radius)
         back = inverse(S)
         a = boxes.arc[:, None, None]
@@ -274,6 +281,7 @@ class ReducedEquation:
         S, S_theta, S_x = self.around(value, slope, theta)
         back = inverse(S)
         rounding = self.bounds(panel, value, slope, np.zeros(panel.size)).rounding
+        rounding = rounding + self.rounding_at(theta)
         a = _trace(back @ S_theta)
         b = _trace(back @ S_x)
         off = _trace(np.abs(back) @ rounding)
