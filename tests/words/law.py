@@ -69,7 +69,7 @@ def hold_spec(seed, others=OTHERS):
             assert run.word == "spec" or line.startswith(run.claims[run.word]["said"]), line
         elif not line.startswith("  "):
             run.word = "spec"
-        assert len(line) <= WIDEST or run.case.level or line.startswith(("Wrote", "assumes")), line
+        assert len(line.strip()) <= WIDEST or run.case.level or line.startswith(("Wrote", "assumes")), line
         if re.search(r"\d", line):
             hold(run, line)
     if not table["certified"].all():

@@ -58,7 +58,8 @@ class Case:
             size = exp(-n * T * log(50) / self.level)
             low, high = q - size, q + size
         if required and self.asks == "damping_ratio":
-            high = 1 + exp(-pi * self.level / sqrt(1 - self.level**2))
+            # Less than a tenth after a tick has every damping ratio.
+            high = 1 + max(exp(-pi * self.level / sqrt(1 - self.level**2)), 0.1)
         if required and self.asks == "gain":
             high = 2 * self.level / (1 + self.level)
         if required and self.asks == "Ms":

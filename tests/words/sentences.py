@@ -90,8 +90,7 @@ def own(run):
     return pole(run, numbers["n"], numbers["c"], numbers["K"]), numbers["n"] * T
 
 
-@shape(r"(?:Wrote|assumes: linear|assumes: kept|still at work|at work on|\S+ of \S+ done|\d+ of \d+ done).*")
-@shape(r".*may rise to .*|\s+slopes.*", "nothing")
+@shape(r"(?:Wrote|assumes: linear|assumes: kept|still at work|at work on).*|.* after \d+ s(?:[;,].*)?")
 @shape(r".* is of the linear loop; check looks at s at its limits, or any curve of slopes from 0 to 1")
 @shape(r"  assumes: linear while \|s.u\| <= 5; simulate goes beyond")
 @shape(rf"{N} curves? of {N} frequencies", "bode")
@@ -111,12 +110,13 @@ def unstable_rows(run, count, _):
 # The verdict, in `check` and `why`.
 
 
-@shape(r"(?:mine, drawn|the spec's own design): (.*)|  (not (?:as required|stable).*)")
+@shape(r"(?:mine, drawn|the spec's own design): (.*)|  (not (?:as required|stable|every motion).*)")
 def verdict(run, said, again):
     said = said or again
     own_scope = not {"numbers", "frames", "both", "losses"} & {run.case.asks}
     members = run.case.own() if own_scope else run.case.members
     so = within(*[run.case.tables["numbers"]["K"]] * 2, run.case.inside(members)) or run.case.tables["numbers"]["K"] < START
+    so = so and abs(own(run)[0]) < 1 - 1e-12
     if said.startswith("not known"):
         return True
     holds = re.match(r"(proved )?(stable|as required)", said) is not None
