@@ -138,7 +138,7 @@ CAPABILITIES = (
             "explore": "Show the boundary of stability in a browser, and vary every number by a slider."
         },
     ),
-    Capability("require", tables=("sweep.require",), offers=("bound", "keys", "on_check")),
+    Capability("require", tables=("sweep.require",), offers=("bound", "keys", "on_check", "wish")),
     Capability("axes", offers=("classes",)),
     Capability("prove", offers=("prover", "ticks")),
     Capability(

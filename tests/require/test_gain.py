@@ -12,6 +12,7 @@ from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
 from wavesweep.require import gain_intervals
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
+from wavesweep.require.gain_bound import IN_TIME
 from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
@@ -665,7 +666,8 @@ def test_a_drawn_hand_has_a_force_a_position_and_what_it_feels():
 GAIN = "sweep.require.gain"
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
 NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
-NAMES += "margins.cut, margins.Ms, margins.disk"
+NAMES += "margins.cut, margins.Ms, margins.disk, "
+NAMES += ", ".join(f"{table}.{key}" for table in IN_TIME for key in ("from", "to", "at_most"))
 
 
 @pytest.mark.parametrize(

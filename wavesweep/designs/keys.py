@@ -134,6 +134,14 @@ class Design(TableValue):
                 fault = fault_of_cut(drawing, wish.options["cut"])
                 if fault:
                     yield f"wish.{wish.name}.cut", fault[0], fault[1]
+            if "from" in wish.options:
+                from wavesweep.program.analyses.signals import routed
+
+                try:
+                    routed(drawing, wish.options["from"], wish.options["to"], "")
+                except UsageError as error:
+                    end, _, fault = str(error).lstrip(".").partition(": expected ")
+                    yield f"wish.{wish.name}.{end}", *fault.rsplit(", found ", 1)
             needed = {
                 *wish.kind.ports,
                 *(["wall"] if {"walls", "B_VE"} & set(wish.options) else []),
@@ -387,6 +395,11 @@ class _Reader:
                     options[option] = distinct(value)
             if "cut" in kind.options and "cut" not in options:
                 self.refuse(f"wish.{name}", "cut, the signal at which the loop is cut", "none")
+                continue
+            missing = [end for end in ("from", "to") if end in kind.options and end not in options]
+            if missing:
+                expected = "from and to, the input and the output of the response"
+                self.refuse(f"wish.{name}", expected, f"none of {' and '.join(missing)}")
                 continue
             yield Wish(name, bound, options, places)
 

@@ -242,12 +242,10 @@ class Loop:
         from wavesweep.program.analyses.interval_jobs import job_over
 
         grid, axis = self._asked(along, span, axes)
-        job = job_over(
-            grid, axis, require=None if require is None else value_of("sweep.require", require)
-        )
+        required = None if require is None else value_of("sweep.require", require)
+        job = job_over(grid, axis, require=required)
         asked_axes = tuple((name, tuple(np.ravel(values))) for name, values in axes.items())
-        requirement = None if require is None else tuple(require.items())
-        question = (self.spec, axis, requirement, asked_axes)
+        question = (self.spec, axis, repr(required and required.written()), asked_axes)
         rows = _ANSWERS.get(question)
         if rows is None:
             rows = intervals.of_calls(job, progress)

@@ -126,16 +126,16 @@ def whose_column(columns: Columns) -> str:
     return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
 
 
-def columns_of_ends(records: np.ndarray, *, set_by: bool) -> Columns:
-    """The omegas of records of intervals as columns and, if `set_by`, what sets each end: a
-    mode, or a gain."""
+def columns_of_ends(records: np.ndarray, set_by: str = "") -> Columns:
+    """The omegas of records of intervals as columns and, if not empty, what sets each end: a mode,
+    or what `set_by` says."""
     import numpy as np
 
     ends = ("low", "high")
     columns = {f"{end}_omega": np.abs(records[f"{end}_omega"]) for end in ends}
     for end in ends if set_by else ():
         omega = records[f"{end}_omega"]
-        cause = np.where(np.signbit(omega), "gain", "mode").astype(object)
+        cause = np.where(np.signbit(omega), set_by, "mode").astype(object)
         columns[f"{end}_set_by"] = np.where(np.isnan(omega), "", cause)
     return columns
 

@@ -12,7 +12,15 @@ from wavesweep.engine.poles import GONE
 from wavesweep.program.reading.keys import ALL_MODES, SETTLED_TO
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
-from wavesweep.require.gain_bound import CutBound, GainBound
+from wavesweep.require.gain_bound import (
+    OVERSHOOT,
+    PEAK,
+    RMS,
+    STEP_SETTLING,
+    CutBound,
+    GainBound,
+    TimeBound,
+)
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
@@ -22,6 +30,13 @@ BY_DISCS, BY_GAIN = (
 )  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
+IN_TIME = "responses in time, frame by frame, on panels of the number: what is seen, and bounds on all that follows"
+IN_TIME_WORDS = {
+    OVERSHOOT: "an overshoot of at most {at_most:.4g} of a step of {from_} in {to}",
+    STEP_SETTLING: "a step of {from_} within 2 % of its end in {to} after {at_most:g} s",
+    PEAK: "at most {at_most:g} in {to} while {from_} is between -1 and 1",
+    RMS: "a root mean square of at most {at_most:g} in {to} under white noise of 1 in {from_}",
+}
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 
 
@@ -41,7 +56,7 @@ class Bound:
     time_constant: float = np.inf
     damped: Damped | None = None
     bounded: bool = False
-    gains: tuple[GainBound | CutBound, ...] = ()
+    gains: tuple[GainBound | CutBound | TimeBound, ...] = ()
 
     @property
     def of_modes(self) -> "Bound | None":
@@ -53,6 +68,13 @@ class Bound:
     def cost(self) -> float:
         """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
         return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * len(self.gains)
+
+    @property
+    def set_by(self) -> str:
+        """What sets ends that no mode sets; empty without gains and responses in time."""
+        in_time = [isinstance(gain, TimeBound) for gain in self.gains]
+        words = ["gain"] * (False in in_time) + ["response"] * (True in in_time)
+        return " or ".join(words)
 
     @property
     def of_size(self) -> "Bound | None":
@@ -133,21 +155,23 @@ class Bound:
     ) -> list[Intervals]:
         """The intervals in which each gain is small enough, looked for where the loops may be
         stable."""
+        from wavesweep.program.analyses.signals import routed
         from wavesweep.require.at_cut import seen_at_cut
         from wavesweep.require.gain_intervals import along_gain
-        from wavesweep.require.signals import routed
+        from wavesweep.require.time_intervals import along_time
 
         small = []
         for wanted in self.gains:
+            find = along_time if isinstance(wanted, TimeBound) else along_gain
             if isinstance(wanted, CutBound):
                 seen, route, level = seen_at_cut(loops, wanted)
             else:
-                drawing, route = routed(loops.drawing, wanted.source, wanted.signal)
+                table = wanted.measure if isinstance(wanted, TimeBound) else "gain"
+                path = f"sweep.require.{table}"
+                drawing, route = routed(loops.drawing, wanted.source, wanted.signal, path)
                 seen = loops._replace(drawing=drawing)
                 level = wanted
-            small.append(
-                along_gain(seen, along, span, period, bounds, resolved, route, level, stable)
-            )
+            small.append(find(seen, along, span, period, bounds, resolved, route, level, stable))
         return small
 
     def beyond(self, delta, turns, period: float) -> np.ndarray:
@@ -182,7 +206,8 @@ class Bound:
                 [
                     *modes,
                     of_size if self.gains and not any(modes) else "",
-                    GAIN if self.gains else "",
+                    GAIN if "gain" in self.set_by else "",
+                    IN_TIME if "response" in self.set_by else "",
                 ],
             )
         )
@@ -199,6 +224,8 @@ class Bound:
             refused, expected = "slower_than", "expected all modes"
         elif any(gain.band_hz for gain in self.gains):
             refused, expected = "band_hz", "expected a gain at all frequencies"
+        elif any(getattr(gain, "measure", "") == STEP_SETTLING for gain in self.gains):
+            refused, expected = STEP_SETTLING, "expected radius in its place"
         if refused:
             instead = (
                 f"or list its values in [sweep] ({name} = [...]) and look along another number"
@@ -235,6 +262,11 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         gain
         and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
         margins and _at_cut(margins),
+        *(
+            text.format(**{**written[measure], "from_": written[measure]["from"]})
+            for measure, text in IN_TIME_WORDS.items()
+            if measure in written
+        ),
     ]
     return " and ".join(filter(None, said))
 

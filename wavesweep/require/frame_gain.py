@@ -26,27 +26,15 @@ in place of u, which multiplies the determinant by
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import (
-    SHORT_SUM_ROUNDING,
-    MarginalModes,
-    Ticks,
-    inverse,
-    on_circle,
-    pole_inside,
-    solve,
-)
-from wavesweep.engine.frames import level as level_of
-from wavesweep.engine.intervals import Intervals
-from wavesweep.engine.loop import Loops
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
-from wavesweep.engine.response import plus, port_between, times
-from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, SAFE
-from wavesweep.require.maps import minus, over_frame, scaled, transposed
+from wavesweep.engine.response import plus, times
+from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
+from wavesweep.require.maps import minus, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel
 
@@ -56,76 +44,22 @@ POSITIVE = 1e-9
 ANGLES = 8
 
 
-def loops_between(loops, along, drift, route, number, p):
-    """The loops `number` at values p as they are seen between an input and a signal, and their
-    pivots."""
-    at = loops.some(number).changed({along: p})
-    with np.errstate(all="ignore"):
-        drawn = at.drawn()
-        port = port_between(drawn, *route, drift)
-        pivot, _ = Ticks.of(drawn, alone=True).facts
-    pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
-    guards = at.guards_at(along, p.shape).reshape(p.size, -1)
-    return port, np.concatenate([pivot, guards], -1)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class BoundedGain:
-    """The gain of loops between an input and a signal (route) along a number; level: which it has
-    to stay below.
+class BoundedGain(Between):
+    """The gain of loops between an input and a signal along a number; level: which it has to stay
+    below.
 
-    A judge of `panels`, of these columns. kept: states that the input reaches and the signal
-    depends on. inputs: of the map, one for each tick. stable: where loops may be stable, and
-    nothing is looked for elsewhere. arc: its ends (rad), on which it has to be so, `(columns, 2)`.
-    at_rest: whether the gain at rest is the level at all values, and its neighbourhood decides.
+    arc: its ends (rad), on which it has to be so, `(columns, 2)`. at_rest: whether the gain at rest
+    is the level at all values, and its neighbourhood decides.
     """
 
-    loops: Loops
-    along: str
-    route: tuple[str, str]
-    level: float
-    drift: MarginalModes
-    kept: np.ndarray
-    inputs: int
-    columns: np.ndarray
-    stable: Intervals
     arc: np.ndarray
     at_rest: bool
-    many: ClassVar[int] = 1000
-    smooth: ClassVar[bool] = False
 
     @property
     def order(self) -> int:
         """Of the pencil."""
         return 2 * self.kept.size + self.inputs
-
-    def maps(self, column, p):
-        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots;
-        NaN without a solution."""
-        own = self.columns[column]
-        try:
-            port, pivots = loops_between(self.loops, self.along, self.drift, self.route, own, p)
-        except IllPosedLoopError:
-            if p.size == 1:
-                n = self.kept.size
-                m = self.inputs
-                unknown = []
-                for rows, columns in ((n, n), (n, m), (m, n), (m, m)):
-                    unknown.append((np.full((1, rows, columns), np.nan),) * 2)
-                return unknown, np.zeros((1, 1))
-            first, second = np.array_split(np.arange(p.size), 2)
-            first_maps, _ = self.maps(column[first], p[first])
-            second_maps, _ = self.maps(column[second], p[second])
-            maps = []
-            for (one, one_size), (other, other_size) in zip(first_maps, second_maps, strict=True):
-                maps.append((np.concatenate([one, other]), np.concatenate([one_size, other_size])))
-            return maps, np.zeros((p.size, 1))  # which may be poles
-        return over_frame(port, self.kept, p.shape), pivots
-
-    def changes(self, column, p):
-        """E less identity of frames, `(points, n, n)`."""
-        (E, *_), _ = self.maps(column, p)
-        return E[0]
 
     def at_rest_through(self, column, p):
         """What comes of inputs that are constant, as a map of a frame, and the constant input,
@@ -144,36 +78,14 @@ class BoundedGain:
         of_input = np.abs(H.mT @ w - signed).max((-1, -2))
         return np.maximum(of_output, of_input)
 
-    def label(self, column, low, high, bounds):
-        """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
-        stable = self.stable
-        within = stable.column == self.columns[column][:, None]
-        within &= (stable.low < high[:, None]) & (stable.high > low[:, None])
-        inside = within.any(-1)
-        label = np.full(column.size, BAD)
-        if inside.any():
-            label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
-        return label
-
-    def _about(self, column, low, high, bounds):
-        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`,
-        their number, and where they are known."""
-        middle = (low + high) / 2
-        radius = high - low  # twice that of the panel
-        p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
-        maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
-        known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
-        known &= ~poles_inside(pivots.reshape(*p.shape, -1))
-        return maps, p.shape, known
-
     def _label(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
         form = self.form(shape[1], *maps)
-        (K, dK), (L, dL) = _by_panel(self.pencil(maps[0], *form), shape)
-        parts = _by_panel((maps[0], *form), shape)
+        (K, dK), (L, dL) = by_panel(self.pencil(maps[0], *form), shape)
+        parts = by_panel((maps[0], *form), shape)
         if self.at_rest:
             E, _ = parts[0]
-            judged &= ~poles_inside(_determinants(E)[..., None])
+            judged &= ~poles_inside(determinants(E)[..., None])
         for array in (K, dK, L, dL):
             judged &= np.isfinite(array).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
@@ -185,7 +97,7 @@ class BoundedGain:
         rims = K[at, 1:], L[at, 1:]
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*middle, rims, self.inputs, arc)
-        parts = _of_panels(parts, at)
+        parts = of_panels(parts, at)
         theta = _angles(d, arc)
         value, size, v = _least([matrix[:, 0].real for matrix, _ in parts], theta)
         good = inside & (value > POSITIVE * size).any(-1)
@@ -194,7 +106,7 @@ class BoundedGain:
         if rest.size:
             lowest = value[rest].argmin(-1)
             with np.errstate(all="ignore"):
-                bad = _negative(_of_panels(parts, rest), theta[rest, lowest], v[rest, lowest])
+                bad = _negative(of_panels(parts, rest), theta[rest, lowest], v[rest, lowest])
             label[at[rest[bad]]] = BAD
         return label
 
@@ -300,12 +212,12 @@ class Sine(BoundedGain):
 
     def _label(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
-        maps = _by_panel(maps, shape)
+        maps = by_panel(maps, shape)
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
         for at in np.flatnonzero(judged):
-            label[at] = self._panel(column[at], _of_panels(maps, at)).label()
+            label[at] = self._panel(column[at], of_panels(maps, at)).label()
         return label
 
     def _panel(self, column, maps):
@@ -318,24 +230,10 @@ class Sine(BoundedGain):
         delta = []
         beyond = []
         for at in range(p.size):
-            found = self._panel(index, _of_panels(maps, slice(at, at + 1))).worst()
+            found = self._panel(index, of_panels(maps, slice(at, at + 1))).worst()
             delta.append(found[0])
             beyond.append(found[1])
         return np.array(delta), np.array(beyond)
-
-
-def _by_panel(pairs, shape):
-    """Matrices of all points, and bounds on their errors, by panels and points of each."""
-    panels = []
-    for matrix, size in pairs:
-        by_panel = *shape, *matrix.shape[1:]
-        panels.append((matrix.reshape(by_panel), size.reshape(by_panel)))
-    return panels
-
-
-def _of_panels(pairs, at):
-    """Those of some panels."""
-    return [(matrix[at], size[at]) for matrix, size in pairs]
 
 
 def _angles(d, arc):
@@ -447,19 +345,5 @@ def _negative(parts, theta, v):
     by_u = np.abs((S.mT @ x + R @ u).mT) @ du
     error = error + 2 * (by_x + by_u)
 
-    poles = poles_inside((_determinants(B) * _determinants(B_dual))[..., None])
+    poles = poles_inside((determinants(B) * determinants(B_dual))[..., None])
     return ~poles & (value[:, 0].real + SAFE / 2 * change + error[:, 0, 0] < 0)
-
-
-def poles_inside(pivots):
-    """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper
-    half, `(n, points, k)`."""
-    moving = (pivots != pivots[:, :1]).any((1, 2))
-    return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving
-
-
-def _determinants(A):
-    """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its
-    middle."""
-    sign, log = np.linalg.slogdet(A)
-    return sign * np.exp(log - log[:, :1])

@@ -6,6 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 LIFTED, BASE_BAND = "lifted", "base-band"
+OVERSHOOT, STEP_SETTLING, PEAK, RMS = "overshoot", "step_settling", "peak_to_peak", "rms"
+IN_TIME = (OVERSHOOT, STEP_SETTLING, PEAK, RMS)
 
 
 class GainBound(NamedTuple):
@@ -30,5 +32,19 @@ class CutBound(NamedTuple):
     cut: str
     at_most: float
     centre: float
+
+    band_hz = None  # it is of all frequencies
+
+
+class TimeBound(NamedTuple):
+    """What a value of the response in time from an input to an output may be at most.
+
+    measure: which value, one of IN_TIME.
+    """
+
+    measure: str
+    source: str
+    signal: str
+    at_most: float
 
     band_hz = None  # it is of all frequencies

@@ -9,17 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.norms import reached, read
+from wavesweep.require.between import needed, typical_between
 from wavesweep.require.disc_panels import Accuracy, along_panels
-from wavesweep.require.frame_gain import BoundedGain, Sine, loops_between
+from wavesweep.require.frame_gain import BoundedGain, Sine
 from wavesweep.require.gain_bound import BASE_BAND, GainBound
 from wavesweep.require.long_gain import LongGain
 
-TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
 # Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
 # its root.
 END_EXACTNESS = 1e-8
@@ -50,25 +48,15 @@ def along_gain(
     neighbourhood decides. Accuracy: ends to END_EXACTNESS. Errors: UsageError if the signal moves
     without end, and for a band or a loop that the gain cannot be had of.
     """
-    drift = loops.changed({along: np.array(span)}).drift(watched=route[1:])
-    width = span[1] - span[0]
-    values = span[0] + width * np.array(TYPICAL)
     size = period.size
-    number = np.repeat(np.arange(size), values.size)
-    p = np.tile(values, size)
-    port, _ = loops_between(loops, along, drift, route, number, p)
-    if port.outputs > 1:
-        output = route[1].removeprefix(OUTPUT)
-        raise UsageError(
-            f"sweep.require.gain.to: expected an output that comes to rest, found {output}, which drifts"
-        )
-
+    width = span[1] - span[0]
+    drift, port, number, p = typical_between(loops, along, span, size, route, "gain")
     ticks = port.kind.size
     of_sine = wanted.measure == BASE_BAND and ticks > 1
     step = period / ticks if of_sine else period
     in_general = Sine if of_sine else BoundedGain
     kind = LongGain if ticks > MOST_DENSE_TICKS and not of_sine else in_general
-    about = loops, along, route, wanted.at_most, drift, _needed(port.maps), ticks
+    about = loops, along, route, wanted.at_most, drift, needed(port.maps), ticks
     arc = _arc(wanted, ticks, step)
     gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
 
@@ -90,13 +78,7 @@ def along_gain(
     known = np.ones(size, bool)
     found = along_panels(judges, known, span, step, bounds, resolved, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return _attached(found, stable, SHARE_OF_SPAN * width)
-
-
-def _needed(maps):
-    """The states that the input reaches and the signal depends on."""
-    needed = np.flatnonzero(read(maps) & reached(maps))
-    return needed if needed.size else np.arange(1)
+    return attached(found, stable, SHARE_OF_SPAN * width)
 
 
 def _arc(wanted, ticks, step):
@@ -122,7 +104,7 @@ def _arc(wanted, ticks, step):
     return np.minimum(arc, np.pi)
 
 
-def _attached(found, stable, nothing):
+def attached(found: Intervals, stable: Intervals, nothing: float) -> Intervals:
     """Intervals whose ends that are as near to those of stability as ends are exact are these."""
     same_column = found.column[:, None] == stable.column
     ends = {}

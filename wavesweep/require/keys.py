@@ -10,13 +10,38 @@ from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
 from wavesweep.require.damped import Damped
-from wavesweep.require.gain_bound import BASE_BAND, LIFTED, CutBound, GainBound
+from wavesweep.require.gain_bound import (
+    BASE_BAND,
+    IN_TIME,
+    LIFTED,
+    OVERSHOOT,
+    PEAK,
+    RMS,
+    STEP_SETTLING,
+    CutBound,
+    GainBound,
+    TimeBound,
+)
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
     from wavesweep.require.bound import Bound
 
 PATH = "sweep.require"
+LEVELS = {  # of responses in time: the unit, the largest level, and what is found
+    OVERSHOOT: ("1", 1e3, "a step overshoots its final value by at most this share of it"),
+    STEP_SETTLING: ("s", 1e6, "a step is within 2 % of its final value after this time"),
+    PEAK: (
+        "of to over from",
+        1e12,
+        "the output never exceeds this if the input is between -1 and 1, whatever it does: the l1 norm",
+    ),
+    RMS: (
+        "of to over from",
+        1e12,
+        "white noise of a root mean square of 1, new in every tick, comes out with at most this: the H2 norm",
+    ),
+}
 KEYS = Key.by_path(
     [
         Key.number(
@@ -120,17 +145,34 @@ KEYS = Key.by_path(
             low=1e-6,
             high=1.999,
         ),
+        *(
+            key
+            for measure, (unit, most, found) in LEVELS.items()
+            for key in (
+                Key.word(f"sweep.require.{measure}.from", None, "input in [ports]"),
+                Key.word(f"sweep.require.{measure}.to", None, "output in [ports], or a signal"),
+                Key.positive(
+                    f"sweep.require.{measure}.at_most",
+                    None,
+                    unit,
+                    f"find the stable intervals in which {found}; the input is held over each tick, "
+                    "and the output seen in each",
+                    high=most,
+                ),
+            )
+        ),
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
-OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
-NEEDED = OF_GAIN[:3]
+BETWEEN = ("gain", *IN_TIME)  # tables of what lies between an input and a signal
+NEEDED = ("from", "to", "at_most")  # keys that each of these has
 OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
 SINGLE = ("gain", "phase_deg")  # margins that are not proved along a number
 
 
 class Require(KeyValues):
-    """The bounds on every mode, on a gain and on margins, by the names of their keys.
+    """The bounds on every mode, on a gain, margins and responses in time, by the names of their
+    keys.
 
     modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time
     (s) do not. bounded: whether the modes of a loop that conserves have to stay on the unit circle,
@@ -162,7 +204,7 @@ class Require(KeyValues):
         if self.get("damping_ratio"):
             modes = self.get("modes", ALL_MODES)
             damped = Damped(self["damping_ratio"], modes, self.get("slower_than", 0.0))
-        gains: tuple[GainBound | CutBound, ...] = ()
+        gains: tuple[GainBound | CutBound | TimeBound, ...] = ()
         if "gain.at_most" in self:
             band, measure = self.get("gain.band_hz"), self.get("gain.measure", LIFTED)
             level = self["gain.at_most"]
@@ -171,6 +213,9 @@ class Require(KeyValues):
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
             gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
+        for measure in IN_TIME:
+            if f"{measure}.at_most" in self:
+                gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
         return Bound(
             self.get("radius", 1.0),
             self.get("settling", inf),
@@ -240,35 +285,36 @@ def _refuse_wrong_cut(request, leaves):
 
 
 def _refuse_missing(mistakes, leaves):
-    """Add the mistakes of a bound on a gain without its ends or its level."""
-    given = [name for name in leaves if name in OF_GAIN]
-    if not given:
-        return
-    for name in NEEDED:
-        if name not in leaves:
-            expected = f"all of {', '.join(NEEDED)}"
-            mistakes.refuse(leaves[given[0]], f"{PATH}.gain", expected, f"none of {name}")
+    """Add the mistakes of what lies between an input and a signal without its ends or its level."""
+    for table in BETWEEN:
+        given = [leaf for name, leaf in leaves.items() if name.startswith(f"{table}.")]
+        keys = [f"{table}.{name}" for name in NEEDED]
+        for key in keys if given else ():
+            if key not in leaves:
+                expected = f"all of {', '.join(keys)}"
+                mistakes.refuse(given[0], f"{PATH}.{table}", expected, f"none of {key}")
 
 
 def _refuse_unknown_ports(request, leaves):
     if not request.drawing:
         return
     hand = (request.drawing.hand or ())[:1]
-    for name, ports, columns_known in (
-        ("gain.from", "inputs", hand),
-        ("gain.to", "outputs", ("x", "f_m") if hand else ()),
+    for key, ports, columns_known in (
+        ("from", "inputs", hand),
+        ("to", "outputs", ("x", "f_m") if hand else ()),
     ):
-        path = f"{PATH}.{name}"
-        names = [leaves[name].value] if path in request.belongs.keys else []
-        request.refuse_unknown_ends(
-            path, [name for name in names if name not in columns_known], ports
-        )
+        for table in BETWEEN:
+            path = f"{PATH}.{table}.{key}"
+            names = [leaves[f"{table}.{key}"].value] if path in request.belongs.keys else []
+            request.refuse_unknown_ends(
+                path, [name for name in names if name not in columns_known], ports
+            )
 
 
 TABLE = SpecTable(
     path=PATH,
     build=build,
     keys=KEYS,
-    signals=(f"{PATH}.gain.to", f"{PATH}.margins.cut"),
+    signals=(*(f"{PATH}.{table}.to" for table in BETWEEN), f"{PATH}.margins.cut"),
     always=True,
 )

@@ -37,8 +37,9 @@ from wavesweep.engine.frames import (
 )
 from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
 from wavesweep.engine.response import plus, times
+from wavesweep.require.between import loops_between, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
-from wavesweep.require.frame_gain import BoundedGain, loops_between, poles_inside
+from wavesweep.require.frame_gain import BoundedGain
 from wavesweep.require.maps import Pair, minus, of_ticks, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_arc
 

@@ -238,9 +238,8 @@ def _columns(job, combination, records):
         name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"
     }
     columns["doubt"] = words(columns["doubt"])
-    columns |= columns_of_ends(
-        records, set_by=bool(job.asked.require and job.asked.require.bound.gains)
-    )
+    required = job.asked.require
+    columns |= columns_of_ends(records, required.bound.set_by if required else "")
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
 
@@ -454,7 +453,7 @@ def at_points(
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {
         "doubt": words(records["doubt"])
     }
-    return columns | columns_of_ends(records, set_by=False)
+    return columns | columns_of_ends(records)
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

@@ -23,13 +23,16 @@ COLUMNS = {
 }
 
 
-def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[str, str]]:
+def routed(
+    drawing: Drawing, source: str, signal: str, path: str
+) -> tuple[Drawing, tuple[str, str]]:
     """Return a drawing with an output for the signal, and the input and the output between which
     the gain is.
 
     source: an input in [ports], or the signal of the hand's force. signal: an output in [ports], a
     port of a block as BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against
-    it; of a controller's loop COLUMNS too. Errors: UsageError for other names.
+    it; of a controller's loop COLUMNS too. path: of the table. Errors: UsageError for other
+    names.
     """
     inputs = {name: wired for name, wired, _ in drawing.inputs} | {
         name: name for name in (drawing.hand or ())[:1]
@@ -45,7 +48,7 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
             hint = nearest(name, ports)
             hint = f"; did you mean {hint}?" if hint else ""
             raise UsageError(
-                f"sweep.require.gain.{key}: expected {port} of the loop ({', '.join(named)}){further}, found {show(name)}{hint}"
+                f"{path}.{key}: expected {port} of the loop ({', '.join(named)}){further}, found {show(name)}{hint}"
             )
     drawing = replace(
         drawing,

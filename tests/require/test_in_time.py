@@ -1,0 +1,203 @@
+"""[sweep] require and wishes of responses in time: overshoot and settling of a step, peak to peak, and white noise."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import load
+from wavesweep.require.disc_panels import HALF_RIM
+from wavesweep.require.enclosed import mean_square, peak_to_peak, step
+from wavesweep.require.gain_bound import IN_TIME
+
+T = 0.01  # s
+ENDS = {"from": "ref", "to": "own"}
+INTEGRATOR = {
+    "rates": {"tick_hz": 1 / T},
+    "numbers": {"K": 10.0},
+    "block": {"p": {"type": "tf", "num": [1], "den": [1, 0]}, "c": {"type": "gain"}},
+    "wire": {"p.u": "c.y", "c.u": "K*(ref - p.y)"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "p.y"}},
+    "sweep": {"along": "K", "K": {"start": 1, "stop": 250}},
+}
+
+
+def several_rates(every, phase):
+    blocks = INTEGRATOR["block"] | {"c": {"type": "gain", "every": every, "phase": phase}}
+    return INTEGRATOR | {"block": blocks}
+
+
+def marched(gain, every, phase, inputs):
+    """The position in each tick of the integrator under a gain that runs once in `every` ticks; inputs: `(ticks, cases)`."""
+    place = np.zeros(inputs.shape[1])
+    pushed = 0 * place
+    places = []
+    for tick, ref in enumerate(inputs):
+        if tick % every == phase:
+            pushed = gain * (ref - place)
+        places.append(place)
+        place = place + T * pushed
+    return np.array(places)
+
+
+def values(gain, every, phase, ticks=1200):
+    """The four values, summed from marches: steps and impulses in each tick of a frame."""
+    late = np.arange(ticks)[:, None] - np.arange(every)
+    steps = marched(gain, every, phase, 1.0 * (late >= 0))
+    settled = (late + 1)[(np.abs(steps - 1) > 0.02) & (late >= 0)]
+    impulses = marched(gain, every, phase, 1.0 * (late == 0)).reshape(-1, every, every)
+    return {
+        "overshoot": steps.max() - 1,
+        "step_settling": settled.max() * T,
+        "peak_to_peak": np.abs(impulses).sum((0, 2)).max(),
+        "rms": np.sqrt((impulses**2).sum() / every),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("measure", "level", "low", "high"),
+    [
+        ("overshoot", 0.3, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
+        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),
+        ("peak_to_peak", 1.5, 1.0, 1.2 / T),  # s/(2 - s)
+        ("rms", 0.5, 1.0, 0.4 / T),  # the root of s/(2 - s)
+    ],
+)
+def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high):
+    loop = wavesweep.compile(INTEGRATOR)
+    (row,) = loop.stable_intervals(require={measure: {**ENDS, "at_most": level}}).itertuples()
+    assert (row.certified, row.high_set_by, row.high_omega) == (True, "response", 0.0)
+    assert (row.low, row.high) == (pytest.approx(low, rel=1e-8), pytest.approx(high, rel=1e-8))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("measure", "level"), [("overshoot", 0.2), ("step_settling", 0.23), ("peak_to_peak", 1.3), ("rms", 0.7)]
+)
+def test_ends_of_several_rates_are_those_of_marches(measure, level):
+    loop = wavesweep.compile(several_rates(3, 1))
+    (row,) = loop.stable_intervals(require={measure: {**ENDS, "at_most": level}}).itertuples()
+    assert row.certified
+    assert values(row.high * (1 - 1e-6), 3, 1)[measure] <= level * (1 + 1e-12)
+    assert values(row.high * (1 + 1e-6), 3, 1)[measure] > level
+    if measure == "step_settling":
+        assert values(row.low * (1 + 1e-6), 3, 1)[measure] <= level
+        assert values(row.low * (1 - 1e-6), 3, 1)[measure] > level
+
+
+def of_ratio(ratio):
+    """E, G, O and T of a lag of second order with 10 rad/s, for complex damping ratios."""
+    from scipy.linalg import expm
+
+    matrices = []
+    for each in ratio:
+        flow = np.array([[0, 1, 0], [-100, -20 * each, 100], [0, 0, 0]])
+        A = expm(T * flow)
+        matrices.append((A[:2, :2] - np.eye(2), A[:2, 2:], np.array([[1.0, 0]]), np.zeros((1, 1))))
+    return [(np.array(each)[None], 1e-16 * np.abs(each)[None]) for each in zip(*matrices, strict=True)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.02])
+def test_what_is_known_on_a_panel_holds_for_all_of_it(radius):
+    """Against sums of the response at damping ratios on the panel."""
+    panel = of_ratio(0.3 + radius * np.append(0.0, HALF_RIM))
+    found = {
+        "overshoot": step(panel),
+        "settling": step(panel, settling=True),
+        "peak": peak_to_peak(panel),
+        "noise": mean_square(panel),
+    }
+    for ratio in 0.3 + radius / 2 * np.linspace(-1, 1, 7):
+        (E,), (G,), (O,), _ = (matrix[0] for matrix, _ in of_ratio([ratio]))
+        states = [G]
+        for _ in range(1500):
+            states.append(states[-1] + E @ states[-1])
+        impulse = (O @ np.array(states))[:, 0, 0]
+        response = np.append(0.0, np.cumsum(impulse))
+        true = {
+            "overshoot": response.max() - 1,
+            "settling": np.flatnonzero(np.abs(response - 1) > 0.02)[-1] + 1,
+            "peak": np.abs(impulse).sum(),
+            "noise": (impulse**2).sum(),
+        }
+        for name, value in true.items():
+            assert found[name].low[0] <= value * (1 + 1e-9)
+            assert value <= found[name].high[0] * (1 + 1e-9)
+    assert found["noise"].high[0] - found["noise"].low[0] < 10 * radius * true["noise"]
+
+
+def wished(tables, K, **wishes):
+    from wavesweep.designs.family import scenarios_of
+    from wavesweep.designs.wishes import evaluate
+
+    sweep = {"vary": {"K": {"start": 1, "stop": 250}}, "wish": wishes}
+    spec = load({name: value for name, value in tables.items() if name != "sweep"} | {"design": sweep})
+    return evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": np.array(K)}, 1.0)
+
+
+@pytest.mark.asks("designs")
+@pytest.mark.slow
+@pytest.mark.parametrize(("every", "phase"), [(1, 0), (3, 1)])
+def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
+    tables = several_rates(every, phase)
+    found = wished(tables, [20.0, 45.0, 60.0, 300.0], **{name: {"at_most": 1.0, **ENDS} for name in IN_TIME})
+    for name in IN_TIME:
+        for at, K in enumerate((20.0, 45.0, 60.0)):
+            assert found[name].value[at] == pytest.approx(values(K, every, phase)[name], rel=1e-8, abs=1e-9)
+            assert found[name].certified[at]
+        assert np.isnan(found[name].value[3])  # unstable
+
+
+@pytest.mark.parametrize(
+    ("require", "said"),
+    [
+        ({"rms": {"from": "ref", "to": "own"}}, "expected all of rms.from, rms.to, rms.at_most, found none of rms.at_most"),
+        ({"overshoot": {**ENDS, "to": "won", "at_most": 1}}, "require.overshoot.to: expected an output in [ports]"),
+        ({"peak_to_peak": {**ENDS, "from": "own", "at_most": 1}}, "peak_to_peak.from: expected an input in [ports]"),
+        ({"step_settling": {**ENDS, "at_most": 0}}, "step_settling.at_most: expected a number > 0, found 0"),
+    ],
+)
+def test_what_can_not_be_required_of_a_response_is_said(require, said):
+    with pytest.raises(SpecError) as raised:
+        wavesweep.load(INTEGRATOR | {"sweep": INTEGRATOR["sweep"] | {"require": require}})
+    assert said in str(raised.value)
+
+
+@pytest.mark.asks("designs")
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"at_most": 1}, "expected from and to, the input and the output of the response, found none of from and to"),
+        ({"at_most": 1, **ENDS, "to": "won"}, "design.wish.rms.to: expected an output of the loop (own)"),
+    ],
+)
+def test_a_wish_of_a_response_needs_both_of_its_ends(wish, said):
+    with pytest.raises(SpecError) as raised:
+        wished(INTEGRATOR, [1.0], rms=wish)
+    assert said in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "require", "said"),
+    [
+        ({"outputs": {"own": "c.y"}}, "overshoot", "expected a step that ends at another value than 0"),
+        ({"outputs": {"own": "p.y"}}, "rms", "expected a frame of at most 128 ticks"),
+    ],
+)
+def test_what_has_no_value_is_refused(changes, require, said):
+    tables = several_rates(1 if require == "overshoot" else 129, 0)
+    loop = wavesweep.compile(tables | {"ports": INTEGRATOR["ports"] | changes})
+    with pytest.raises(UsageError, match=said):
+        loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})
+
+
+@pytest.mark.slow
+def test_a_range_in_which_the_loop_comes_to_rest_too_slowly_is_left_open():
+    sweep = {"along": "K", "K": {"start": 0, "stop": 150}}
+    loop = wavesweep.compile(INTEGRATOR | {"sweep": sweep})
+    (row,) = loop.stable_intervals(require={"peak_to_peak": {**ENDS, "at_most": 1.5}}).itertuples()
+    assert (row.certified, row.doubt, row.open_places) == (False, "search", 1)
+    assert 0 < row.low < 0.02
+    assert row.high == pytest.approx(120, rel=1e-8)

@@ -1,0 +1,160 @@
+"""Loops along a number as they are seen between an input and a signal, on panels of the number
+that something is asked of."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from wavesweep.engine.blocks import OUTPUT
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.frames import MarginalModes, Ticks, pole_inside
+from wavesweep.engine.frames import level as level_of
+from wavesweep.engine.intervals import Intervals
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.norms import reached, read
+from wavesweep.engine.response import port_between
+from wavesweep.require.disc_panels import BAD, HALF_RIM
+from wavesweep.require.maps import over_frame
+
+TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where loops are looked at first
+
+
+def loops_between(loops, along, drift, route, number, p):
+    """The loops `number` at values p as they are seen between an input and a signal, and their
+    pivots."""
+    at = loops.some(number).changed({along: p})
+    with np.errstate(all="ignore"):
+        drawn = at.drawn()
+        port = port_between(drawn, *route, drift)
+        pivot, _ = Ticks.of(drawn, alone=True).facts
+    pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
+    guards = at.guards_at(along, p.shape).reshape(p.size, -1)
+    return port, np.concatenate([pivot, guards], -1)
+
+
+def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
+    """The drift of loops that are seen between an input and a signal, their port at TYPICAL values
+    of each of `size` slices, and the slices and values.
+
+    Errors: UsageError for a signal that moves without end, with the key of [sweep] require.
+    """
+    drift = loops.changed({along: np.array(span)}).drift(watched=route[1:])
+    values = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
+    number = np.repeat(np.arange(size), values.size)
+    p = np.tile(values, size)
+    port, _ = loops_between(loops, along, drift, route, number, p)
+    if port.outputs > 1:
+        output = route[1].removeprefix(OUTPUT)
+        expected = "expected an output that comes to rest"
+        raise UsageError(f"sweep.require.{key}.to: {expected}, found {output}, which drifts")
+    return drift, port, number, p
+
+
+def needed(maps) -> np.ndarray:
+    """The states that the input reaches and the signal depends on."""
+    states = np.flatnonzero(read(maps) & reached(maps))
+    return states if states.size else np.arange(1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Between:
+    """Loops between an input and a signal (route) along a number, of which something is asked that
+    has a level.
+
+    A judge of `panels`, of these columns, without what `_label` and `worst` are. kept: states that
+    the input reaches and the signal depends on. inputs: of the map, one for each tick. stable:
+    where loops may be stable, and nothing is looked for elsewhere.
+    """
+
+    loops: Loops
+    along: str
+    route: tuple[str, str]
+    level: float
+    drift: MarginalModes
+    kept: np.ndarray
+    inputs: int
+    columns: np.ndarray
+    stable: Intervals
+    many: ClassVar[int] = 1000
+    smooth: ClassVar[bool] = False
+
+    def maps(self, column, p):
+        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots;
+        NaN without a solution."""
+        own = self.columns[column]
+        try:
+            port, pivots = loops_between(self.loops, self.along, self.drift, self.route, own, p)
+        except IllPosedLoopError:
+            if p.size == 1:
+                n = self.kept.size
+                m = self.inputs
+                unknown = []
+                for rows, columns in ((n, n), (n, m), (m, n), (m, m)):
+                    unknown.append((np.full((1, rows, columns), np.nan),) * 2)
+                return unknown, np.zeros((1, 1))
+            first, second = np.array_split(np.arange(p.size), 2)
+            first_maps, _ = self.maps(column[first], p[first])
+            second_maps, _ = self.maps(column[second], p[second])
+            maps = []
+            for (one, one_size), (other, other_size) in zip(first_maps, second_maps, strict=True):
+                maps.append((np.concatenate([one, other]), np.concatenate([one_size, other_size])))
+            return maps, np.zeros((p.size, 1))  # which may be poles
+        return over_frame(port, self.kept, p.shape), pivots
+
+    def changes(self, column, p):
+        """E less identity of frames, `(points, n, n)`."""
+        (E, *_), _ = self.maps(column, p)
+        return E[0]
+
+    def label(self, column, low, high, bounds):
+        """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
+        stable = self.stable
+        within = stable.column == self.columns[column][:, None]
+        within &= (stable.low < high[:, None]) & (stable.high > low[:, None])
+        inside = within.any(-1)
+        label = np.full(column.size, BAD)
+        if inside.any():
+            label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
+        return label
+
+    def _about(self, column, low, high, bounds):
+        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`,
+        their number, and where they are known."""
+        middle = (low + high) / 2
+        radius = high - low  # twice that of the panel
+        p = middle[:, None] + radius[:, None] * np.append(0.0, HALF_RIM)
+        maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
+        known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
+        known &= ~poles_inside(pivots.reshape(*p.shape, -1))
+        return maps, p.shape, known
+
+
+def by_panel(pairs, shape):
+    """Matrices of all points, and bounds on their errors, by panels and points of each."""
+    panels = []
+    for matrix, size in pairs:
+        batch = *shape, *matrix.shape[1:]
+        panels.append((matrix.reshape(batch), size.reshape(batch)))
+    return panels
+
+
+def of_panels(pairs, at):
+    """Those of some panels."""
+    return [(matrix[at], size[at]) for matrix, size in pairs]
+
+
+def poles_inside(pivots):
+    """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper
+    half, `(n, points, k)`."""
+    moving = (pivots != pivots[:, :1]).any((1, 2))
+    if not moving.any():
+        return moving
+    return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving
+
+
+def determinants(A):
+    """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its
+    middle."""
+    sign, log = np.linalg.slogdet(A)
+    return sign * np.exp(log - log[:, :1])

@@ -1,0 +1,382 @@
+"""What comes out of loops in time, between two numbers each: overshoot and settling of a step, the
+peak-to-peak gain, and the mean square under white noise.
+
+In frames a loop is `x+ = A x + G u`, `y = O x + T u`, u and y having a value for each tick, so that
+an input of 1 in a tick gives T in its frame and `O A^k G` in the k-th one after it.
+
+    step from tick l on   y_k = y_end + O A^(k-1) (x_1 - x_end),   x_end = (1 - A)^-1 G 1
+    peak to peak          max_i sum_l (|T_il| + sum_k |O A^k G|_il)
+    white noise           mean_i (T T' + O X O')_ii,   X = A X A' + G G'
+
+Each is asked of a disc of complex numbers about a panel, half as wide as the disc: what is analytic
+in the number differs there from its value in the middle by at most half of what it does on the rim
+(Schwarz's lemma), as does y over its end, if that is not 0 in the disc.
+
+The first S blocks of frames are summed. With u the largest state of these, entry by entry, and
+`|A^S| u <= q u`, q < 1, all later ones together are at most
+
+    sum_(k >= S) |O A^k G| <= (sum_(k < S) |O A^k| u) max |A^S G/u| / (1 - q).
+
+In the middle, errors of the matrices and rounding are as if each block had added e to the states,
+`e <= b u`, which moves no sample by more than `b sum_k |O A^k| u`. These bounds are computed to
+first order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING
+from wavesweep.engine.response import plus, solved, times
+from wavesweep.require.between import determinants, poles_inside
+from wavesweep.require.disc_panels import SAFE
+from wavesweep.require.maps import Pair
+
+ROWS = 256  # outputs of a block of frames, at least
+MOST_BLOCKS = 2**10  # that are looked at
+MOST_MULTIPLICATIONS = 4e9  # of a panel in all blocks
+TOO_SLOW = 1 / 16  # of these blocks, in which the value may be too large where it rests too slowly
+FORGOTTEN = 1e-13  # size of a mode, at which nothing more is seen of it
+ALIKE = 0.25  # of what loops of a rim lose in a block, of what that in the middle does
+GROWN = 1e6  # the same of one that grows on the rim of a panel
+MOST_DOUBLINGS = 48  # of frames in which noise has acted
+KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
+BAND = 0.02  # of the end of a step, in which it has settled
+UNSURE = 1e-10  # of the end of a step, which samples may be off
+
+
+class Enclosed(NamedTuple):
+    """What is known of a value on each panel: it is between these two numbers. slow: whether it was
+    given up since the loop comes to rest too slowly."""
+
+    low: np.ndarray
+    high: np.ndarray
+    slow: np.ndarray | bool = False
+
+    @staticmethod
+    def unknown(count: int) -> Enclosed:
+        """Nothing is known."""
+        return Enclosed(np.zeros(count), np.full(count, np.inf))
+
+    def decided(self, level: float | None) -> np.ndarray:
+        """Whether the values are on one side of the level, or known without one."""
+        if level is None:
+            return np.isfinite(self.high) & (self.high - self.low <= KNOWN * self.high)
+        return (self.high <= level) | (self.low > level)
+
+
+def _moved(values):
+    """By how much functions of the number, `(panels, points, ...)`, differ from their value in
+    the middle on the panels."""
+    if values.shape[1] == 1:
+        return np.zeros_like(values[:, 0].real)
+    off = values[:, 1:] - values[:, :1].real
+    return SAFE / 2 * np.sqrt((off.real**2 + off.imag**2).max(1))
+
+
+def _largest_on(values):
+    """The largest size of such functions on the panels."""
+    return np.abs(values[:, 0]) + _moved(values)
+
+
+def _units(size):
+    """Units in which states of such sizes are at most 1; those that never move have their own."""
+    return np.where(size > 0, size, 1.0)
+
+
+def mean_square(maps: Sequence[Pair]) -> Enclosed:
+    """The mean square of the output under noise of variance 1 in each tick, on panels.
+
+    maps: E, G, O and T at the middle of each panel and on its rim, `(panels, points, ...)`, each
+    with a bound on its error.
+
+    `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, at most r u u', is
+    below n r times a diagonal with u^2, of n states, and so is what it does to X.
+    """
+    (E, dE), (G, dG), (O, dO), (T, dT) = maps
+    n = E.shape[-1]
+    ticks = T.shape[-1]
+    with np.errstate(all="ignore"):
+        X = G @ G.mT
+        power = E  # A^N - 1
+        for _ in range(MOST_DOUBLINGS):
+            X = 2 * X + X @ power.mT + power @ X + power @ X @ power.mT
+            power = 2 * power + power @ power
+            size = _largest_on(power + np.eye(n))
+            middle = X[:, 0].real
+            u = _units(np.sqrt(np.abs(np.diagonal(middle, axis1=-2, axis2=-1))))
+            q = ((size @ u[..., None])[..., 0] / u).max(-1)
+            if not ((q > KNOWN) & np.isfinite(q)).any():
+                break
+        uu = u[:, :, None] * u[:, None, :]
+        most = (_largest_on(X) / uu).max((-1, -2))
+        shown = (_largest_on(O) @ u[..., None])[..., 0]
+        rest = q**2 / (1 - q**2) * most * (shown**2).sum(-1)
+
+        e, g, o, t = (matrix[:, 0].real for matrix in (E, G, O, T))
+        identity = np.eye(n)
+        changed = e @ middle
+        missed = np.abs(g @ g.mT + changed + changed.mT + changed @ e.mT)
+        steps = np.abs(e) + identity
+        rough = dE[:, 0] + n * SHORT_SUM_ROUNDING * steps
+        carried = rough @ np.abs(middle) @ steps.mT
+        pushed = (dG[:, 0] + ticks * SHORT_SUM_ROUNDING * np.abs(g)) @ np.abs(g).mT
+        missed = missed + carried + carried.mT + pushed + pushed.mT
+        r = (missed / uu).max((-1, -2))
+        error = n * r * np.trace(o @ _summed(e, u) @ o.mT, axis1=-2, axis2=-1)
+        of_O = dO[:, 0] + n * SHORT_SUM_ROUNDING * np.abs(o)
+        of_T = dT[:, 0] + ticks * SHORT_SUM_ROUNDING * np.abs(t)
+        error += 2 * ((of_O @ np.abs(middle)) * np.abs(o)).sum((-1, -2))
+        error += 2 * (np.abs(t) * of_T).sum((-1, -2))
+
+        total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
+        unsure = _moved(total) + error
+        low = np.maximum(total[:, 0].real - unsure, 0.0) / ticks
+        high = (total[:, 0].real + unsure + np.where(q < 1, rest, np.inf)) / ticks
+    known = np.isfinite(low) & np.isfinite(high)
+    return Enclosed(np.where(known, low, 0.0), np.where(known, high, np.inf))
+
+
+def _summed(E, u):
+    """`sum_k A^k diag(u^2) (A^k)'`, by doubling."""
+    Y = u[:, :, None] ** 2 * np.eye(u.shape[-1])
+    power = E
+    for _ in range(MOST_DOUBLINGS):
+        more = Y + Y @ power.mT + power @ Y + power @ Y @ power.mT
+        Y = Y + more
+        power = 2 * power + power @ power
+        if not (np.abs(more).max((-1, -2)) > KNOWN * np.abs(Y).max((-1, -2))).any():
+            break
+    return Y
+
+
+class _Rest(NamedTuple):
+    """What later blocks add, and how far samples are off, by outputs of a block of each panel.
+
+    sums: of all later samples, of all columns. each: the largest later sample. The same of errors,
+    of the samples that were seen, and of all.
+    """
+
+    sums: np.ndarray
+    each: np.ndarray
+    sums_off_so_far: np.ndarray
+    each_off_so_far: np.ndarray
+    sums_off: np.ndarray
+    each_off: np.ndarray
+
+
+def _over_blocks(E: Pair, O: Pair, start: Pair, seen, level: float | None) -> Enclosed:
+    """Return what is known of a value of the outputs that follow from states, whose columns are
+    cases, block by block.
+
+    start: the states before the first block. seen: `look` takes the outputs of the next block,
+    `(panels, points, outputs, columns)`, `value` gives what is known, if a `_Rest` comes after.
+    """
+    while O[0].shape[-2] < ROWS:
+        E, O = _twice(E, O)
+    E, dE = E
+    O, dO = O
+    X, dX = start
+    n = E.shape[-1]
+    identity = np.eye(n)
+    last, slow = _last_blocks(E, O.shape[-2] * n * (X.shape[-1] + n) * E.shape[1])
+    steps = np.abs(E[:, 0]) + identity
+    rough = dE[:, 0] + n * SHORT_SUM_ROUNDING * steps
+    of_O = dO[:, 0] + n * SHORT_SUM_ROUNDING * np.abs(O[:, 0])
+
+    rows = O
+    power = E  # A^S - 1
+    largest = np.zeros((len(E), n))
+    states = np.zeros((len(E), n))
+    shown = np.zeros(rows[:, 0].shape)  # sum_k |O A^k| on the panels, and in the middle
+    shown_middle = shown
+    found = Enclosed.unknown(len(E))
+    done = 0
+    count = 1
+    while True:
+        for _ in range(count - done):
+            seen.look(O @ X)
+            size = np.abs(X[:, 0])
+            largest = np.maximum(largest, size.max(-1))
+            states = states + size.sum(-1)
+            of_rows = np.abs(rows[:, 0])
+            shown_middle = shown_middle + of_rows
+            shown = shown + of_rows + _moved(rows)
+            X = X + E @ X
+            rows = rows + rows @ E
+        done = count
+        u = _units(largest)
+        kappa = _all_shown(shown, _largest_on(power + identity), u)
+        a = (_largest_on(X) / u[..., None]).max(-2)
+        all_states = states + u * (np.abs(X[:, 0]) / u[..., None]).max(-2).sum(-1)[:, None]
+        pushed = (rough @ all_states[..., None])[..., 0] + dX[:, 0].sum(-1)
+        pushed_each = (rough @ u[..., None])[..., 0] + dX[:, 0].max(-1)
+        so_far = (shown_middle @ u[..., None])[..., 0]
+        in_all = _all_shown(shown_middle, np.abs(power[:, 0] + identity), u)
+        off = []
+        for reach in (so_far, in_all):
+            of_sums = reach * (pushed / u).max(-1)[:, None]
+            of_each = reach * (pushed_each / u).max(-1)[:, None]
+            off.append(of_sums + (of_O @ all_states[..., None])[..., 0])
+            off.append(of_each + (of_O @ u[..., None])[..., 0])
+        rest = _Rest(kappa * a.sum(-1)[:, None], kappa * a.max(-1)[:, None], *off)
+        better = seen.value(rest)
+        found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
+        if (found.decided(level) | (count >= last)).all():
+            return found._replace(slow=slow & ~found.decided(level))
+        power = 2 * power + power @ power
+        count = 2 * count
+
+
+def _twice(E, O):
+    """The change and the outputs of twice as many frames, `A^2 - 1` and `[O; O A]`, each with a
+    bound on its error."""
+    E, dE = E
+    O, dO = O
+    A = np.abs(E + np.eye(E.shape[-1]))
+    rough = SHORT_SUM_ROUNDING * (np.abs(E) + np.eye(E.shape[-1]))
+    dlater = dO @ A + np.abs(O) @ (dE + rough)
+    dtwice = dE @ A + A @ dE + 2 * rough + np.abs(E) @ rough
+    outputs = np.concatenate([O, O + O @ E], -2), np.concatenate([dO, dlater], -2)
+    return (2 * E + E @ E, dtwice), outputs
+
+
+def _all_shown(shown, power, u):
+    """A bound on `sum_k |O A^k| u` over all k, from that of S blocks and one on A^S; NaN without."""
+    q = ((power @ u[..., None])[..., 0] / u).max(-1)
+    return (shown @ u[..., None])[..., 0] / np.where(q < 1, 1 - q, np.nan)[:, None]
+
+
+def _last_blocks(E, cost):
+    """The blocks after which nothing more is seen of each panel, and whether these are too many, of
+    loops that are alike; cost: multiplications of one."""
+    with np.errstate(all="ignore"):
+        finite = np.where(np.isfinite(E), E, 0.0)
+        size = np.abs(1 + np.linalg.eigvals(finite)).max(-1, initial=0.0)
+        middle = np.log(FORGOTTEN) / np.log(size[:, 0])
+        middle = np.where(size[:, 0] < 1, middle, 1.0)
+        rim = size[:, 1:].max(-1, initial=0.0)
+        alike = 1 - rim > ALIKE * (1 - size[:, 0])
+        grown = np.where(rim > 1, np.log(GROWN) / np.log(rim), np.inf)
+    most = min(MOST_BLOCKS, MOST_MULTIPLICATIONS / cost)
+    last = np.minimum(middle, grown)
+    slow = (middle > most) & alike
+    return np.clip(np.where(last > most, most * TOO_SLOW, last), 1.0, most), slow
+
+
+class _PeakToPeak:
+    """Sums of the sizes of responses to an input of 1 in each tick, by ticks of the output."""
+
+    def __init__(self, T: Pair) -> None:
+        T, dT = T
+        self.ticks = T.shape[-1]
+        size = np.abs(T[:, 0])
+        moved = _moved(T) + dT[:, 0]
+        self.low = np.maximum(size - moved, 0.0).sum(-1)
+        self.high = (size + moved).sum(-1)
+
+    def by_tick(self, of_outputs):
+        """Sums over the frames of a block."""
+        return of_outputs.reshape(len(of_outputs), -1, self.ticks).sum(1)
+
+    def look(self, outputs) -> None:
+        size = np.abs(outputs[:, 0])
+        moved = _moved(outputs)
+        self.low = self.low + self.by_tick(np.maximum(size - moved, 0.0).sum(-1))
+        self.high = self.high + self.by_tick((size + moved).sum(-1))
+
+    def value(self, rest: _Rest) -> Enclosed:
+        low = self.low - self.by_tick(rest.sums_off_so_far)
+        high = self.high + self.by_tick(rest.sums_off) + self.by_tick(rest.sums)
+        return Enclosed(low.max(-1), np.where(np.isnan(high), np.inf, high).max(-1))
+
+
+def peak_to_peak(maps: Sequence[Pair], level: float | None = None) -> Enclosed:
+    """The largest output, at any time, for an input between -1 and 1 in each tick, from rest;
+    maps: see `mean_square`, level: about which it is asked, None if its value is."""
+    E, G, O, T = maps
+    with np.errstate(all="ignore"):
+        return _over_blocks(E, O, G, _PeakToPeak(T), level)
+
+
+class _Step:
+    """Responses to an input of 1 from each tick of a frame on, over the value at which they end,
+    the mean of their ticks there.
+
+    ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
+    looked for from the step until all samples are within BAND, in place of the overshoot.
+    """
+
+    def __init__(self, T: Pair, ends: Pair, *, settling: bool) -> None:
+        self.settling = settling
+        self.final = ends[0].mean(-1)
+        self.least = np.abs(self.final[:, 0]) - _moved(self.final)
+        self.known = (self.least > 0) & ~poles_inside(self.final[..., None])
+        self.ends = ends[0] / self.final[..., None]
+        self.off = ends[1][:, 0].max(-1)
+        self.largest = np.ones(len(self.ends))
+        self.low = np.zeros(len(self.ends))
+        self.high = np.zeros(len(self.ends))
+        self.frame = self.ends.shape[-1]
+        self.tick = 0
+        self._take(T[0] @ np.tri(self.frame) / self.final[..., None, None])
+
+    def look(self, outputs) -> None:
+        ends = np.tile(self.ends, outputs.shape[-2] // self.frame)
+        self._take(outputs / self.final[..., None, None] + ends[..., None])
+
+    def _take(self, shares) -> None:
+        """Take the next samples, as shares of the final value, `(panels, points, ticks, steps)`."""
+        middle = shares[:, 0].real
+        moved = _moved(shares) + UNSURE
+        self.largest = np.maximum(self.largest, np.abs(middle).max((-1, -2)))
+        since = self.tick + np.arange(middle.shape[-2])[:, None] - np.arange(self.frame)
+        self.tick += middle.shape[-2]
+        if self.settling:
+            off = np.abs(middle - 1)
+            low = np.where(off - moved > BAND, since + 1, 0)
+            high = np.where(off + moved > BAND, since + 1, 0)
+        else:
+            low = middle - moved - 1
+            high = middle + moved - 1
+        self.low = np.maximum(self.low, low.max((-1, -2)))
+        self.high = np.maximum(self.high, high.max((-1, -2)))
+
+    def value(self, rest: _Rest) -> Enclosed:
+        middle = np.tile(self.ends[:, 0].real, rest.each.shape[-1] // self.frame)
+        moved = np.tile(_moved(self.ends), rest.each.shape[-1] // self.frame)
+        later = moved + UNSURE + rest.each / self.least[:, None]
+        if self.settling:
+            high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, self.high, np.inf)
+        else:
+            high = np.fmax(self.high, (middle + later).max(-1) - 1)
+        of_ends = (1 + self.largest) * self.off
+        most_off = UNSURE * np.abs(self.final[:, 0])
+        low_known = self.known & (rest.each_off_so_far.max(-1) + of_ends <= most_off)
+        high_known = self.known & (rest.each_off.max(-1) + of_ends <= most_off)
+        high_known &= ~np.isnan(later).any(-1)
+        low = np.where(low_known, np.nan_to_num(self.low), 0.0)
+        return Enclosed(low, np.where(high_known, high, np.inf))
+
+
+def step(maps: Sequence[Pair], level: float | None = None, *, settling: bool = False) -> Enclosed:
+    """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
+    come; or the ticks from the step until all samples are within BAND of that value.
+
+    maps, level: see `peak_to_peak`. Without a final value, or next to 0, nothing is known.
+    """
+    E, G, O, T = maps
+    begun = np.tri(T[0].shape[-1])
+    with np.errstate(all="ignore"):
+        whole = G[0].sum(-1, keepdims=True), G[1].sum(-1, keepdims=True)
+        end, dend = solved(-E[0], E[1], *whole)
+        regular = ~poles_inside(determinants(E[0])[..., None])
+        starts = plus(times(G, (begun, 0 * begun)), (-end, dend))
+        ones = np.ones((len(begun), 1))
+        ends = plus(times(O, (end, dend)), times(T, (ones, 0 * ones)))
+        seen = _Step(T, (ends[0][..., 0], ends[1][..., 0]), settling=settling)
+        seen.known &= regular
+        return _over_blocks(E, O, starts, seen, level)

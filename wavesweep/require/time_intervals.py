@@ -1,0 +1,151 @@
+"""Where the response in time from an input to an output is as required, along any number of a loop.
+
+`enclosed` says what is asked of a response and how it is bounded on a panel of the number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.frames import solve
+from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
+from wavesweep.engine.loop import Loops
+from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
+from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, along_panels
+from wavesweep.require.enclosed import ROWS, Enclosed, mean_square, peak_to_peak, step
+from wavesweep.require.gain_bound import OVERSHOOT, PEAK, STEP_SETTLING, TimeBound
+from wavesweep.require.gain_intervals import END_EXACTNESS, attached
+from wavesweep.require.maps import Pair
+
+MOST_TICKS = 128  # of a frame
+ENTRIES_AT_ONCE = 2_000_000  # of the outputs of a block of frames, of some panels
+WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
+BESIDE_END = 0.5  # of what ends are exact to, next to an end of stability
+NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
+
+
+def enclosed_value(
+    measure: str, maps: Sequence[Pair], rate: float, level: float | None = None
+) -> Enclosed:
+    """What is known of a value of responses, one of IN_TIME; maps: see `enclosed`; rate: of
+    ticks, Hz.
+
+    level: about which it is asked, None if the value is.
+    """
+    if measure == OVERSHOOT:
+        return step(maps, level)
+    if measure == STEP_SETTLING:
+        ticks = step(maps, None if level is None else level * rate, settling=True)
+        return Enclosed(ticks.low / rate, ticks.high / rate, ticks.slow)
+    if measure == PEAK:
+        return peak_to_peak(maps, level)
+    square = mean_square(maps)
+    return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
+
+
+def refuse_long_frame(ticks: int, key: str) -> None:
+    """Raise UsageError for a frame of more than MOST_TICKS ticks, under the key of a table."""
+    if ticks > MOST_TICKS:
+        expected = f"a frame of at most {MOST_TICKS} ticks, such as that of rates that divide"
+        raise UsageError(f"{key}: expected {expected}, found one of {ticks}")
+
+
+def along_time(
+    loops: Loops,
+    along: str,
+    span,
+    period,
+    bounds,
+    resolved,
+    route,
+    wanted: TimeBound,
+    stable: Intervals,
+) -> Intervals:
+    """All intervals of a number in which a value of the response is at most its level, within those
+    in which the loops may be stable.
+
+    The arguments are those of `along_gain`. The omegas of ends are 0, with a minus: no mode is on
+    the circle there. Accuracy: ends to END_EXACTNESS; a value that comes to rest too slowly is in
+    doubt. Errors: UsageError if the signal moves without end, for a step that ends at 0, and for a
+    frame of more than MOST_TICKS.
+    """
+    measure = wanted.measure
+    size = period.size
+    drift, port, number, p = typical_between(loops, along, span, size, route, measure)
+    ticks = port.kind.size
+    refuse_long_frame(ticks, f"sweep.require.{measure}")
+    level = wanted.at_most * (1 + WHOLE_TICKS * (measure == STEP_SETTLING))
+    columns = np.arange(size)
+    about = loops, along, route, level, drift, needed(port.maps), ticks
+    width = span[1] - span[0]
+    begun = np.full(size, END_EXACTNESS)
+    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun)
+
+    # Next to an end of stability discs have loops that grow: there nothing is looked for.
+    low = stable.low + BESIDE_END * ends.of(stable.low, width) * (stable.low > span[0])
+    high = stable.high - BESIDE_END * ends.of(stable.high, width) * (stable.high < span[1])
+    inner = replace(stable, low=low, high=high)
+    judge = InTime(*about, columns, inner, measure, port.rate)
+    if measure in (OVERSHOOT, STEP_SETTLING) and judge.ends_at_zero(number, p):
+        raise UsageError(
+            f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
+            f"from {wanted.source} to {wanted.signal}; peak_to_peak and rms bound what comes of it"
+        )
+    found = along_panels([judge], np.ones(size, bool), span, period, bounds, resolved, ends)
+    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
+    return attached(found, stable, SHARE_OF_SPAN * width)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InTime(Between):
+    """A value of the response of loops, one of IN_TIME, which has to be at most the level; rate:
+    of ticks, Hz."""
+
+    measure: str
+    rate: float
+
+    @property
+    def order(self) -> int:
+        """Of the matrices of a panel, about."""
+        return self.kept.size + self.inputs
+
+    def ends_at_zero(self, column, p) -> bool:
+        """Whether the response to a constant input ends at 0, at all of some values."""
+        maps, _ = self.maps(column, p)
+        E, G, O, T = (matrix for matrix, _ in maps)
+        ones = np.ones((self.inputs, 1))
+        through = T @ ones
+        shown = O @ solve(-E, G @ ones)
+        size = np.abs(through) + np.abs(shown)
+        total = np.abs((through + shown).mean((-1, -2)))
+        return bool((total <= NO_END * size.max((-1, -2))).all())
+
+    def _label(self, column, low, high, bounds):
+        maps, shape, judged = self._about(column, low, high, bounds)
+        maps = by_panel(maps, shape)
+        for matrix, size in maps:
+            judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
+        label = np.full(column.size, OPEN)
+        rows = max(ROWS, self.inputs)
+        at_once = max(1, ENTRIES_AT_ONCE // (shape[1] * rows * (self.inputs + self.kept.size)))
+        known = np.flatnonzero(judged)
+        for first in range(0, known.size, at_once):
+            at = known[first : first + at_once]
+            value = enclosed_value(self.measure, of_panels(maps, at), self.rate, self.level)
+            label[at] = np.where(value.slow, LOST, OPEN)
+            label[at[value.high <= self.level]] = GOOD
+            label[at[value.low > self.level]] = BAD
+        return label
+
+    def worst(self, column, p):
+        """The point z = 1, less 1, and by how much the value is beyond the level, of it, as far as
+        that is known."""
+        maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
+        maps = by_panel(maps, (p.size, 1))
+        value = enclosed_value(self.measure, maps, self.rate, self.level)
+        known = np.where(np.isfinite(value.high), value.high, value.low)
+        return np.zeros(p.size), known / self.level - 1

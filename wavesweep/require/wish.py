@@ -1,0 +1,89 @@
+"""What may be wished for of a design: overshoot and settling of a step, the peak-to-peak gain, and
+what white noise comes out with."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from wavesweep.engine.keys import Key
+from wavesweep.require.gain_bound import OVERSHOOT, PEAK, RMS, STEP_SETTLING
+
+if TYPE_CHECKING:
+    from wavesweep.engine.loop import Loops
+
+EXACT = 1e-9  # of a value, to which it is known if it is certified
+ENDS = {
+    "from": Key.word("from", None, "input in [ports]"),
+    "to": Key.word("to", None, "output in [ports], or a signal"),
+}
+
+
+def _measured(measure: str, loops: Loops, size: int, **ends: str):
+    """A value of the response of each loop, missing if it is not stable, and whether it is
+    certified, to EXACT."""
+    import numpy as np
+
+    from wavesweep.engine.response import port_between
+    from wavesweep.program.analyses.signals import routed
+    from wavesweep.require.between import needed
+    from wavesweep.require.maps import over_frame
+    from wavesweep.require.time_intervals import enclosed_value, refuse_long_frame
+
+    drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{measure}")
+    loops = loops._replace(drawing=drawing)
+    stable = loops.read.radii(size) < 1
+    port = port_between(loops.drawn(), *route, loops.drift(watched=route[1:]))
+    refuse_long_frame(port.kind.size, f"design.wish.{measure}")
+    value = np.full(size, np.nan)
+    if port.outputs > 1:
+        return value, stable
+    maps = over_frame(port, needed(port.maps), (size,))
+    maps = [(matrix[stable, None], error[stable, None]) for matrix, error in maps]
+    found = enclosed_value(measure, maps, port.rate)
+    known = np.isfinite(found.high)
+    value[stable] = np.where(known, found.high, np.nan)
+    certified = ~np.isnan(loops.read.radii(size))
+    size_of = found.high + (measure == OVERSHOOT)  # which is a share
+    certified[stable] = known & (found.high - found.low <= EXACT * size_of)
+    return value, certified
+
+
+def _wish(measure: str, unit: str, title: str, description: str):
+    return {
+        "unit": unit,
+        "more": False,
+        "title": title,
+        "description": description,
+        "options": ENDS,
+        "ports": (),
+        "measure": partial(_measured, measure),
+    }
+
+
+WISHES = {
+    OVERSHOOT: _wish(
+        OVERSHOOT,
+        "1",
+        "overshoot of a step",
+        "overshoot of a step, as a share of its final value, for the worst tick of a frame in which it comes",
+    ),
+    STEP_SETTLING: _wish(
+        STEP_SETTLING,
+        "s",
+        "settling time of a step, to 2 %",
+        "time after which a step stays within 2 % of its final value",
+    ),
+    PEAK: _wish(
+        PEAK,
+        "of to over from",
+        "peak-to-peak gain",
+        "largest output for an input between -1 and 1 in every tick, from rest: the l1 norm",
+    ),
+    RMS: _wish(
+        RMS,
+        "of to over from",
+        "output under white noise",
+        "root mean square of the output under white noise of a root mean square of 1, new in every tick: the H2 norm",
+    ),
+}
