@@ -14,18 +14,16 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import LETTERS_SHOWN, read_csv
+from wavesweep.program.csv_files import LETTERS_SHOWN, Csv, read_csv
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 FREQUENCIES = (FREQUENCY, "frequency (hz)", "frequency", "freq_hz", "freq (hz)", "freq", "hz")
-DERIVED = {
-    NAME: 0,
-    "mobility": 1,
-    "accelerance": 2,
-}  # responses of position, velocity and acceleration
+# responses of position, velocity and acceleration: how often the position is derived
+DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}
+SUFFIXES = (("abs", "deg"), ("re", "im"))  # of the two columns of a response
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
 LEAST_RESPONSE_ROWS = 8  # of a response that is fitted
 MOST_POINTS_BYTES = 100_000_000
@@ -85,40 +83,17 @@ def read_response(
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
-    columns = dict(columns or {})
-    if FREQUENCY not in columns and _frequency(file.names):
-        columns[FREQUENCY] = _frequency(file.names)
-    forms = list(product(DERIVED, (("abs", "deg"), ("re", "im"))))
-    known = [f"{name}_{suffix}" for name, suffixes in forms for suffix in suffixes]
-    known = [FREQUENCY, COHERENCE, *known]
-    if unknown := [name for name in columns if name not in known]:
-        raise UsageError(
-            f"--column {unknown[0]}: expected one of {', '.join(known)}, found {unknown[0]}"
-        )
-    if missing := [name for name in columns if columns[name] not in file.names]:
-        raise UsageError(f"{path}: expected a column {columns[missing[0]]}, found {file.listed}")
-    there = {name: columns.get(name, name) for name in known}
-    there = {name: column for name, column in there.items() if column in file.names}
-    readable = [
-        (name, suffixes)
-        for name, suffixes in forms
-        if {f"{name}_{suffix}" for suffix in suffixes} <= {*there}
-    ]
-    if not readable or FREQUENCY not in there:
-        expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
-        raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
-    name, suffix_pair = readable[0]
-    names = [
-        FREQUENCY,
-        *(f"{name}_{suffix}" for suffix in suffix_pair),
-        *[COHERENCE] * (COHERENCE in there),
-    ]
-    hertz, first, two, *rest = file.numbers([there[name] for name in names], least).T
+    own_names = _own_names(file, dict(columns or {}))
+    quantity, suffixes = _form(file, own_names)
+    names = [FREQUENCY, *(f"{quantity}_{suffix}" for suffix in suffixes)]
+    if COHERENCE in own_names:
+        names.append(COHERENCE)
+    hertz, first, second, *rest = file.numbers([own_names[name] for name in names], least).T
     scales = scales or {}
-    if unknown := [scaled for scaled in scales if scaled not in ("frequency", name)]:
-        raise UsageError(
-            f"--scale {unknown[0]}: expected one of frequency, {name}, found {unknown[0]}"
-        )
+    for scaled in scales:
+        if scaled not in ("frequency", quantity):
+            expected = f"expected one of frequency, {quantity}, found {scaled}"
+            raise UsageError(f"--scale {scaled}: {expected}")
     hertz = hertz * scales.get("frequency", 1.0)
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(
@@ -127,16 +102,47 @@ def read_response(
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    if suffix_pair[0] == "abs":
-        H, unusable = first * np.exp(1j * np.radians(two)), first <= 0
+    if suffixes == ("abs", "deg"):
+        response = first * np.exp(1j * np.radians(second))
+        unusable = first <= 0
     else:
-        H, unusable = first + 1j * two, (first == 0) & (two == 0)
+        response = first + 1j * second
+        unusable = (first == 0) & (second == 0)
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
-    H = scales.get(name, 1.0) * H
-    return FrequencyResponse(
-        hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256
-    )
+    response = scales.get(quantity, 1.0) * response
+    admittance = response / (2j * np.pi * hertz) ** DERIVED[quantity]
+    return FrequencyResponse(hertz, admittance, coherence, file.sha256)
+
+
+def _own_names(file: Csv, columns: dict[str, str]) -> dict[str, str]:
+    """The names in a file of the columns of a response that it has, by our names. columns: as of
+    `read_response`."""
+    known = [FREQUENCY, COHERENCE]
+    for quantity, suffixes in product(DERIVED, SUFFIXES):
+        known += [f"{quantity}_{suffix}" for suffix in suffixes]
+    if FREQUENCY not in columns and _frequency(file.names):
+        columns[FREQUENCY] = _frequency(file.names)
+    for name in columns:
+        if name not in known:
+            expected = f"expected one of {', '.join(known)}, found {name}"
+            raise UsageError(f"--column {name}: {expected}")
+    for column in columns.values():
+        if column not in file.names:
+            raise UsageError(f"{file.path}: expected a column {column}, found {file.listed}")
+    own_names = {name: columns.get(name, name) for name in known}
+    return {name: column for name, column in own_names.items() if column in file.names}
+
+
+def _form(file: Csv, own_names: Mapping[str, str]) -> tuple[str, tuple[str, str]]:
+    """The quantity that a file has as two columns, and the suffixes of these. own_names: of its
+    columns."""
+    for quantity, suffixes in product(DERIVED, SUFFIXES):
+        both = all(f"{quantity}_{suffix}" in own_names for suffix in suffixes)
+        if both and FREQUENCY in own_names:
+            return quantity, suffixes
+    expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
+    raise UsageError(f"{file.path}: expected columns {expected}, found {file.listed}")
 
 
 def read_walls(path: str | Path) -> MeasuredWalls:
@@ -181,27 +187,32 @@ def _stable_flags(file):
 
 def walls_of(spec: Spec) -> MeasuredWalls | None:
     """The walls that [measured] names; None if it names none. Errors: UsageError."""
-    return _points(
-        spec, "z_width", lambda path: (walls_read := read_walls(path), len(walls_read.K_VE))
-    )
+    path = _measured_file(spec, "z_width")
+    if path is None:
+        return None
+    walls = read_walls(path)
+    _refuse_many(path, len(walls.K_VE))
+    return walls
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:
     """The response that [measured] names; None if it names none. Errors: UsageError."""
-    return _points(
-        spec,
-        "response",
-        lambda path: (
-            response_read := read_response(path, 1, MOST_BYTES_OF_POINTS),
-            len(response_read.coherence),
-        ),
-    )
+    path = _measured_file(spec, "response")
+    if path is None:
+        return None
+    response = read_response(path, 1, MOST_BYTES_OF_POINTS)
+    _refuse_many(path, len(response.coherence))
+    return response
 
 
-def _points(spec, name, read):
+def _measured_file(spec: Spec, name: str) -> Path | None:
+    """The path of a file that [measured] names, which is relative to the spec's folder."""
     if name not in spec.measured:
         return None
-    points, count = read(path := Path(spec.source or "").parent / spec.measured[name])
+    return Path(spec.source or "").parent / spec.measured[name]
+
+
+def _refuse_many(path: Path, count: int) -> None:
+    """Raise UsageError for more points than a spec may name."""
     if count > MOST_POINTS:
         raise UsageError(f"{path}: expected at most {MOST_POINTS} points, found {count}")
-    return points

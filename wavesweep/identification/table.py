@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
-from itertools import product
 from math import exp, inf, isnan, sqrt
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -49,11 +48,8 @@ COUPLED = {
     "coupling_damping": "N*s/m",
 }
 UNITS |= COUPLED
-LOGARITHMS = {
-    "mass": "log_mass",
-    "load_mass": "log_load",
-    "coupling_stiffness": "log_coupling",
-}  # that are fitted
+# that are fitted
+LOGARITHMS = {"mass": "log_mass", "load_mass": "log_load", "coupling_stiffness": "log_coupling"}
 OF_FORCE = {*UNITS} - {"delay"}  # which are proportional to the motor's constant
 # times the least load or stiffness, below which the largest has to be: noise alone looks like a
 # less certain one
@@ -245,11 +241,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.refusals import help_for
 
     started = time.perf_counter()
-    columns, scales, resolution = (
-        given.get("columns", {}),
-        given.get("scales", {}),
-        given.get("resolution"),
-    )
+    columns, scales = given.get("columns", {}), given.get("scales", {})
+    resolution = given.get("resolution")
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
     step = step_of(log.reading) if resolution is None else resolution
@@ -268,39 +261,34 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     with one_thread():
         try:
             fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
-            halves = fit.half + fit.extra, fit.half
-            parameters, unwidened = (
-                _parameters(fit, fit.model.names, half, log.turns, constants) for half in halves
-            )
-            if not verdict.withheld:
-                _refuse_unknown(unwidened)
+            fitted_names = fit.model.names
+            widened = fit.half + fit.extra
+            parameters = _parameters(fit, fitted_names, widened, log.turns, constants)
+            if verdict.withheld:
+                _take_intervals_away(parameters)
+            else:
+                _refuse_unknown(_parameters(fit, fitted_names, fit.half, log.turns, constants))
         except UsageError as refused:
             raise UsageError(f"{path}: {refused}{help_for(model, log, step)}") from None
-    for number in parameters.values() if verdict.withheld else ():
-        if number["low"] < number["high"]:
-            number |= {"low": None, "high": None}
-    options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {
-        "resolution": resolution
-    }
-    options |= ({"motor_constant": constants} if constants else {}) | (
-        {"two_masses": True} if model.load else {}
-    )
+    options = {name: getattr(model, name) for name in ("spring", "friction", "delay")}
+    options["resolution"] = resolution
+    if constants:
+        options["motor_constant"] = constants
+    if model.load:
+        options["two_masses"] = True
     options |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
+    outliers = fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
     facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
-    facts["unusual"] = "" if log.scaled else _unusual_of_log(parameters["mass"], log)
     facts |= {
+        "unusual": "" if log.scaled else _unusual_of_log(parameters["mass"], log),
         "turns": log.turns,
         "resolution": step,
         "methods": {"identify": METHOD if fit.estimate else PREDICTION_METHOD},
         "measured": log.measured,
+        "notices": list(_notices(log, resolution, step, outliers)),
     }
-    facts["notices"] = list(
-        _notices(
-            log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
-        )
-    )
-    found = {
+    table_columns = {
         "time_s": log.times,
         "force": log.force,
         log.measured: log.reading,
@@ -308,7 +296,15 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         "residual": fit.residual,
         "weight": np.append(np.zeros(fit.rows.skip), fit.rows.used),
     }
-    return Table.of("identify", found, facts, fields=fields_of_log(log.measured, log.turns))
+    fields = fields_of_log(log.measured, log.turns)
+    return Table.of("identify", table_columns, facts, fields=fields)
+
+
+def _take_intervals_away(parameters: Mapping[str, dict[str, Any]]) -> None:
+    """Leave the numbers without their intervals; one that is given as it is keeps its ends."""
+    for number in parameters.values():
+        if number["low"] < number["high"]:
+            number |= {"low": None, "high": None}
 
 
 def turned(unit: str) -> str:
@@ -336,67 +332,54 @@ def _parameters(
     constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and
     fitted with the middle one.
     """
-    ends = dict(
-        zip(
-            fitted_names,
-            np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(),
-            strict=True,
-        )
-    )
-    ends |= {
-        name: [exp(min(max(end, -700.0), 700.0)) for end in ends[log]]
-        for name, log in LOGARITHMS.items()
-        if log in ends
-    }
-    numbers = fit.numbers
-    names = [
-        "mass",
-        "damping",
-        *(name for name in (*COUPLED, "stiffness", "friction") if name in ends),
-        "delay",
-    ]
-    if (
-        fit.model.measured == "acceleration" and "velocity" not in ends
-    ):  # it is mixed with the effect of the initial velocity
-        ends.pop("offset", None)
+    both_ends = np.stack([fit.theta - half, fit.theta + half], axis=1).tolist()
+    ends = dict(zip(fitted_names, both_ends, strict=True))
+    for name, logarithm in LOGARITHMS.items():
+        if logarithm in ends:
+            ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[logarithm]]
+    if fit.model.measured == "acceleration" and "velocity" not in ends:
+        ends.pop("offset", None)  # it is mixed with the effect of the initial velocity
+    names = ["mass", "damping"]
+    names += [name for name in (*COUPLED, "stiffness", "friction") if name in ends]
+    names.append("delay")
     names += [name for name in ("offset", "bias") if name in ends]
     units = UNITS | {"bias": READ[fit.model.measured]}
     parameters = {}
     for name in names:
-        value = numbers[name]
+        value = fit.numbers[name]
         low, high = ends.get(name, (value, value))
         if constants and name in OF_FORCE:
-            by_constant = [
-                end * 2 * constant / sum(constants)
-                for end, constant in product((low, high), constants)
-            ]
-            low, high = min(by_constant), max(by_constant)
-        unit = TURNING.get(name, turned(units[name]))
-        parameters[name] = {
-            "value": value,
-            "low": low,
-            "high": high,
-            "unit": unit if turns else units[name],
-        }
+            low, high = _by_constants(low, high, constants)
+        unit = TURNING.get(name, turned(units[name])) if turns else units[name]
+        parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
     return parameters
+
+
+def _by_constants(low: float, high: float, constants: tuple[float, float]) -> tuple[float, float]:
+    """The ends of a number that is in proportion to a motor's constant, over both ends of that;
+    it was fitted with the middle one."""
+    ends = []
+    for end in (low, high):
+        ends += [end * 2 * constant / sum(constants) for constant in constants]
+    return min(ends), max(ends)
 
 
 def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
     """Raise UsageError for a mass that the log leaves open, and for numbers that are negative."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
-        estimates = ", ".join(
-            f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass"
-        )
+        others = {name: number for name, number in parameters.items() if name != "mass"}
+        estimates = ", ".join(f"{name} {spoken(number)}" for name, number in others.items())
         raise UsageError(
             f"what was measured leaves the mass open: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
         )
-    for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
-        if not (each := parameters[name])["high"] < KNOWN_RATIO * each["low"]:
+    for name in ("load_mass", "coupling_stiffness"):
+        number = parameters.get(name)
+        if number is not None and not number["high"] < KNOWN_RATIO * number["low"]:
             raise UsageError(
                 f"what was measured leaves the resonance of the two masses open: the {name} could be anything from "
-                f"{each['low']:.2g} to {each['high']:.2g} {each['unit']}; record a chirp or noise through the resonance"
+                f"{number['low']:.2g} to {number['high']:.2g} {number['unit']}; record a chirp or noise through the resonance"
             )
     for name in (*PATHS, *COUPLED):
         if name in parameters and parameters[name]["high"] < 0:
@@ -476,13 +459,8 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {seconds(log.times[wild[0]])} s"
 
 
-JUDGED = (
-    "parameters",
-    "explained",
-    "missing",
-    "residual",
-    "unusual",
-)  # the facts that every summary has
+# the facts that every summary has
+JUDGED = ("parameters", "explained", "missing", "residual", "unusual")
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -544,42 +522,37 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
-    yield from ((line, True) for line in (found["unusual"], *negative(found["parameters"])) if line)
+    """Yield whether the model explains what was measured, and otherwise what it lacks."""
+    for doubt in (found["unusual"], *negative(found["parameters"])):
+        if doubt:
+            yield doubt, True
     if found["explained"]:
         yield f"the model explains the {what}", False
-        other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
-        if band := found["residual"].get("resonance_hz"):
-            yield (
-                f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz",
-                False,
-            )
-        return
-    if found["missing"] == "unseen":
+        band = found["residual"].get("resonance_hz")
+        if band:
+            other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
+            would_show = f"would show from {band[0]:.3g} to {band[1]:.3g} Hz"
+            yield f"{other} of a quarter of the mass {would_show}", False
+    elif found["missing"] == "unseen":
         yield (
             "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it",
             True,
         )
         yield "push harder, or record a chirp or noise", True
+    else:
+        for line in _lacks(found, what):
+            yield line, True
+
+
+def _lacks(found: Numbers, what: str) -> Iterator[str]:
+    """Yield what a model lacks that does not explain what was measured."""
+    left, missing = found["residual"], _missing_in_words(found)
+    is_noise = found["missing"] == "noise"
+    if is_noise or not left.get("lacking"):
+        lacks = "" if is_noise else " it lacks"
+        said = f"the intervals are wider by what is left:{lacks} {missing}"
+        yield f"the model does not explain the {what}, and {said}"
         return
-    missing_words, left = (
-        MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}),
-        found["residual"],
-    )
-    hertz = left["frequency_hz"] or 0.0
-    newton = "N*m" if found.get("turns") else "N"
-    missing = missing_words[found["missing"]].format(frequency_hz=hertz)
-    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < LEAST_PERIODS:
-        size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
-        unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
-        beyond = " beyond the steps of the encoder" * bool(found["resolution"])
-        missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    if not left.get("lacking") or found["missing"] == "noise":
-        lacks = "" if found["missing"] == "noise" else " it lacks"
-        said = f"the intervals are wider by what is left:{lacks}"
-        yield f"the model does not explain the {what}, and {said} {missing}", True
-        return
-    newton = "N*m" if found["turns"] else "N"
-    size = f"{left['lacking']:.3g} {newton} rms, {100 * left['lacking_share']:.2g} % of that of the log"
     explains = f"; this effect explains {100 * left['share_of_missing']:.2g} % of it"
     if left["withheld"]:
         said = "so no number has an interval"
@@ -588,8 +561,25 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         explains = ""
     else:
         said = "but the numbers above are those beside what it lacks"
-    yield f"the model does not explain the {what}, {said}: it lacks {missing}", True
-    yield f"what it lacks is a force of {size}{explains}", True
+    yield f"the model does not explain the {what}, {said}: it lacks {missing}"
+    newton = "N*m" if found["turns"] else "N"
+    size = f"{left['lacking']:.3g} {newton} rms, {100 * left['lacking_share']:.2g} % of that of the log"
+    yield f"what it lacks is a force of {size}{explains}"
+
+
+def _missing_in_words(found: Numbers) -> str:
+    """What a model lacks, in words; a resonance of which the log has few periods is a slow motion."""
+    left = found["residual"]
+    hertz = left["frequency_hz"] or 0.0
+    if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < LEAST_PERIODS:
+        size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
+        unit = READ[found["measured"]]
+        if found["turns"]:
+            unit = turned(unit)
+        beyond = " beyond the steps of the encoder" if found["resolution"] else ""
+        return f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
+    words = MISSING | MISSING_OF_TWO if "load_mass" in found["parameters"] else MISSING
+    return words[found["missing"]].format(frequency_hz=hertz)
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
