@@ -40,15 +40,8 @@ from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.sweep.job import Job
 
 FREE = dict.fromkeys(HAND, 0.0)
-STARTS = (
-    0.0,
-    1.0,
-    0.05,
-    0.2,
-    0.01,
-    0.5,
-    0.002,
-)  # of the range, where a passive value is looked for
+# of the range, where a passive value is looked for
+STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)
 END_DISTANCE = 1e-5  # of an end, or of the range, how near the last value on its other side is
 LARGE_DAMPING = 1e9  # N*s/m: more than anything is short of
 # rad per tick, below which the motion is the same in each repetition of a pattern
@@ -96,47 +89,36 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     drawing = own_loop(spec, along).drawing
     _refuse_loop(spec, rules, drawing)
     with placed(spec):
-        margin = _Margin(
-            rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along
+        case = cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0]
+        margin = _Margin(rules, case, along)
+    ruled, name = margin.ruled, name_of(along)
+    for axis in case.ranges:
+        if axis.path not in HAND and (axis.path in ruled.reads or margin.is_curved(axis.path)):
+            expected = "ranges of the device's mass and damping alone, and values of others"
+            raise UsageError(REFUSED.format(expected, axis.name))
+    many = along in ruled.reads and not _acts_once(ruled, name)
+    if along and (many or margin.is_curved(along)):
+        expected = (
+            "intervals along a number that multiplies what it does not act on itself, such as K_VE"
         )
-    ruled = margin.ruled
-
-    def curved(path):
-        return any(degree(tree, name_of(path)) > 1 for tree in margin.device)
-
-    for axis in margin.case.ranges:
-        if axis.path not in HAND and (axis.path in ruled.reads or curved(axis.path)):
-            raise UsageError(
-                REFUSED.format(
-                    "ranges of the device's mass and damping alone, and values of others", axis.name
-                )
-            )
-    name = name_of(along)
-    if along and (curved(along) or (along in ruled.reads and not _acts_once(ruled, name))):
-        raise UsageError(
-            REFUSED.format(
-                "intervals along a number that multiplies what it does not act on itself, such as K_VE",
-                name,
-            )
-        )
+        raise UsageError(REFUSED.format(expected, name))
 
 
 def _refuse_loop(spec, rules, drawing):
     if rules.messages:
         raise UsageError("for hands: expected a spec without channels, found some")
     if drawing.has_waves:
-        raise UsageError(
-            REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves")
-        )
+        expected = "a wall without waves (dc-slow, dc-lm, or a drawn one)"
+        raise UsageError(REFUSED.format(expected, "waves"))
     if rules.for_all.loss:
         # A force that is held for ever is moved by a hand for ever: no damping is enough.
         expected = "a limit to the results that are lost in a row (lost = 1, or more)"
         found = "loss, with which any number in a row may be lost"
         raise UsageError(REFUSED.format(expected, found))
     if drawing.dead_times:
-        expected = (
-            "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
-        )
+        expected = "device.delay in place of device.dead_time"
+        if spec.drawing:
+            expected = "delays in ticks"
         raise UsageError(REFUSED.format(expected, f"seconds of {', '.join(drawing.dead_times)}"))
 
 
@@ -144,16 +126,19 @@ def _acts_once(ruled: Drawing, name: str) -> bool:
     """Whether a single wire or gain of a loop with a ruler reads a number, and what it gives
     does not come back to it."""
     place = scalar_place(ruled, name)
-    start = place.split(".")[1] if place else ""
-    sources = {}
+    if not place:
+        return False
+    start = place.split(".")[1]
+    sources: dict[str, set[str]] = {}  # of each block, the blocks whose signals enter it
     for port, terms in (*ruled.wires, *ruled.couplings):
-        sources.setdefault(port.partition(".")[0], set()).update(
-            signal.partition(".")[0] for signal, _ in terms
-        )
-    reached = sources.get(start, set())
-    while further := set().union(*(sources.get(signal, ()) for signal in reached)) - reached:
-        reached = reached | further
-    return bool(place) and start not in reached
+        into = sources.setdefault(port.partition(".")[0], set())
+        into.update(signal.partition(".")[0] for signal, _ in terms)
+    reached: set[str] = set()
+    fresh = sources.get(start, set())
+    while fresh:
+        reached |= fresh
+        fresh = set().union(*(sources.get(block, ()) for block in fresh)) - reached
+    return start not in reached
 
 
 def damping(spec: Spec) -> dict[str, object] | None:
@@ -167,18 +152,17 @@ def damping(spec: Spec) -> dict[str, object] | None:
     try:
         refuse(spec, rules, "")
         margins = [_Margin(rules, case, "") for case in cases_of(rules, "", (0.0, 0.0), loop)]
-        margins_at_rest = [(margin, *margin.at(0.0)) for margin in margins]
+        at_rest = [(margin, *margin.at(0.0)) for margin in margins]
     except UsageError:
         return None
-    _, needed, has = max(margins_at_rest, key=lambda each: each[1].proved - each[2])
-    margin, worst, _ = max(margins_at_rest, key=lambda each: each[1].refuted - each[2])
-    numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
-    facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {
-        "by": margin.text(worst)
-    }
-    if needed.proved <= has and not claims_hold(
-        rules, [margin.case for margin in margins], changes=FREE
-    ):
+    _, needed, has = max(at_rest, key=lambda each: each[1].proved - each[2])
+    margin, worst, _ = max(at_rest, key=lambda each: each[1].refuted - each[2])
+    facts: dict[str, object] = {}
+    for name, value in (("needed", needed.proved), ("refuted", worst.refuted), ("device", has)):
+        facts[name] = value if np.isfinite(value) else None
+    facts["by"] = margin.text(worst)
+    cases = [margin.case for margin in margins]
+    if needed.proved <= has and not claims_hold(rules, cases, changes=FREE):
         return facts | {"needed": None, "doubt": "contradiction"}
     return facts
 
@@ -194,27 +178,31 @@ class _Margin:
         self.plan = rules.plan({**case.values, **FREE}, (along,) if along else ())
         self.loop = HeldLoop(self.plan.drawing, self.plan.values)
         self.ruled = with_ruler(self.plan.drawing)
-        block = next(
-            block
-            for block in self.plan.drawing.blocks
-            if block.name == device_of(self.plan.drawing)
-        )
-        self.device = [dict(block.keys)[name] for name in ("damping", "stiffness")]
+        device = device_of(self.plan.drawing)
+        keys = next(dict(block.keys) for block in self.plan.drawing.blocks if block.name == device)
+        self.device = [keys[name] for name in ("damping", "stiffness")]
+
+    def is_curved(self, path: str) -> bool:
+        """Whether the device's damping or stiffness is no line in a number."""
+        return any(degree(tree, name_of(path)) > 1 for tree in self.device)
 
     def at(self, p: float):
         """What is needed at a value, and the least damping of the device there."""
         from wavesweep.for_all.every_hand_proof import Needed
 
         along_value = {self.along: p} if self.along else {}
-        ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
         paths = [axis.path for axis in self.case.ranges]
-        ends = [
-            device_keys(self.loop.changed({**dict(zip(paths, corner, strict=True)), **along_value}))
-            for corner in ends
-        ]
-        has, stiffness = (float(min(end_keys[place] for end_keys in ends)) for place in (1, 2))
+        dampings, stiffnesses = [], []
+        for corner in product(*((axis.start, axis.stop) for axis in self.case.ranges)):
+            changes = {**dict(zip(paths, corner, strict=True)), **along_value}
+            _, damping, stiffness = device_keys(self.loop.changed(changes))
+            dampings.append(damping)
+            stiffnesses.append(stiffness)
+        has = float(min(dampings))
         loop, needed = self._needed(p, along_value)
-        return Needed(np.inf) if loop and loop.pulls(stiffness) else needed, has
+        if loop and loop.pulls(float(min(stiffnesses))):
+            return Needed(np.inf), has
+        return needed, has
 
     def _needed(self, p, along_value):
         """The loop at a value, and what it needs of the device, both remembered."""
@@ -223,10 +211,8 @@ class _Margin:
         key = p if self.along in self.ruled.reads else None
         if key not in self.known:
             loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **along_value}))
-            self.known[key] = (
-                loop,
-                loop.needed() if loop and self._decays(loop, p) else Needed(np.inf),
-            )
+            decays = loop is not None and self._decays(loop, p)
+            self.known[key] = loop, loop.needed() if decays else Needed(np.inf)
         return self.known[key]
 
     def _decays(self, loop, p) -> bool:
@@ -235,8 +221,10 @@ class _Margin:
         the loop."""
         if loop.unmet is None:
             return True
-        self.unmet = self.unmet or loop.unmet if p else self.unmet
-        alike = not p or np.array_equal(self.unmet.E, loop.unmet.E)
+        if not p:
+            return decide(loop.unmet).verdict == PROVED
+        self.unmet = self.unmet or loop.unmet
+        alike = np.array_equal(self.unmet.E, loop.unmet.E)
         return alike and decide(loop.unmet).verdict == PROVED
 
     def text(self, needed) -> str:
@@ -252,32 +240,30 @@ class _Margin:
 def _row(margin: _Margin, case: Case, span) -> Row | None:
     """The passive values that are proved, and the nearest ones that are refuted."""
     low, high = span
-    proved, refuted = (_signed(margin, side) for side in ("proved", "refuted"))
-    start = next(
-        (p for p in (low + share * (high - low) for share in STARTS) if proved(p) <= 0), None
-    )
+    proved, refuted = _missing(margin, "proved"), _missing(margin, "refuted")
+    tried = (low + share * (high - low) for share in STARTS)
+    start = next((p for p in tried if proved(p) <= 0), None)
     if start is None:
         return None
-    ends, fails, by, omega = [], [], [], []
+    ends, fails, by, omega, settled = [], [], [], [], True
     for limit in span:
         end, beyond = _edge(proved, start, limit)
         if beyond is not None and refuted(beyond) <= 0:
-            beyond = _edge(refuted, beyond, limit)[1]
+            _, beyond = _edge(refuted, beyond, limit)
+        needed = None if beyond is None else margin.at(beyond)[0]
         ends.append(end)
         fails.append(limit if beyond is None else beyond)
-        needed = None if beyond is None else margin.at(beyond)[0]
         by.append(needed and {**case.fixed, margin.text(needed): None})
         omega.append(needed.omega if needed else np.nan)
+        settled = settled and is_near(end, fails[-1]) and bool(by[-1] or end == limit)
     interval = Part(*fails, *by, *omega)
-    settled = all(
-        is_near(end, fail) and (known or end == limit)
-        for end, fail, known, limit in zip(ends, fails, by, span, strict=True)
-    )
     return Row(*ends, interval, settled, text_of_part(interval))
 
 
-def _signed(margin, part) -> Callable[[float], float]:
-    def missing(p):
+def _missing(margin: _Margin, part: str) -> Callable[[float], float]:
+    """What the device's damping lacks at a value, by what is proved or refuted of the need."""
+
+    def missing(p: float) -> float:
         needed, has = margin.at(p)
         return getattr(needed, part) - has
 
@@ -293,23 +279,18 @@ def _edge(
 
     if missing(limit) <= 0:
         return limit, None
-    margins_seen = {}
+    seen = {}
 
     def looked(p):
-        margins_seen[p] = missing(p)
-        return min(margins_seen[p], LARGE_DAMPING)
+        seen[p] = missing(p)
+        return min(seen[p], LARGE_DAMPING)
 
     least = END_DISTANCE * abs(limit - inside)
     end = brentq(looked, inside, limit, xtol=END_DISTANCE * least, rtol=END_DISTANCE / 4)
-    for side in (-1, 1):
-        looked(
-            float(
-                np.clip(
-                    end + side * END_DISTANCE / 2 * max(abs(end), least), *sorted((inside, limit))
-                )
-            )
-        )
-    within = [p for p, value in margins_seen.items() if value <= 0]
-    return max(within, key=lambda p: abs(p - inside)), min(
-        margins_seen.keys() - within, key=lambda p: abs(p - inside)
-    )
+    aside = END_DISTANCE / 2 * max(abs(end), least)
+    for p in (end - aside, end + aside):
+        looked(float(np.clip(p, *sorted((inside, limit)))))
+    within = [p for p, value in seen.items() if value <= 0]
+    beyond = seen.keys() - within
+    last = max(within, key=lambda p: abs(p - inside))
+    return last, min(beyond, key=lambda p: abs(p - inside))

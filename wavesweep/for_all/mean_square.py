@@ -13,7 +13,7 @@ in `norm_check`, are a proof; an eigenvalue of the operator outside the unit cir
 within the errors is a refutation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, product
@@ -416,57 +416,108 @@ def chain_of(
     in place at once, which the matrix of the last frame has to know, and which channels are in a
     burst of losses.
     """
-    lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
-    if len(lengths) != len(shares[0]):
-        raise UsageError(
-            f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}"
-        )
-    delays = [
-        *dict.fromkeys(symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT),
-        LOST_RESULT,
-    ]
-    after = [lengths.index(symbol.ticks) for symbol in symbols]
-    result = [
-        results[at % len(results)][delays.index(symbol.delay)]
-        for at, symbol in zip(after, symbols, strict=True)
-    ]
-    recalls = len(shares) > 1 or any(symbol.step is not None for symbol in symbols)
-
-    def weight(before, kind):
-        return shares[before % len(shares)][after[kind]] * result[kind]
-
-    def fits(before, kind, at_once):
-        symbol = symbols[kind]
-        return (symbol.delay == 0) == at_once and (
-            not recalls or symbol.step in (None, lengths[before])
-        )
-
-    kinds, nodes = range(len(symbols)), {}
-    for node in product(range(len(lengths) if recalls else 1), (False, True)):
-        one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
-        through = symbols[one_way[0]].through if one_way else None
-        alone = [
-            kind for kind in one_way if symbols[kind].through == through and not symbols[kind].gone
-        ]
-        probability = sum(weight(node[0], kind) for kind in alone)
+    frames = _FramesAtRandom.of(shares, results, symbols)
+    places = range(len(frames.lengths) if frames.recalls else 1)
+    probabilities = {}
+    for before, at_once in product(places, (False, True)):
+        probability = frames.probability(before, at_once)
         if probability > 0:
-            nodes[node] = len(nodes), probability
-    bursts, edges = [*product(*(range(1 + (losses.begins > 0)) for losses in lost.values()))], []
-    for ((before, at_once), (source, probability)), kind in product(nodes.items(), kinds):
-        next_ = after[kind] if recalls else 0, symbols[kind].through
-        if not fits(before, kind, at_once) or next_ not in nodes:
+            probabilities[before, at_once] = probability
+    nodes = {node: number for number, node in enumerate(probabilities)}
+    bursts = list(product(*(range(1 + (losses.begins > 0)) for losses in lost.values())))
+    edges = []
+    for node, kind in product(nodes, range(len(symbols))):
+        before, at_once = node
+        symbol = symbols[kind]
+        then = (frames.length_of[kind] if frames.recalls else 0, symbol.through)
+        if then not in nodes or not frames.fits(before, kind, at_once):
             continue
-        target, share = nodes[next_]
-        for (i, burst), (j, then) in product(enumerate(bursts), repeat=2):
-            messages = [
-                factor
-                for (name, losses), *change in zip(lost.items(), burst, then, strict=True)
-                for factor in losses.factors(*change, LOST if name in symbols[kind].gone else 0)
-            ]
-            if chance := weight(before, kind) * share / probability * np.prod(messages):
-                edges.append((source * len(bursts) + i, kind, target * len(bursts) + j, chance))
+        weight = frames.weight(before, kind) * probabilities[then] / probabilities[node]
+        for (i, burst), (j, next_burst) in product(enumerate(bursts), repeat=2):
+            chance = weight * _chance_of_messages(lost, burst, next_burst, symbol.gone)
+            if chance:
+                source = nodes[node] * len(bursts) + i
+                target = nodes[then] * len(bursts) + j
+                edges.append((source, kind, target, chance))
     source, kind, target, weights = (np.array(column) for column in zip(*edges, strict=True))
     return Graph(source, kind, target), weights
+
+
+@dataclass(frozen=True, slots=True)
+class _FramesAtRandom:
+    """The kinds of frames with their probabilities.
+
+    shares: see `chain_of`. symbols: the kinds; length_of: the place of each one's length among the
+    lengths; result: the probability of its result. recalls: whether anything depends on the length
+    of the frame before.
+    """
+
+    shares: Sequence[Sequence[float]]
+    symbols: Sequence[Symbol]
+    lengths: list[int]
+    length_of: list[int]
+    result: list[float]
+    recalls: bool
+
+    @staticmethod
+    def of(
+        shares: Sequence[Sequence[float]],
+        results: Sequence[Sequence[float]],
+        symbols: Sequence[Symbol],
+    ) -> "_FramesAtRandom":
+        """The kinds with these probabilities, as `chain_of` has them. Errors: UsageError."""
+        lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
+        if len(lengths) != len(shares[0]):
+            raise UsageError(
+                f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}"
+            )
+        in_time = (symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT)
+        delays = [*dict.fromkeys(in_time), LOST_RESULT]
+        length_of, result = [], []
+        for symbol in symbols:
+            place = lengths.index(symbol.ticks)
+            length_of.append(place)
+            result.append(results[place % len(results)][delays.index(symbol.delay)])
+        recalls = len(shares) > 1 or any(symbol.step is not None for symbol in symbols)
+        return _FramesAtRandom(shares, symbols, lengths, length_of, result, recalls)
+
+    def weight(self, before: int, kind: int) -> float:
+        """The probability of a kind after a frame of a length."""
+        return self.shares[before % len(self.shares)][self.length_of[kind]] * self.result[kind]
+
+    def fits(self, before: int, kind: int, at_once: bool) -> bool:
+        """Whether a kind may follow a frame of a length, whose result is in place at once or not."""
+        symbol = self.symbols[kind]
+        if (symbol.delay == 0) != at_once:
+            return False
+        return not self.recalls or symbol.step in (None, self.lengths[before])
+
+    def probability(self, before: int, at_once: bool) -> float:
+        """The probability that the next result is in place at once, or is not.
+
+        Kinds that differ only in what comes after them, or in the messages that are lost in them,
+        are one here.
+        """
+        kinds = [kind for kind in range(len(self.symbols)) if self.fits(before, kind, at_once)]
+        if not kinds:
+            return 0.0
+        through = self.symbols[kinds[0]].through
+        total = 0.0
+        for kind in kinds:
+            if self.symbols[kind].through == through and not self.symbols[kind].gone:
+                total += self.weight(before, kind)
+        return total
+
+
+def _chance_of_messages(
+    lost: Mapping[str, Losses], burst: Sequence[int], then: Sequence[int], gone: Collection[str]
+) -> float:
+    """The probability that exactly the messages of some channels are lost, and that each channel
+    goes from being in a burst of losses or not to what it is then."""
+    factors = []
+    for (name, losses), before, after in zip(lost.items(), burst, then, strict=True):
+        factors += losses.factors(before, after, LOST if name in gone else 0)
+    return np.prod(factors)
 
 
 def _refuse_large(family, graph, what, hint):
