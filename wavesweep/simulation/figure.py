@@ -3,10 +3,10 @@ to that of the linear loop."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,9 +37,19 @@ _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
 _ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
 _TITLE = 20  # letters in a line of a panel's name
-Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
-"""The name of an axis, and column, label and colour of its signals, and whether they are held
-over a tick."""
+
+
+class Signal(NamedTuple):
+    """A signal in a panel: its column, label and colour, and whether it is held over a tick."""
+
+    column: str
+    label: str
+    colour: str
+    held: bool
+
+
+Panel = tuple[str, Sequence[Signal]]
+"""The name of an axis, and its signals."""
 # panel and its unit; column, label and number of the colour of each signal, and whether it is held
 _AT_THE_HAND = (
     ("hand force", "N", "f_h", "hand", 2, True),
@@ -72,23 +82,18 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """
     spans = _spans(columns, facts)
     frames = _frames(facts)
-    rows = [
-        *_ports(columns, facts),
-        *_at_the_hand(columns, facts),
-        *frames,
-        *_messages(columns, facts),
-    ]
-    columns = {**columns, FRAME: _lengths(columns)} if frames else columns
+    rows = list(_ports(columns, facts))
+    rows += [*_at_the_hand(columns, facts), *frames, *_messages(columns, facts)]
+    if frames:
+        columns = {**columns, FRAME: _lengths(columns)}
+    wall = facts["spec"]["simulate"].get("wall")
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
-                wall = (
-                    facts["spec"]["simulate"].get("wall") if title.startswith("position") else None
-                )
-                _draw_panel(
-                    axes, {name: column[span] for name, column in columns.items()}, signals, wall
-                )
+                seen = {name: column[span] for name, column in columns.items()}
+                at = wall if title.startswith("position") else None
+                _draw_panel(axes, seen, signals, at)
             row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
@@ -108,10 +113,10 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _draw_panel(axes: Any, columns: Columns, signals: Sequence[tuple], wall: float | None) -> None:
+def _draw_panel(axes: Any, columns: Columns, signals: Sequence[Signal], wall: float | None) -> None:
     """Draw some signals in a panel, and a wall (m) as a line."""
     for signal in signals:
-        _draw_signal(axes, columns, *signal, len(signals) == 1)
+        _draw_signal(axes, columns, signal, alone=len(signals) == 1)
     if wall is not None:
         axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
     axes.grid(**GRID)
@@ -153,21 +158,17 @@ def _draw_legend(canvas: Any, row: Any) -> None:
 
 def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
     """Yield the panels of what a simulation with a hand has."""
-    left_out = () if "max_force" in facts["spec"]["simulate"] else ("f_device",)
     words = _DRAWN if "block" in facts["spec"] else {}
-    left_out = {
-        *left_out,
-        *(name for name in ("f_h", "energy_hand") if name in columns and not columns[name].any()),
-    }
-    present = (
-        signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out
-    )
-    for (title, unit), signals in groupby(present, key=lambda signal: signal[:2]):
-        named = [
-            (name, words.get(said, said), distinct_colour(n), held)
-            for *_, name, said, n, held in signals
-        ]
-        yield at_hand(title, "", unit, facts), named
+    left_out = set() if "max_force" in facts["spec"]["simulate"] else {"f_device"}
+    for name in ("f_h", "energy_hand"):
+        if name in columns and not columns[name].any():
+            left_out.add(name)
+    present = [each for each in _AT_THE_HAND if each[2] in columns and each[2] not in left_out]
+    for (title, unit), rows in groupby(present, key=lambda row: row[:2]):
+        signals = []
+        for *_, name, usual, number, held in rows:
+            signals.append(Signal(name, words.get(usual, usual), distinct_colour(number), held))
+        yield at_hand(title, "", unit, facts), signals
 
 
 def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
@@ -176,64 +177,56 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     Outputs of one unit and about one size share a panel, with the inputs that are like them.
     """
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
-    sizes = {
-        name: np.abs(columns[name]).max(initial=0.0, where=np.isfinite(columns[name]))
-        for name in units
-    }
+    sizes = {}
+    for name in units:
+        column = columns[name]
+        sizes[name] = np.abs(column).max(initial=0.0, where=np.isfinite(column))
     ports = facts["spec"].get("ports", {})
-    entries, outputs = (
-        [run_column(side, name) for name in ports.get(side, {})] for side in ("inputs", "outputs")
-    )
+    entries = [run_column("inputs", name) for name in ports.get("inputs", {})]
+    outputs = [run_column("outputs", name) for name in ports.get("outputs", {})]
     inputs = [name for name in entries if name in units and columns[name].any()]
-    outputs = [name for name in outputs if name in units]
     unlisted = [name for name in units if name not in (*entries, *outputs)]
 
     def alike(one: str, other: str) -> bool:
         low, high = sorted((sizes[one], sizes[other]))
         return units[one] == units[other] and (low == 0 or high <= _ALIKE * low)
 
-    panels: list[list[str]] = []
+    groups: list[list[str]] = []  # of outputs that share a panel
     for name in outputs:
-        with_those = next(
-            (panel for panel in panels if all(alike(name, shown) for shown in panel)), None
-        )
-        panels += [[name]] if with_those is None else []
-        if with_those is not None:
-            with_those.append(name)
-    titles = [", ".join(panel) for panel in panels]
-    panels = [[*panel, *(name for name in inputs if alike(name, panel[0]))] for panel in panels]
-    alone = [name for name in inputs if not any(name in panel for panel in panels)]
-    named = [
-        *((name, [name]) for name in alone),
-        *zip(titles, panels, strict=True),
-        *([("signals", unlisted)] if unlisted else []),
-    ]
-    return [
-        (
-            "\n".join(
-                wrap(
-                    with_unit(
-                        title, "" if names is unlisted else printed([units[names[0]] or "1"])
-                    ),
-                    _TITLE,
-                )
-            ),
-            [
-                (name, name, IDEAL if name in inputs else distinct_colour(n), True)
-                for n, name in enumerate(names)
-            ],
-        )
-        for title, names in named
-    ]
+        if name not in units:
+            continue
+        shared = [group for group in groups if all(alike(name, other) for other in group)]
+        if shared:
+            shared[0].append(name)
+        else:
+            groups.append([name])
+    panels: list[Panel] = []
+    for name in inputs:
+        if not any(alike(name, group[0]) for group in groups):
+            panels.append(_panel(name, [name], inputs, units[name]))
+    for group in groups:
+        beside = [name for name in inputs if alike(name, group[0])]
+        panels.append(_panel(", ".join(group), [*group, *beside], inputs, units[group[0]]))
+    if unlisted:
+        panels.append(_panel("signals", unlisted, inputs, None))
+    return panels
+
+
+def _panel(title: str, names: Sequence[str], inputs: Collection[str], unit: str | None) -> Panel:
+    """A panel of signals of a drawn loop; unit: None if they have several."""
+    shown_unit = "" if unit is None else printed([unit or "1"])
+    signals = []
+    for number, name in enumerate(names):
+        colour = IDEAL if name in inputs else distinct_colour(number)
+        signals.append(Signal(name, name, colour, True))
+    return "\n".join(wrap(with_unit(title, shown_unit), _TITLE)), signals
 
 
 def _frames(facts: Mapping[str, Any]) -> list[Panel]:
     """The panel of the lengths of frames, if these were drawn or measured."""
-    return (
-        [("frame (ticks)", [(FRAME, "frame", distinct_colour(0), True)])]
-        if "frames" in facts
-        else []
-    )
+    if "frames" not in facts:
+        return []
+    return [("frame (ticks)", [Signal(FRAME, "frame", distinct_colour(0), True)])]
 
 
 def _lengths(columns: Columns) -> np.ndarray:
@@ -247,56 +240,49 @@ def _lengths(columns: Columns) -> np.ndarray:
 def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     """The panel of how late messages or slow results come, if some do and it is known of which
     channel."""
-    channels = [
-        name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"
-    ]
+    blocks = facts["spec"].get("block", {})
+    channels = [name for name, block in blocks.items() if block["type"] == "channel"]
     if "late" not in columns or not columns["late"].any() or len(channels) > 1:
         return []
-    return [
-        (
-            "late (ticks)",
-            [
-                (
-                    "late",
-                    f"messages of {channels[0]}" if channels else "slow results",
-                    distinct_colour(0),
-                    False,
-                )
-            ],
-        )
-    ]
+    label = f"messages of {channels[0]}" if channels else "slow results"
+    return [("late (ticks)", [Signal("late", label, distinct_colour(0), False)])]
 
 
 def _in_turn(facts: Mapping[str, Any]) -> str:
     """Where frames are from, and the patterns of late and lost messages that a run repeats."""
-    words = {0: "in time", 1: "1 tick late"}
-    patterns = facts["spec"]["simulate"].get("messages", {}).items()
-    frames, begin = facts["spec"]["simulate"].get("frames"), ""
-    if isinstance(frames, str):
-        seed = facts["spec"]["simulate"]["seed"]
-        begin = (
-            f"Frames at random, seed {seed}. "
-            if frames == RANDOM
-            else f"Frames as they were measured, {frames}. "
-        )
-    said = [
-        f"{name} {', '.join(each if isinstance(each, str) else words.get(each, f'{each} ticks late') for each in late)}"
-        for name, late in patterns
-    ]
+    options = facts["spec"]["simulate"]
+    frames, begin = options.get("frames"), ""
+    if frames == RANDOM:
+        begin = f"Frames at random, seed {options['seed']}. "
+    elif isinstance(frames, str):
+        begin = f"Frames as they were measured, {frames}. "
+    said = []
+    for name, late in options.get("messages", {}).items():
+        said.append(f"{name} {', '.join(map(_lateness, late))}")
     return begin + (f"Messages, repeated: {'; '.join(said)}." if said else "")
+
+
+def _lateness(late: int | str) -> str:
+    """How late a message is, in words."""
+    if isinstance(late, str):
+        return late
+    if late == 0:
+        return "in time"
+    return "1 tick late" if late == 1 else f"{late} ticks late"
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
     """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
-    linear, stopped = (
-        facts.get("linear_loop", {"stable": True}),
-        facts.get("ticks", {}).get("stopped"),
-    )
-    radius = linear.get("spectral_radius")
-    said = [
-        "unstable" + (f": spectral radius {radius:.6g} per frame" if radius is not None else "")
-    ] * (not linear["stable"])
-    return "; ".join([*said, *([f"stopped, {stopped}"] if stopped else [])])
+    linear = facts.get("linear_loop", {"stable": True})
+    stopped = facts.get("ticks", {}).get("stopped")
+    said = []
+    if not linear["stable"]:
+        radius = linear.get("spectral_radius")
+        size = "" if radius is None else f": spectral radius {radius:.6g} per frame"
+        said.append(f"unstable{size}")
+    if stopped:
+        said.append(f"stopped, {stopped}")
+    return "; ".join(said)
 
 
 def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
@@ -321,48 +307,50 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
         later = changes[changes >= rows // 2]
         return int(later[0] if len(later) else changes[-1])
     options = facts["spec"]["simulate"]
-    return (
-        int(np.searchsorted(columns["time_s"], options["at_s"]))
-        if options["input"] in ("step", "pulse")
-        else rows
-    )
+    if options["input"] in ("step", "pulse"):
+        return int(np.searchsorted(columns["time_s"], options["at_s"]))
+    return rows
 
 
-def _draw_signal(
-    axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool, alone: bool
-) -> None:
+def _draw_signal(axes: Any, columns: Columns, signal: Signal, *, alone: bool) -> None:
     """Draw a signal. It is left out if the controller does not have it; a held one is drawn with
     its steps.
 
     How late messages are is drawn as a dot in each tick. alone: whether no other signal is in the
     panel.
     """
-    times, values, style = (
-        columns["time_s"],
-        columns[name] * (1e3 if name in ("x", "x_s") else 1),
-        {},
-    )
+    times, values = columns["time_s"], columns[signal.column]
+    if signal.column in ("x", "x_s"):
+        values = 1e3 * values  # mm
     if np.isnan(values).all():
         return
-    if held and 1 < len(values) <= POINTS_OF_A_LINE:  # the last value is held for a tick as well
-        times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
-        style = {"drawstyle": "steps-post"}
-    before = len(axes.get_lines())
-    style |= {"marker": "."} if len(values) == 1 else {}
-    # wide and pale, so that an energy on another is seen
-    below = not before and not held and not alone
-    if name == "late":
-        axes.plot(
-            *extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label
-        )
-        most = max(int(values.max()), 0)
-        ticks = [*[-1] * bool((values < 0).any()), *range(0, most + 1, max(1, round(most / 4)))]
-        axes.set_yticks(ticks, ["lost" if tick < 0 else f"{tick}" for tick in ticks])
+    if signal.column == "late":
+        _draw_lateness(axes, times, values, signal)
         return
-    style |= {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
-    axes.plot(
-        *extremes(times, values), color=paler(colour, 0.5 if below else 1), label=label, **style
-    )
+    before = len(axes.get_lines())
+    # wide and pale, so that an energy on another is seen
+    below = not before and not signal.held and not alone
+    style = {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
+    if len(values) == 1:
+        style["marker"] = "."
+    if signal.held and 1 < len(values) <= POINTS_OF_A_LINE:
+        # the last value is held for a tick as well
+        times = np.append(times, 2 * times[-1] - times[-2])
+        values = np.append(values, values[-1])
+        style["drawstyle"] = "steps-post"
+    colour = paler(signal.colour, 0.5 if below else 1)
+    axes.plot(*extremes(times, values), color=colour, label=signal.label, **style)
+
+
+def _draw_lateness(axes: Any, times: np.ndarray, values: np.ndarray, signal: Signal) -> None:
+    """Draw how late messages are, with their own ticks of the axis; lost ones are at -1."""
+    look = {"color": signal.colour, "markersize": 2.5, "label": signal.label}
+    axes.plot(*extremes(times, values), ".", **look)
+    most = max(int(values.max()), 0)
+    places = list(range(0, most + 1, max(1, round(most / 4))))
+    if (values < 0).any():
+        places = [-1, *places]
+    axes.set_yticks(places, ["lost" if place < 0 else f"{place}" for place in places])
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
@@ -377,35 +365,25 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from wavesweep.program.plots.response_figures import Curve, at_both_ports, draw_curves
 
     spec, frequency_hz = spec_of(facts), columns["frequency_hz"]
-    linear = {
-        name.removeprefix("linear_"): column
-        for name, column in columns.items()
-        if name.startswith("linear_")
-    }
-    linear, look = (
-        linear | {"frequency_hz": frequency_hz},
-        {"marker": "_", "markersize": 14, "linestyle": "none"},
-    )
+    linear = {"frequency_hz": frequency_hz}
+    for name, column in columns.items():
+        if name.startswith("linear_"):
+            linear[name.removeprefix("linear_")] = column
+    look: dict[str, Any] = {"marker": "_", "markersize": 14, "linestyle": "none"}
     if spec is not None and not np.isnan(linear["admittance_abs"]).all():
-        band = np.geomspace(
-            frequency_hz.min() / 2, min(2 * frequency_hz.max(), spec.tick_hz / 2), _LINEAR_POINTS
-        )
-        frequency, look = np.unique(np.concatenate([band, frequency_hz])), {}
+        highest = min(2 * frequency_hz.max(), spec.tick_hz / 2)
+        band = np.geomspace(frequency_hz.min() / 2, highest, _LINEAR_POINTS)
+        frequency = np.unique(np.concatenate([band, frequency_hz]))
         response = respond(loop_at_hand(spec), frequency)
-        linear = {
-            "frequency_hz": frequency,
-            **complex_columns("admittance", response.admittance.ravel()),
-        }
+        linear = {"frequency_hz": frequency}
+        linear |= complex_columns("admittance", response.admittance.ravel())
         linear |= complex_columns("impedance", response.impedance.ravel())
-    slow, curves = float(np.median(columns["omega_Ts"] / frequency_hz)), []
-    for values, name, style in (
-        (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **look}),
-        (
-            columns,
-            "simulated",
-            {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"},
-        ),
-    ):
+        look = {}
+    slow = float(np.median(columns["omega_Ts"] / frequency_hz))
+    line = {"color": IDEAL, "linewidth": 0.9, **look}
+    dots = {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}
+    curves = []
+    for values, name, style in ((linear, "linear loop", line), (columns, "simulated", dots)):
         count = len(values["frequency_hz"])
         marks = {
             "omega_Ts": slow * values["frequency_hz"],

@@ -227,15 +227,9 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     spec, options = facts["spec"], facts["spec"]["simulate"]
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows = len(columns["tick"])
-    motors = (
-        np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
-    )
-    ports, touching = spec.get("ports", {}), columns.get("touching", np.zeros(1, bool))
-    entry = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
-    frames, at_random = facts.get("frames"), options.get("frames") == RANDOM
-    seed, lost = options["seed"] if at_random else None, at_random and facts["slow_results"]["lost"]
-    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
-    return {
+    inputs = spec.get("ports", {}).get("inputs")
+    entry = "" if "hand" in spec.get("ports", {}) or not inputs else next(iter(inputs))
+    numbers: Numbers = {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
         "from": options.get("from") or entry,
@@ -244,28 +238,42 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "seconds": rows * tick,
         "stopped": facts["ticks"]["stopped"],
         "linear_loop": dict(facts["linear_loop"]),
-        "contact": _contact(made, touching, options) if "wall" in options and rows else None,
-        "rest_s": _rest(columns) if options.get("friction") and rows else None,
+        "contact": None,
+        "rest_s": None,
         "max_force": options.get("max_force"),
-        "share_at_max_force": None if motors is None else float(motors),
-        "frames": {"frames": sum(frames.values()), "lengths": frames, "seed": seed}
-        if rows and frames
-        else None,
-        "slow_results": facts["slow_results"]
-        if (options.get("late") or options.get("dropped") or lost) and rows
-        else None,
-        "energy": _energy(columns) if rows and "energy_hand" in columns else None,
-        "outputs": {
-            name: _stepped(columns, name, final, options["at_s"])
-            for name, final in facts.get("settles_at", {}).items()
-            if rows
-        },
+        "share_at_max_force": None,
+        "frames": None,
+        "slow_results": None,
+        "energy": None,
+        "outputs": {},
     }
+    if not rows:
+        return numbers
+    if "wall" in options:
+        numbers["contact"] = _contact(columns, options)
+    if options.get("friction"):
+        numbers["rest_s"] = _rest(columns)
+    if "max_force" in options:
+        numbers["share_at_max_force"] = float(np.mean(columns["f_m"] != columns["f_device"]))
+    frames, at_random = facts.get("frames"), options.get("frames") == RANDOM
+    if frames:
+        seed = options["seed"] if at_random else None
+        numbers["frames"] = {"frames": sum(frames.values()), "lengths": frames, "seed": seed}
+    lost = at_random and facts["slow_results"]["lost"]
+    if options.get("late") or options.get("dropped") or lost:
+        numbers["slow_results"] = facts["slow_results"]
+    if "energy_hand" in columns:
+        numbers["energy"] = _energy(columns)
+    for name, final in facts.get("settles_at", {}).items():
+        numbers["outputs"][name] = _stepped(columns, name, final, options["at_s"])
+    return numbers
 
 
-def _contact(made: int, touching: np.ndarray, options: Mapping[str, Any]) -> Numbers:
+def _contact(columns: Columns, options: Mapping[str, Any]) -> Numbers:
     """How often contact is made, for what share of the time it is felt, and whether the wall may
     pull."""
+    touching = columns.get("touching", np.zeros(1, bool))
+    made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
     return {"times": made, "share": float(touching.mean()), "pulls": options.get("pulls", True)}
 
 
@@ -290,11 +298,9 @@ def _rest(columns: Columns) -> float | None:
     None if it does not."""
     moved = np.flatnonzero(np.diff(columns["x"]))
     first = int(moved[-1]) + 1 if moved.size else 0
-    return (
-        float(columns["time_s"][first])
-        if columns["frame"][-1] - columns["frame"][first] > 1
-        else None
-    )
+    if columns["frame"][-1] - columns["frame"][first] <= 1:
+        return None
+    return float(columns["time_s"][first])
 
 
 def _energy(columns: Columns) -> Numbers:

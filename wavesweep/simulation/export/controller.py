@@ -73,12 +73,8 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     delayed = [signal for result in results for signal in result.signals] if late else []
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
-    names = list(ticks.places)
-    read = set()
-    for program in programs:
-        for _, terms in lines_of(program):
-            read.update(names[source] for _, source in terms)
     sensed = [f"{block.name}.{port}" for block in plants for port in block.outputs]
+    read = _read_by(programs, list(ticks.places))
     inputs = [name for name in (*sensed, *outside) if name in read]
     if not pushed or not inputs:
         raise UsageError(
@@ -102,6 +98,15 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
         places=dict(zip(ticks.places, words, strict=True)),
         beside={port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)},
     )
+
+
+def _read_by(programs: Sequence[Program], names: Sequence[str]) -> set[str]:
+    """What the programs read. names: of places."""
+    read = set()
+    for program in programs:
+        for _, terms in lines_of(program):
+            read.update(names[source] for _, source in terms)
+    return read
 
 
 def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
