@@ -208,13 +208,11 @@ QUESTIONS = MappingProxyType(
 )
 OTHER_COMMANDS = "Other commands"
 
-# Commands, there or not, that say what holds for all of [for_all], and for all that messages may
-# do; others are of the spec's own numbers with all messages in time, but for those that have late
-# and lost messages of their own.
+# Commands, there or not, that say what holds for all numbers of [for_all], for all that frames and
+# messages may do, and through contact.
 FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
 FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
 THROUGH_CONTACT = ("zwidth", "stability-region", "check")
-WITH_MESSAGES = (*FOR_ALL_MESSAGES, "design", "simulate")
 OVER_AXES = (
     "zwidth",
     "stability-region",

@@ -206,7 +206,7 @@ def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, wr
     """`bode` does, and the commands that look at contact do not."""
     text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = [0, 9]\n[for_all]\ncontact = true\n'
     name = write(text)
-    said = "bode is of the linear loop; zwidth, stability-region and check look at any wall that pushes and never pulls"
+    said = "responses with the spec's own numbers; with any wall that pushes and never pulls see zwidth, stability-region"
     for command, expected in (("bode", True), ("zwidth", False)):
         code, _, written = wavesweep(command, name, "--no-plot", "--jobs", "1")
         assert code == 0

@@ -32,7 +32,8 @@ BOX = {"a": {"start": 7.5, "stop": 8.5}, "k": {"start": 2.5, "stop": 3.0}}
 
 
 def for_all(spec, cut, **ranges):
-    return {each.name: each for each in margins_for_all(load(spec | {"for_all": ranges}), cut)}
+    rows, _ = margins_for_all(load(spec | {"for_all": ranges}), cut)
+    return {each.name: each for each in rows}
 
 
 def of_control(a, k, every=2, late=1):
@@ -168,7 +169,8 @@ def test_a_range_of_a_dead_time_of_several_ticks_has_the_margins_of_its_worst_va
     device = {"mass": 0.1, "damping": 1.5, "velocity": "difference", "dead_time": 0.0016}
     own = {each.name: each.value for each in margins_of(broken_at(load(tables | {"device": device}), "velocity.y"))[0]}
     ranges = {"device.dead_time": {"start": 0.0002, "stop": 0.0016}}
-    found = {each.name: each for each in margins_for_all(load(tables | {"device": device, "for_all": ranges}), "velocity.y")}
+    rows, _ = margins_for_all(load(tables | {"device": device, "for_all": ranges}), "velocity.y")
+    found = {each.name: each for each in rows}
     for name in ("gain_up", "disk"):
         assert found[name].settled
         assert found[name].refuted == pytest.approx(own[name], rel=1e-9)

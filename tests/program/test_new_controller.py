@@ -14,7 +14,7 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.haptics.controller_page import BlockDiagram, wall_cut
 from wavesweep.haptics.controllers import CONTROLLERS, Controller
-from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.analyses.assumptions import model_in_words
 
 KIND = "dc-filtered"
 
@@ -136,8 +136,8 @@ def test_the_analysis_of_the_document_is_how_fast_the_loop_dies_away():
 
 def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):
     spec = wavesweep.load(nested(VALUES | {"controller.kind": KIND}))
-    assert assumes(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
+    assert model_in_words(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
     page = CONTROLLERS[KIND].page
     silent = Controller("", lambda values: replace(page(values), assumes=BlockDiagram({}, {}, "").assumes))
     monkeypatch.setitem(CONTROLLERS, KIND, silent)
-    assert "says nothing" in assumes(spec)
+    assert "says nothing" in model_in_words(spec)

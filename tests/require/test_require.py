@@ -346,7 +346,7 @@ def test_the_table_says_what_is_required():
     table = intervals(load(SPEC), "K_VE")
     assert table.facts["require"] == {"radius": 0.97}
     assert load(table.facts["spec"]).require == load(SPEC).require
-    assert "every mode within 0.97 per T_s" in table.facts["notices"][0]
+    assert table.facts["claims"]["spec"]["what"] == "as required, every mode within 0.97 per T_s"
     tally = TABLES[0].tally(table)
     tally.add(table.columns)
     lines = [text for text, _ in TABLES[0].lines(tally.numbers(table.facts))]

@@ -9,6 +9,7 @@ from matplotlib.ticker import FixedLocator
 
 import wavesweep
 from wavesweep.program import plots
+from wavesweep.program.analyses.claims import Claim, Property, Scope, Status
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.plots.style import _cut_off, figure
 from wavesweep.program.results import fields, read_table, save
@@ -139,11 +140,12 @@ def test_outputs_of_one_unit_and_size_share_a_panel_and_lost_messages_are_seen()
     spec = {"ports": ports, "block": block, "simulate": {"input": "step", "at_s": 0.0, "messages": {"net": [0, "2 lost", 3]}}}
     columns = {"tick": np.arange(4), "phase": np.zeros(4, int), "time_s": np.arange(4.0), "late": np.array([0, -1, -1, 3])}
     columns |= {"ref": np.ones(4), "motor": np.linspace(0, 1, 4), "load": np.linspace(0, 0.9, 4), "slip": np.full(4, 1e-3)}
-    drawn = plots.simulate(columns, {"spec": spec})
+    run = Claim(Property("a run", "figures"), Scope(run="messages of net in turn in time, 2 lost"), Status.COMPUTED)
+    drawn = plots.simulate(columns, {"spec": spec, "claims": {"spec": run.fact()}})
     assert [axes.get_ylabel() for axes in drawn.axes] == ["motor, load (rad/s)", "slip (rad/s)", "late (ticks)"]
     above, below, messages = drawn.axes
     assert [line.get_label() for line in above.lines] == ["motor", "load", "ref"]
     assert len(below.lines) == 1
     assert messages.lines[0].get_label() == "messages of net"
     assert messages.get_yticklabels()[0].get_text() == "lost"
-    assert drawn.get_supxlabel() == "Messages, repeated: net in time, 2 lost, 3 ticks late."
+    assert drawn.get_supxlabel() == "A run with messages of net in turn in time, 2 lost."

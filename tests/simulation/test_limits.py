@@ -6,7 +6,7 @@ from support.exports import made, present, put
 
 import wavesweep
 from wavesweep import IllPosedLoopError, SpecError
-from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.analyses.assumptions import model_in_words
 from wavesweep.program.spec import load
 from wavesweep.simulation.export.source import exported
 
@@ -80,7 +80,7 @@ def test_within_its_limits_a_loop_is_the_linear_one():
     assert one.spectral_radius() == other.spectral_radius()
     ref = 0.1 * np.random.default_rng(0).normal(size=300)
     np.testing.assert_array_equal(one.simulate(ref).omega, other.simulate(ref).omega)
-    assert assumes(one.spec) == "linear while |speed.y| <= 2, -0.9 <= amp.u <= 1.6; simulate goes beyond"
+    assert model_in_words(one.spec) == "linear while |speed.y| <= 2, -0.9 <= amp.u <= 1.6; simulate keeps to these limits"
 
 
 def test_a_limit_that_acts_on_itself_within_the_tick_is_refused():

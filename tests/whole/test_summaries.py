@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.passive.table import passivity
+from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status
 from wavesweep.program.plots.figure_layout import best_of, best_row
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
@@ -12,6 +13,7 @@ from wavesweep.program.tables.interval_summary import Extreme, LoopSummary
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
 
+OWN = Claim(STABLE, Scope(), Status.CERTIFIED)
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
 
 
@@ -63,7 +65,7 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
         "felt_low": np.zeros(3),
         "felt_high": np.array([5.0, 9.0, 9.0]),
     } | known(3)
-    tally = LoopSummary()
+    tally = LoopSummary(OWN)
     tally.add(columns)
     largest = tally.numbers()["largest"]
     assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
@@ -92,7 +94,7 @@ def test_what_is_proved_or_certified_up_to_a_value_is_rounded_down():
         "felt_low": np.array([0.0]),
         "felt_high": np.array([5.0]),
     } | known(1)
-    tally = LoopSummary()
+    tally = LoopSummary(OWN)
     tally.add(columns)
     assert "largest stable K_VE: 1000.99 N/m" in Sentences(tally.numbers()).extremes()[0]
     assert ": 1000.99 N/m" in Sentences(tally.numbers(), "for_all").extremes()[0]
@@ -119,7 +121,7 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
             "doubt": np.array([doubt], object),
         }
     )
-    tally = LoopSummary()
+    tally = LoopSummary(OWN)
     tally.add(columns)
     assert Sentences(tally.numbers()).extremes() == [said]
 
@@ -167,11 +169,11 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
         "felt_low": np.full(2, np.nan),
         "felt_high": np.full(2, np.nan),
     } | known(2)
-    tally = LoopSummary()
+    tally = LoopSummary(OWN)
     tally.add(columns)
     least = "least stable K_VE: 100 N/m at b = 2 N*s/m"
     assert Sentences(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
-    below = LoopSummary()
+    below = LoopSummary(OWN)
     below.add(columns | {"high": np.array([1e6, 2000.0])})
     largest, said = Sentences(below.numbers()).extremes()
     assert largest.startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")

@@ -166,7 +166,8 @@ class _Judged:
     def lines(self, whole: bool) -> Iterable[str]:
         """The lines that follow: all of them, or the foremost."""
         if whole:
-            return [*(line for _, line in self.ranked), *self.plan, *self.steps]
+            ranked = (line for _, line in self.ranked)
+            return [*chain.from_iterable(map(_within, ranked)), *self.plan, *self.steps]
         return [
             *_foremost(self.ranked, MOST_LINES_OF_CHECK - self.shown - len(self.steps)),
             *self.steps,
@@ -217,7 +218,8 @@ def _judged(
 def _show_first(lines: Iterable[str], whole: bool) -> int:
     """Print the lines that come first, of which the verdict is never folded; gives their number."""
     first, *others = lines
-    return _show([first, *(others if whole else chain.from_iterable(map(_folded, others)))])
+    fold = _within if whole else _folded
+    return _show([first, *chain.from_iterable(map(fold, others))])
 
 
 def _frames_of_run(
@@ -279,6 +281,14 @@ def _folded(line: str) -> list[str]:
         if len(lines) == len(widest):
             return lines
     return widest
+
+
+def _within(line: str) -> list[str]:
+    """A line as lines of at most WIDEST letters."""
+    from wavesweep.program.analyses.claims import WIDEST
+
+    indent = " " * (len(line) - len(line.lstrip()) + 4)
+    return wrap(line, WIDEST, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:

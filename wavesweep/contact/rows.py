@@ -17,7 +17,7 @@ from wavesweep.engine.frames import FIRST, SECOND, LinearFractional, open_loops
 from wavesweep.engine.intervals import blank_records, record_type, stable_intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT
-from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, own_scope
+from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, Status, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -40,6 +40,7 @@ class ContactGuarantee(Guarantee):
 
     kind = "contact"
     dtype = CONTACT_RECORD
+    status = Status.PROVED
     method = (
         "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
         "with bounds on all errors; refuted by a wall and a motion that repeats"

@@ -3,7 +3,7 @@ the front as a table."""
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -28,6 +28,14 @@ from wavesweep.designs.wishes import evaluate
 from wavesweep.engine.errors import SpecError, UsageError, WavesweepError
 from wavesweep.haptics.held_loop import HAND as OPERATOR
 from wavesweep.haptics.held_loop import held_loop
+from wavesweep.program.analyses.claims import (
+    STABLE,
+    Claim,
+    Property,
+    Range,
+    Status,
+    own_scope,
+)
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
@@ -277,7 +285,7 @@ def design(
         "processor_s": run.tally.seconds,
         "workers": run.workers.count,
     }
-    facts = facts_of(spec, METHODS, counts, timings, _notices(job))
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job), claims=_claims(job))
     facts |= {
         "warnings": warnings,
         "own": of_own,
@@ -658,20 +666,25 @@ def _checked(job):
     return len(job.asked.finer) >= count_of(job.grid.spec, 1)
 
 
-def _proof_notices(spec):
-    """What of the wishes is proved for all of [for_all]."""
-    names = {"z_width": "z_width", "felt": "the wall of felt"}
-    proved = []
+def _claims(job) -> dict[str, Claim]:
+    """What is claimed of the wishes of designs, by their names, and with [for_all] of all designs."""
+    spec = job.grid.spec
+    proof = _proof_of(spec)
+    values: dict[str, set[float]] = {}
+    for scenario in job.asked.finest:
+        for path, value in scenario.values.items():
+            values.setdefault(path, set()).add(value)
+    numbers = [Range(path, min(each), max(each), (*sorted(each),)) for path, each in values.items()]
+    tried = replace(own_scope(spec), numbers=tuple(numbers))
+    claims: dict[str, Claim] = {}
     for wish in spec.design.wishes:
-        if not wish.kind.reads:
-            proved.append(names.get(wish.name, f"that the loops of {wish.name} are stable"))
-    yield f"proved for all of [for_all]: {', '.join(proved) or 'nothing'}"
-    if not _proof_of(spec).vary:
-        return
-    if spec.drawing and spec.drawing.channels:
-        yield "how good a design is at its wishes is with every message in time"
-    else:
-        yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
+        claims[wish.name] = Claim(Property(wish.kind.title, "figures"), tried, Status.COMPUTED)
+        if wish.name == "z_width":
+            walls = Claim(STABLE, tried, Status.CERTIFIED)
+            claims[wish.name] = proof.claim(spec) if proof else walls
+    if proof and not all(wish.kind.reads for wish in spec.design.wishes):
+        claims["loops"] = proof.claim(spec)
+    return claims
 
 
 def _notices(job):
@@ -686,7 +699,7 @@ def _notices(job):
             several += f" and {added} between that were worse"
         yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
     if spec.for_all:
-        yield from _proof_notices(spec)
+        yield from (f"{name}: {claim.words()}" for name, claim in _claims(job).items())
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {MOST_CHECKED} combinations"
     if all(wish.kind.reads for wish in spec.design.wishes):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from wavesweep.for_all.channel_families import channels_of
 from wavesweep.for_all.plan import LOST
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
@@ -12,10 +13,9 @@ from wavesweep.program.analyses.claims import (
     Frames,
     Messages,
     Order,
-    Range,
     Scope,
-    messages_of,
     own_scope,
+    ranges_of,
 )
 
 if TYPE_CHECKING:
@@ -23,16 +23,32 @@ if TYPE_CHECKING:
 
 
 def scope_of(spec: Spec, rules: Rules, cases: Sequence[Case]) -> Scope:
-    """The loops of some cases, whose frames are those of the plan of each; spec: has the numbers
-    of all other keys."""
+    """The loops of some cases, whose frames, messages and chances are those of the plan of each;
+    spec: has the numbers of all other keys."""
     frames = own_scope(spec).frames
     messages: tuple[Messages, ...] = ()
-    table = rules.for_all
     if rules.messages:
-        messages = messages_of(rules.drawing, cases[0].values)
-    if rules.vary and (not rules.messages or table.changing):
+        messages = _messages(rules, cases[0])
+    if rules.vary and (not rules.messages or rules.for_all.changing):
         frames = _common([_frames(rules, case) for case in cases])
-    return Scope(_numbers(rules, cases), frames, messages)
+    boxes = [
+        ({each.path: (each.start, each.stop) for each in case.ranges}, case.fixed) for case in cases
+    ]
+    paths = [axis.path for axis in rules.for_all.unknown]
+    return Scope(ranges_of(paths, boxes), frames, messages)
+
+
+def _messages(rules: Rules, case: Case) -> tuple[Messages, ...]:
+    """What the messages of a case may do."""
+    losses = rules.losses(case.values) if rules.at_random else {}
+    found = []
+    for channel in channels_of(rules.drawing, case.values):
+        if channel.name in losses:
+            chances = losses[channel.name].written()
+            found.append(Messages(channel.name, channel.late, 0, repr(chances)))
+        else:
+            found.append(Messages(channel.name, channel.late, channel.lost))
+    return tuple(found)
 
 
 def _frames(rules: Rules, case: Case) -> Frames:
@@ -41,9 +57,9 @@ def _frames(rules: Rules, case: Case) -> Frames:
     lengths = frozenset(float(each.ticks) for each in symbols)
     delays = frozenset(each.delay for each in symbols) - {None, LOST}
     if rules.at_random:
-        table = rules.for_all
-        chances = repr((table.lengths, table.results))
-        return Frames(Order.AT_RANDOM, lengths, delays, 0, table.loss, chances)
+        _, results = rules.chances
+        loss = max(row[-1] for row in results)
+        return Frames(Order.AT_RANDOM, lengths, delays, 0, loss, repr(rules.chances))
     return Frames(Order.ANY, lengths, delays, max(each.lost for each in symbols))
 
 
@@ -60,20 +76,3 @@ def _common(frames: Sequence[Frames]) -> Frames:
             first.chances,
         )
     return first
-
-
-def _numbers(rules: Rules, cases: Sequence[Case]) -> tuple[Range, ...]:
-    """The numbers of the cases; one that no loop reads may be any."""
-    ranges = []
-    for axis in rules.for_all.unknown:
-        spans = [each for case in cases for each in case.ranges if each.path == axis.path]
-        values = {case.fixed[axis.path] for case in cases if axis.path in case.fixed}
-        if spans:
-            low = min(each.start for each in spans)
-            high = max(each.stop for each in spans)
-            ranges.append(Range(axis.path, low, high))
-        elif values:
-            ranges.append(Range(axis.path, min(values), max(values), tuple(sorted(values))))
-        else:
-            ranges.append(Range.of(axis))
-    return tuple(ranges)

@@ -6,8 +6,15 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from wavesweep.for_all.patterns import Word, seems_refuted, seems_refuted_from
-from wavesweep.for_all.rows import cases_of, proved_from_zero, refuse_unsuitable_ranges, verdict
+from wavesweep.for_all.rows import (
+    ForAllGuarantee,
+    cases_of,
+    proved_from_zero,
+    refuse_unsuitable_ranges,
+    verdict,
+)
 from wavesweep.for_all.varying import Rules
+from wavesweep.program.analyses.claims import Claim
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import loops_of
 
@@ -33,6 +40,10 @@ class DesignProof:
         """Raise UsageError for numbers that designs cannot be proved for; along: of walls, empty
         without these."""
         refuse_unsuitable_ranges(spec, along)
+
+    def claim(self, spec: Spec) -> Claim:
+        """What is proved of designs, and of which loops."""
+        return ForAllGuarantee(self.rules).claim(spec)
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "proved" or "refuted"; otherwise it is not known."""

@@ -37,7 +37,6 @@ from wavesweep.program.analyses.claims import PASSIVE_HANDS, Scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
-from wavesweep.program.sweep.job import Job
 
 FREE = dict.fromkeys(HAND, 0.0)
 # of the range, where a passive value is looked for
@@ -67,12 +66,6 @@ class EveryHandGuarantee(Guarantee):
         own = Loops(own_loop(spec).drawing, dict(spec.values))
         loops = scope_of(spec, self.rules, cases_of(self.rules, "", (0.0, 0.0), own))
         return replace(loops, hands=PASSIVE_HANDS)
-
-    def notices(self, job: Job) -> tuple[str, ...]:  # noqa: ARG002
-        """What the other rows are of."""
-        return (
-            "rows passive hold for all of [for_all], whatever the frames do; the others are of the spec's own numbers",
-        )
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""

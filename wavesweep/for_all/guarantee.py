@@ -6,51 +6,37 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from wavesweep.program.row_kinds import RowKind
+from wavesweep.program.row_kinds import OPEN_BETWEEN, RowKind
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.sweep.job import Job
 
-_UNSETTLED = "{rows} of {words} not settled: between what is proved and what is refuted more than 1 % is not known"
 ROWS = {
     "box": RowKind(
         "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
-        "stable with every hand of the box",
         "hands of the box",
         "#D55E00",
         2,
-        nowhere="nowhere stable with every hand of the box",
-        searched=True,
         unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
         settled="every row of the box is proved (settled 1), but for a thousandth next to an end that a hand sets, and a "
         "ten-thousandth next to 0",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",
-        "for all of [for_all]",
         "proved for all",
         "#D55E00",
         2,
-        "proved",
-        "nowhere stable",
-        "largest proved for all",
-        proved=True,
-        column="guarantee",
-        unsettled=_UNSETTLED,
+        "guarantee",
+        OPEN_BETWEEN,
     ),
     "mean_square": RowKind(
         "messages lost at random, or frames at random",
         "proved in mean square",
-        "proved in mean square",
         "#009E73",
         3,
-        "proved",
-        "the mean square decays nowhere",
-        "largest proved in mean square",
-        proved=True,
-        column="guarantee",
-        unsettled=_UNSETTLED,
+        "guarantee",
+        OPEN_BETWEEN,
     ),
 }
 HANDS = {

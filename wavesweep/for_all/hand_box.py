@@ -15,7 +15,7 @@ from wavesweep.for_all.unknown import Case, Part, Proved, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
-from wavesweep.program.analyses.claims import Scope, own_scope
+from wavesweep.program.analyses.claims import Scope, Status, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 
@@ -93,6 +93,7 @@ class BoxGuarantee(Guarantee):
     kind = "box"
     order = 1
     replaces = True
+    status = Status.SEARCHED
     dtype = BOX_RECORD
     method = (
         "exact intervals of the hands found to matter, intersected; where settled, quadratic forms that decrease in every cell "

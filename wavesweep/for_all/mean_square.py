@@ -77,6 +77,15 @@ class Losses:
     begins: float
     ends: float
 
+    def written(self) -> dict[str, float]:
+        """The probabilities by the keys of a channel."""
+        return {
+            "loss": self.outside,
+            "burst": self.begins,
+            "burst_end": self.ends,
+            "burst_loss": self.inside,
+        }
+
     def factors(self, before: int, after: int, late: int | None) -> tuple[float, float]:
         """The probability that the burst goes on like this, and then that of what happens to the
         message."""

@@ -39,23 +39,32 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     if apart:
         yield 1, f"[for_all] leaves the spec's own {' and '.join(apart)} out"
     if found.get("every_hand"):
-        yield 1.5, _every_hand(found["every_hand"])
+        yield 1.5, _every_hand(spec, found["every_hand"])
 
 
-def _every_hand(found: Mapping[str, Any]) -> str:
-    """What every passive hand needs of the device's damping while frames vary."""
+def _every_hand(spec: Spec, found: Mapping[str, Any]) -> str:
+    """What is known with every passive hand, and what hands need of the device's damping."""
+    from wavesweep.for_all.every_hand import EveryHandGuarantee
     from wavesweep.for_all.rows import CONTRADICTED
+    from wavesweep.for_all.varying import Rules
+    from wavesweep.program.analyses.claims import STABLE, Claim, Status
     from wavesweep.program.tables.number_words import rounded_up
 
-    needed, device = found["needed"], found["device"]
-    enough = (
-        "no damping is proved to suffice"
-        if needed is None
-        else f"{rounded_up(needed, 4)} N*s/m of damping suffice"
-    )
-    safe = needed is not None and needed <= device
-    refuted = found["refuted"] is not None and found["refuted"] > device
+    needed = found["needed"]
+    device = found["device"]
+    status = Status.UNKNOWN
+    reason = ""
     if found.get("doubt"):
-        return f"for every passive hand, whatever the frames do: not known, {CONTRADICTED}"
-    verdict = "stable" if safe else f"not stable with {found['by']}" if refuted else "not known"
-    return f"for every passive hand, whatever the frames do: {verdict}; {enough}, the device has {device:.4g}"
+        reason = CONTRADICTED
+    elif needed is not None and needed <= device:
+        status = Status.PROVED
+    elif found["refuted"] is not None and found["refuted"] > device:
+        status = Status.REFUTED
+        reason = found["by"]
+    claim = Claim(STABLE, EveryHandGuarantee(Rules.of(spec)).scope(spec), status, reason)
+    if found.get("doubt"):
+        return claim.words()
+    enough = "no damping is proved to suffice"
+    if needed is not None:
+        enough = f"{rounded_up(needed, 4)} N*s/m of damping suffice"
+    return f"{claim.words()}; {enough}, the device has {device:.4g}"

@@ -83,6 +83,7 @@ class ForAllGuarantee(Guarantee):
     rules: Rules
     dtype = FOR_ALL_RECORD
     own_felt = False
+    status = Status.PROVED
 
     @property
     def kind(self) -> str:

@@ -42,6 +42,7 @@ from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, 
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.mean_square import (
     Chances,
+    Losses,
     chain_of,
     chances,
     decays,
@@ -140,8 +141,18 @@ class Rules:
         frames = self.plan(values, (along,)).along(along)
         if not self.at_random:
             return frames
-        lost = losses_at_random(self.drawing, values) if self.messages else {}
-        return frames_at_random(frames, for_all.lengths, for_all.results, along, lost)
+        shares, results = self.chances
+        return frames_at_random(frames, shares, results, along, self.losses(values))
+
+    @property
+    def chances(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
+        """The probabilities of lengths of frames and of results that a proof takes, see
+        `chain_of`."""
+        return self.for_all.lengths, self.for_all.results
+
+    def losses(self, values: Mapping[str, object]) -> dict[str, Losses]:
+        """The probabilities of the channels that a proof takes; none of a loop without these."""
+        return losses_at_random(self.drawing, values) if self.messages and self.drawing else {}
 
     def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
         """What the frames of a loop without channels consist of; gains: numbers that count as other

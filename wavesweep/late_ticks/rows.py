@@ -36,6 +36,7 @@ class LateTicksGuarantee(Guarantee):
     interval: tuple[float, float]
     kind = "for_all"
     own_ticks = True
+    status = Status.PROVED
     dtype: np.dtype = field(
         default_factory=lambda: offered("switched").FOR_ALL_RECORD, repr=False, compare=False
     )

@@ -30,6 +30,14 @@ from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import LARGEST_GAIN_FACTOR, BrokenLoop, Margin, disk_margins
+from wavesweep.program.analyses.claims import (
+    STABLE,
+    Claim,
+    Property,
+    Status,
+    own_scope,
+    ranges_of,
+)
 from wavesweep.program.spec import Axis, Spec
 
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
@@ -98,16 +106,13 @@ def refused(spec: Spec) -> str:
         if varying == ["messages"]
         else f"{', '.join(varying)} of [for_all] may vary"
     )
-    return (
-        f"margins need constant numbers, and {refusal}: these are of the spec's own numbers"
-        if varying
-        else ""
-    )
+    return f"margins for all need constant numbers, and {refusal}" if varying else ""
 
 
-def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
+def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all
-    numbers of its [for_all]."""
+    numbers of its [for_all], and what is claimed of which loops."""
+    own = own_scope(spec)
     spec, cut = with_block(spec, cut)
     axes, boxes = spec.for_all.unknown, spec.for_all.boxes
     listed = [axis for axis in axes if axis.values or axis.structural]
@@ -116,18 +121,26 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     cases = []
     for values in product(*map(boxes.values_of_range, listed)):
         cases += _cases(spec, cut, ranges, dict(zip(paths, values, strict=True)))
+    covered = [
+        (dict(zip(case.ranged, case.box.T.tolist(), strict=True)), case.fixed) for case in cases
+    ]
+    scope = replace(own, numbers=ranges_of([axis.path for axis in axes], covered))
     unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
-        return [
+        refuted = [
             BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True)
             for name in cases[0].names
         ]
+        return refuted, Claim(STABLE, scope, Status.REFUTED, text)
     rows = []
     for name in cases[0].names:
         margin = _for_all_cases([(case, *case.margin(name)) for case in cases], name)
         rows += _with_gain_and_phase(margin) if margin.name == "disk" else [margin]
-    return rows
+    known = any(not np.isnan(margin.value) for margin in rows)
+    status = Status.PROVED if known else Status.UNKNOWN
+    checked = "the delay margin checked" if "delay_frames" in cases[0].names else ""
+    return rows, Claim(Property("margins", "figures"), scope, status, checked)
 
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:

@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.response import Step
 from wavesweep.margins.marked_steps import MARK, draw_others, draw_step
+from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.figure_layout import MOST_MEMBERS
 from wavesweep.program.plots.labels import assumption, valued
@@ -158,7 +159,8 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
         if (*proved, np.inf)[0] < np.inf:
             rim = disk_of(proved[0])
-            said = f"disk margin {rounded_down(tables['for_all']['disk'][0], 3)}, proved for all of [for_all]"
+            disk = rounded_down(tables["for_all"]["disk"][0], 3)
+            said = f"disk margin {disk}, proved {of_rows(facts, 'for_all').scope.in_words()}"
             panels["nyquist"].plot(
                 rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said
             )

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.claims import Claim, Property, Status, own_scope
 from wavesweep.program.columns import RATIO, Columns, joined
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import (
@@ -84,6 +85,8 @@ def margins(spec: Spec, cut: str = "") -> Table:
     hz = lines_at(spec, cut, loop, margins_found)
     columns = _columns(cut, margins_found, bound, hz)
     methods = {"margins": METHOD}
+    own = Status.CERTIFIED if columns["certified"].all() else Status.UNKNOWN
+    claims = {"spec": Claim(Property("margins", "figures"), own_scope(spec), own)}
     notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
@@ -91,7 +94,8 @@ def margins(spec: Spec, cut: str = "") -> Table:
         if said := refused(spec):
             notices.append(said)
         else:
-            columns = _with_those_for_all(columns, cut, margins_for_all(spec, cut))
+            of_all, claims["for_all"] = margins_for_all(spec, cut)
+            columns = _with_those_for_all(columns, cut, of_all)
             methods["for_all"] = METHOD_FOR_ALL
     counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
     timings = {"compute_s": time.perf_counter() - started}
@@ -101,7 +105,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
         counts,
         timings,
         [*notices, *over_preset(spec)],
-        nominal="for_all" not in methods,
+        claims=claims,
     )
     return Table.of(
         "margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times}
@@ -160,6 +164,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     tally |= {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1)}
     tally["margins"] = rows("spec")
     if "guarantee" in columns:
+        tally["claim"] = facts["claims"]["for_all"]
         of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample")
         if of_all:
             tally["for_all"] = of_all
@@ -190,16 +195,12 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all := found.get("for_all"):
-        delay = ", the delay margin checked" if "delay_frames" in of_all else ""
-        yield f"proved for all numbers of [for_all] (for_all){delay}:", False
-        unstable = next(iter(of_all.values()))
-        if (
-            unstable["value"] is None
-            and unstable["counterexample"]
-            and unstable["fails_from"] is None
-        ):
-            yield f"nothing: not stable with {unstable['counterexample']}", True
+        claim = Claim.read(found["claim"])
+        if claim.status is Status.REFUTED:
+            yield f"{claim.words()} (for_all)", True
             return
+        checked = f", {claim.reason}" if claim.reason else ""
+        yield f"{claim.words()} (for_all){checked}:", False
         for name, margin in of_all.items():
             below = margin["fails_below"]
             end = margin["fails_from"]

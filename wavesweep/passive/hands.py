@@ -17,6 +17,7 @@ from wavesweep.program.analyses.claims import (
     STABLE,
     Property,
     Scope,
+    Status,
     own_scope,
 )
 from wavesweep.program.analyses.interval_jobs import Guarantee
@@ -29,9 +30,9 @@ PASSIVE = (
 )
 WHAT = {
     "passive": STABLE,
-    "port": Property.of("passive at the hand's port"),
-    "ports": Property.of("absolutely stable"),
-    "channel": Property.of("passive in the wave channel"),
+    "port": Property("passive at the hand's port for forces held over a tick", short="passive"),
+    "ports": Property("absolutely stable at both ports", short="absolutely stable"),
+    "channel": Property("passive in the wave channel to within the tolerance", short="passive"),
 }
 METHODS = {
     "passive": PASSIVE.format(
@@ -56,6 +57,7 @@ class PassiveGuarantee(Guarantee):
     kind: str
     tolerance: float = 0.0
     dtype = RECORD
+    status = Status.CHECKED
 
     @property
     def method(self) -> str:

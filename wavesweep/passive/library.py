@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Unpack
 from wavesweep.passive import table
 from wavesweep.program import api
 from wavesweep.program.analyses.asked import Numbers, axes_asked
+from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.api import Source, figure_of_table, spec_of
 from wavesweep.program.plots.style import drawn_into
 from wavesweep.program.spec.loading import naming
@@ -44,7 +45,8 @@ class LoopPassive(api.Loop):
         Accuracy: see docs/accuracy.md.
         """
         spec = naming(self.spec, axes)
-        return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
+        rows = table.in_memory(spec, axes_asked(spec, axes))
+        return self._frame("passivity", rows, own_figures([spec], "energies at the ports"))
 
     def plot_passivity(
         self,
@@ -67,7 +69,7 @@ class LoopPassive(api.Loop):
         -------
         matplotlib.figure.Figure
         """
-        draw = figure_of_table("passivity", self.passivity(**axes), self.spec, nominal=True)
+        draw = figure_of_table("passivity", self.passivity(**axes), self.spec)
         return drawn_into(ax, draw, legend=legend, caption=caption)
 
 

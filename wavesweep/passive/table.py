@@ -16,6 +16,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import notices_of
+from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.tables.columns import at_port
 from wavesweep.program.tables.interval_table import interval_kind
@@ -65,7 +66,7 @@ def passivity(
         done.timings,
         _notices(grid),
         [axis.path for axis in axes],
-        nominal=True,
+        claims=own_figures([spec], "energies at the ports"),
     )
     facts |= {"warnings": done.warnings, "tolerance": tolerance}
     return Table(
@@ -119,7 +120,7 @@ def over_frequency(spec: Spec) -> Table:
         {"compute_s": time.perf_counter() - started},
         (),
         [axis.path for axis in axes],
-        nominal=True,
+        claims=own_figures([spec], "energies at the ports"),
     )
     return Table.of("passivity-ports", columns, facts)
 
@@ -207,9 +208,9 @@ def filter_choices(spec: Spec, tolerance: float = ALIASING_ALLOWED) -> Table:
         "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
         "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
     }
-    facts = facts_of(
-        spec, methods, counts, {"compute_s": time.perf_counter() - started}, nominal=True
-    )
+    claims = own_figures([spec], "wave channels")
+    timings = {"compute_s": time.perf_counter() - started}
+    facts = facts_of(spec, methods, counts, timings, claims=claims)
     facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
     return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
 

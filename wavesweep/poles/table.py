@@ -50,6 +50,7 @@ def poles(spec: Spec, number: str = "") -> Table:
 def over(spec: Spec, axis: Axis | None = None) -> Table:
     """The same over the values of an axis."""
     from wavesweep.program.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.claims import own_figures
     from wavesweep.program.analyses.poles import poles as poles_of
     from wavesweep.program.sweep.grid import own_loop
 
@@ -76,7 +77,8 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
         certified = int(not doubted.any())
         swept = []
     counts = {"computed": loops, "skipped": 0, "certified": certified}
-    facts = facts_of(spec, {"poles": METHOD}, counts, timings, notices, swept, nominal=True)
+    claims = own_figures([spec], "modes")
+    facts = facts_of(spec, {"poles": METHOD}, counts, timings, notices, swept, claims=claims)
     facts["over"] = axis.name if axis else ""
     facts["period_s"] = float(drawn.period * drawn.ticks)
     facts["ends"] = ends_on_circle(spec, axis) if axis else []

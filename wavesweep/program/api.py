@@ -22,6 +22,7 @@ from wavesweep.program.analyses.asked import (
     frequencies_asked,
     key_named,
 )
+from wavesweep.program.analyses.claims import Claim, own_figures
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.drawn_loop import DrawnLoop, first_of, refuse_infinite
@@ -48,7 +49,7 @@ Span = tuple[float, float]
 MOST_ANSWERS = 16
 MOST_ROWS_KEPT = 10_000  # of an answer: some 2 MB
 # The latest answers of `stable_intervals`: a figure, and the display of a notebook, ask again.
-_ANSWERS: dict[tuple[Spec, Axis, object, object], Columns] = {}
+_ANSWERS: dict[tuple[Spec, Axis, object, object], tuple[Columns, Mapping[str, Claim]]] = {}
 
 
 @overload
@@ -215,8 +216,8 @@ class Loop:
             intervals, interval, low, high (in the unit of the axis), low_omega, high_omega (rad/s),
             certified, residual (relative), doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz),
             open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all] the
-            rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of
-            other methods are of its own numbers, and say so in `.attrs["guarantee"]`.
+            rows that hold for all of it follow, as in the table (column `guarantee`). What rows say
+            of which loops is in `.attrs["claims"]`, as it is of the DataFrames of other methods.
 
         Raises
         ------
@@ -246,14 +247,14 @@ class Loop:
         job = job_over(grid, axis, require=required)
         asked_axes = tuple((name, tuple(np.ravel(values))) for name, values in axes.items())
         question = (self.spec, axis, repr(required and required.written()), asked_axes)
-        rows = _ANSWERS.get(question)
-        if rows is None:
-            rows = intervals.of_calls(job, progress)
-            if len(rows["low"]) <= MOST_ROWS_KEPT:
-                _ANSWERS[question] = rows
+        answer = _ANSWERS.get(question)
+        if answer is None:
+            answer = intervals.of_calls(job, progress)
+            if len(answer[0]["low"]) <= MOST_ROWS_KEPT:
+                _ANSWERS[question] = answer
         if len(_ANSWERS) > MOST_ANSWERS:
             del _ANSWERS[next(iter(_ANSWERS))]
-        return self._frame("zwidth", rows)
+        return self._frame("zwidth", *answer)
 
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the product of the axes given.
@@ -353,7 +354,8 @@ class Loop:
         rows = joined(
             [one_spec(spec, asked_axes, frequency, self._read(spec), route) for route in routes]
         )
-        return self._frame("bode-ports" if routes[0] else "bode", rows)
+        claims = own_figures([spec], "responses")
+        return self._frame("bode-ports" if routes[0] else "bode", rows, claims)
 
     def plot_zwidth(
         self,
@@ -421,7 +423,7 @@ class Loop:
         """
         rows = self.response(frequency_hz, from_=from_, to=to, **axes)
         kind = "bode-ports" if "from_input" in rows else "bode"
-        draw = figure_of_table(kind, rows, self.spec, nominal=True)
+        draw = figure_of_table(kind, rows, self.spec)
         return drawn_into(ax, draw, legend=legend, caption=caption)
 
     def to_control(
@@ -500,10 +502,11 @@ class Loop:
         period = float(np.asarray(drawn.period)) * drawn.ticks
         return control.ss(*matrices, period, inputs=names, outputs=list(shown.values()))
 
-    def _frame(self, kind: str, columns: Columns) -> DataFrame:
+    def _frame(self, kind: str, columns: Columns, claims: Mapping[str, Claim]) -> DataFrame:
         columns = kind_named(kind).completed(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
-        return frame(columns, _units(self.spec, kind, tuple(columns), along), self.spec.members)
+        units = _units(self.spec, kind, tuple(columns), along)
+        return frame(columns, units, {word: claim.fact() for word, claim in claims.items()})
 
     def _read(self, spec: Spec) -> frozenset[str]:
         return self.read if spec is self.spec else keys_of(spec)
@@ -535,10 +538,9 @@ def figure_of_table(
     table: DataFrame,
     spec: Spec,
     swept: Mapping[str, Any] | None = None,
-    **what: Any,
 ) -> Callable[[], Figure]:
-    """What draws the figure of a DataFrame. swept: the axes of the call in place of those of the spec. what: see `assumes`."""
-    from wavesweep.program.analyses.assumptions import assumes
+    """What draws the figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.program.analyses.assumptions import model_in_words
     from wavesweep.program.plots import figure_of
     from wavesweep.program.plots.figure_marks import facts_of_marks
 
@@ -549,7 +551,8 @@ def figure_of_table(
     facts = {
         "spec": tables,
         "spec_name": spec.name,
-        "assumes": assumes(spec, varied, **what),
+        "assumes": model_in_words(spec, varied),
+        "claims": table.attrs["claims"],
         **facts_of_marks([spec], kind),
     }
     columns = {str(name): table[name].to_numpy() for name in table}

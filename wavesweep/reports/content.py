@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.analyses.claims import LINEAR, Status
+from wavesweep.program.analyses.claims import Claim, Status
 from wavesweep.program.columns import whose_column
+from wavesweep.program.plots.labels import claimed
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
@@ -30,18 +31,9 @@ INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
 PANEL = 'id="axes_'  # is in the SVG of a figure with panels
 TIMING = "When it samples, computes and acts"
 BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
-CERTIFIED = "Certified: every value between the ends of an interval is stable, and every other one of the range is not."
 OWN = (
     "Each number is changed alone, all others are kept. Ranges are certified unless a line says otherwise; eigenvalues, modes "
     "and felt stiffnesses are computed in double precision."
-)
-MODEL = (
-    "All else is as the spec writes it, in a linear loop that is sampled and held at its rates; friction and the steps of an "
-    "encoder are not part of it."
-)
-THROUGH_CONTACT = (
-    "Rows through contact hold for every wall that is a function of K x + B v with slopes from 0 to 1, such as one that "
-    "pushes and never pulls."
 )
 BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
@@ -126,7 +118,7 @@ def report(spec: Spec, asked: ReportRequest) -> str:
         number += 1
     for section in sections.values():
         if section.known:
-            caption = section.known + " Of the spec's own numbers." * bool(spec.for_all)
+            caption = f"{section.known} {claimed(section.table.facts)}".rstrip()
             body += [
                 html.element("h2", section.title),
                 html.element("p", caption, "small"),
@@ -241,7 +233,7 @@ def _answer(
     own: the first line about the spec's own numbers; judged: the verdict.
     """
     yield html.element("h2", "Answer")
-    assumed = [MODEL]
+    assumed = []
     title, *others = judged.lines(_own_place(spec))
     lines = [(line, True) for line in others]
     good = judged.status > Status.UNKNOWN
@@ -259,7 +251,7 @@ def _answer(
             or whose_column(intervals.table.columns)
             or not (rows and text.startswith("  "))
         ]
-        known = _known(spec, intervals.table, doubtful=doubtful)
+        known = _known(intervals.table, doubtful=doubtful)
         yield html.verdict(good and not doubtful, title, known, [*lines, own])
         if rows:
             yield html.table(*rows)
@@ -269,12 +261,12 @@ def _answer(
         facts = intervals.table.facts
         assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
-        claims = facts["claims"]
-        words = {word: row_kind(word).legend for word in claims}
-        said = [f"Rows of {words[word]}: {claims[word]['said']}." for word in claims]
-        if any(claim["scope"]["walls"] != LINEAR for claim in claims.values()):
-            said.append(THROUGH_CONTACT)
-        assumed = [*(said if len(said) > 1 or spec.for_all else []), *assumed]
+        claims = {word: Claim.read(fact) for word, fact in facts["claims"].items()}
+        for word, claim in claims.items():
+            subject = f"Rows of {row_kind(word).legend}" if len(claims) > 1 else "Rows"
+            assumed.append(f"{subject}: {claim.said()}.")
+        walls = dict.fromkeys(claim.scope.walls_in_words() for claim in claims.values())
+        assumed += [f"{each}." for each in walls]
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
 
@@ -288,19 +280,20 @@ def _own_place(spec: Spec) -> str:
     return f"With its own {spec.along} = {spec.values[along.path]:g}{unit}"
 
 
-def _known(spec: Spec, table: Table, *, doubtful: bool) -> str:
+def _known(table: Table, *, doubtful: bool) -> str:
     """How the intervals of the sweep are known; doubtful: whether some line about them is a
     warning."""
     if doubtful and table.columns["certified"].all():
         return "The intervals are certified, but not known everywhere: a line below says where."
     if doubtful:
         return "Not all of the intervals are certified."
-    if any(
-        row_kind(word).vouched_for(table.columns) == "checked" for word in table.facts["methods"]
-    ):
-        return "The intervals are certified or checked, as each row says."
-    of_one = not {"guarantee", "hand"} & table.columns.keys() and not spec.require
-    return CERTIFIED if of_one else "The intervals are certified."
+    claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
+    said = [claim.of_intervals() for claim in claims]
+    return (
+        said[0]
+        if len({*said}) == 1
+        else "The intervals are certified or checked, as each row says."
+    )
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

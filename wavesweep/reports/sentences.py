@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import SpecError, WavesweepError
-from wavesweep.program.analyses.claims import lost_in_words
+from wavesweep.program.analyses.claims import Claim, Status, lost_in_words, of_rows
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import row_kinds
@@ -146,22 +146,23 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
             texts[whose] = row_kinds()[row[whose]].legend
         if not row["intervals"]:
             texts["low"] = "none"
-        rows.append([*texts.values(), _proof(row)])
+        word = row[whose] if whose else ""
+        claim = of_rows(table.facts, word, columns)
+        rows.append([*texts.values(), _proof(row, claim)])
     return (*head, "proof"), rows
 
 
-def _proof(row: Columns) -> str:
+def _proof(row: Columns, claim: Claim) -> str:
     """Whether a row is certified, proved by the checker of a guarantee, or checked.
 
     Of hands only what is settled is proved, but for the last thousandth next to an end that a hand
     sets.
     """
-    kind = row_kinds()[row.get("hand", "")]
-    if kind.searched:
+    if claim.status is Status.SEARCHED:
         return (
             "proved but for a thousandth at its ends" if row["settled"] else "not proved: searched"
         )
-    word = "proved" if row.get("guarantee", "spec") != "spec" else kind.vouched_for(row)
+    word = "proved" if claim.status is Status.PROVED else claim.vouched
     if row["certified"]:
         return word
     reason = row["doubt"]

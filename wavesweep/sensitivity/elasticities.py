@@ -267,7 +267,7 @@ def _rows(loops, found, ends, members) -> dict:
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
         "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
         "damping_ratio": np.where(
-            certain, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan
+            certain, _damping_inside(loops, (low, high), p, upper, crossings), np.nan
         ),
         "states": np.array(states, object).reshape(at.size),
     }
@@ -322,9 +322,9 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings):
     return direct + by_end * crossings.slope, error
 
 
-def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
-    """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way
-    into a narrow one."""
+def _damping_inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
+    """The damping ratio of each crossing's mode, by its strongest line, a tenth of the end inside
+    the interval, or half-way into a narrow one."""
     width = span[1] - span[0]
     away = np.minimum(INSIDE_END * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(
         upper, -1, 1
@@ -332,7 +332,15 @@ def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
     steps = (p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)).ravel()
     path, finite = eigenvalues(loops.frames(loops.with_end(steps, PATH_STEPS), steps.size))
     path = np.where(finite[:, None], path, np.nan).reshape(p.size, PATH_STEPS, -1)
-    return tracked_eigenvalue(path[crossings.end], crossings.delta)
+    delta = tracked_eigenvalue(path[crossings.end], crossings.delta)
+    period, _ = loops.about(p)
+    period = np.broadcast_to(period, p.shape)[crossings.end]
+    known = np.where(np.isnan(delta), crossings.delta, delta)
+    with np.errstate(all="ignore"):
+        modes = np.log1p(known)
+    inside = loops.with_end(p + away, 1).some(crossings.end)
+    hz = lines_in_loops(inside, modes[:, None])[:, 0]
+    return damping_ratio(delta, 2 * np.pi * hz * period)
 
 
 def _states(share, labels) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from wavesweep.program import api
 from wavesweep.program.analyses.asked import Numbers
+from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.api import Source, Span, spec_of
 from wavesweep.program.tables.frame import framed
 from wavesweep.sensitivity import table
@@ -47,7 +48,8 @@ class LoopSensitivity(api.Loop):
         rounding could exceed that, a reason of doubt and no number.
         """
         grid, axis = self._asked(along, span, axes)
-        return self._frame("why", table.sensitivities(grid, axis))
+        rows = table.sensitivities(grid, axis)
+        return self._frame("why", rows, own_figures([grid.spec], "limits"))
 
 
 def why(source: Source, along: str | None = None) -> DataFrame:

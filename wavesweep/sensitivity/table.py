@@ -45,6 +45,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     The other axes of [sweep] are held at the spec's values. Errors: as for `intervals`.
     """
     from wavesweep.program.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.claims import own_figures
     from wavesweep.program.analyses.interval_jobs import job_over, method
     from wavesweep.program.sweep.grid import make_grid
     from wavesweep.program.sweep.running import in_memory
@@ -79,7 +80,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
         timings,
         notices,
         [axis.path],
-        nominal=True,
+        claims=own_figures([spec], "limits"),
     )
     ends = zip(
         *(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True
@@ -232,13 +233,10 @@ def _inside(end: Numbers) -> str:
 def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
-    mode, image = mode_words(end["omega"], end["line_hz"], end["second_hz"])
-    words_beside = " from frame to frame" if image else " beside it"
-    damped = (
-        ""
-        if end["damping_ratio"] is None
-        else f", damping ratio {end['damping_ratio']:.3g}{words_beside}"
-    )
+    mode = mode_words(end["omega"], end["line_hz"], end["second_hz"])
+    damped = ""
+    if end["damping_ratio"] is not None:
+        damped = f", damping ratio {end['damping_ratio']:.3g} beside it"
     yield (
         f"{end['end']} end, {name} = {_inside(end)}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
         False,
@@ -256,24 +254,19 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
         )
 
 
-def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> tuple[str, bool]:
-    """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is
-    an image of that per frame."""
+def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -> str:
+    """A mode with the frequencies that a spectrum shows of it, of which the strongest may be an
+    image of that per frame."""
     if omega is None or hz is None:
-        return "a mode that is not known", False
-    image, second = (
-        not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9),
-        f" and {second_hz:.4g} Hz" if second_hz else "",
-    )
-    if image:
+        return "a mode that is not known"
+    second = f" and {second_hz:.4g} Hz" if second_hz else ""
+    if not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
         once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
-        return f"an oscillation of {hz:.4g} Hz{second} within the frame ({once})", True
-    if not omega:
-        return (
-            f"a mode without oscillation from frame to frame{second and f', with one of{second[4:]} within it'}",
-            False,
-        )
-    return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{second})", False
+        return f"an oscillation of {hz:.4g} Hz{second} within the frame ({once})"
+    if omega:
+        return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{second})"
+    within = f", with one of {second_hz:.4g} Hz within it" if second_hz else ""
+    return f"a mode without oscillation from frame to frame{within}"
 
 
 def _moves(limit: Numbers) -> Line:

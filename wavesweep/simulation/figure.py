@@ -29,7 +29,6 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.tables.columns import signals_of
-from wavesweep.simulation.keys import RANDOM
 
 _DETAIL_FRAMES = 40
 FRAME = "length of the frame"  # in ticks, beside the columns
@@ -108,7 +107,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for row in grid:
             _draw_legend(canvas, row)
         warn_above(canvas, _unstable(facts))
-        note_below(canvas, _in_turn(facts), assumption(facts))
+        note_below(canvas, assumption(facts))
         canvas.align_ylabels()
     return canvas
 
@@ -246,29 +245,6 @@ def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
         return []
     label = f"messages of {channels[0]}" if channels else "slow results"
     return [("late (ticks)", [Signal("late", label, distinct_colour(0), False)])]
-
-
-def _in_turn(facts: Mapping[str, Any]) -> str:
-    """Where frames are from, and the patterns of late and lost messages that a run repeats."""
-    options = facts["spec"]["simulate"]
-    frames, begin = options.get("frames"), ""
-    if frames == RANDOM:
-        begin = f"Frames at random, seed {options['seed']}. "
-    elif isinstance(frames, str):
-        begin = f"Frames as they were measured, {frames}. "
-    said = []
-    for name, late in options.get("messages", {}).items():
-        said.append(f"{name} {', '.join(map(_lateness, late))}")
-    return begin + (f"Messages, repeated: {'; '.join(said)}." if said else "")
-
-
-def _lateness(late: int | str) -> str:
-    """How late a message is, in words."""
-    if isinstance(late, str):
-        return late
-    if late == 0:
-        return "in time"
-    return "1 tick late" if late == 1 else f"{late} ticks late"
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:

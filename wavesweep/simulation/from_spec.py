@@ -11,7 +11,7 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import names_in, value_of
-from wavesweep.program.analyses.assumptions import IN_TIME, RunWords
+from wavesweep.program.analyses.claims import Claim, Frames, Order, Property, Status, own_scope
 from wavesweep.program.reading.reading import PASSED
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
@@ -97,8 +97,8 @@ def measured_frames(spec: Spec) -> Any:
 MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
 
 
-def run_in_words(spec: Spec) -> RunWords:
-    """Return the frames and the messages of the spec's experiment in words."""
+def claim_of(spec: Spec) -> Claim:
+    """What a run of the spec's experiment is: its frames, ticks and messages."""
     patterns, messages = spec.simulate["messages"] or {}, []
     for block in spec.drawing.senders if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
@@ -109,8 +109,17 @@ def run_in_words(spec: Spec) -> RunWords:
             messages.append(
                 f"messages of {block.name} lost at random, seed {spec.simulate['seed']}"
             )
-    said = filter(None, (_frames_in_words(spec.simulate), _ticks_in_words(spec.simulate)))
-    return RunWords(", ".join(said), "; ".join(messages) or IN_TIME.messages)
+    frames = _frames_in_words(spec.simulate)
+    ticks = _ticks_in_words(spec.simulate)
+    scope = own_scope(spec)
+    if frames:
+        scope = replace(scope, frames=Frames(Order.ANY))
+    if spec.drawing and spec.drawing.senders and not messages:
+        messages = ["all messages in time"]
+    said = ", ".join(filter(None, (frames, ticks, *messages)))
+    return Claim(
+        Property("a run", "figures"), replace(scope, messages=(), run=said), Status.COMPUTED
+    )
 
 
 def _late(ticks: int) -> str:

@@ -17,7 +17,7 @@ from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.simulation import table
 from wavesweep.simulation.experiment import simulation_of
-from wavesweep.simulation.from_spec import run_in_words
+from wavesweep.simulation.from_spec import claim_of
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import recorded
 
@@ -53,7 +53,8 @@ class LoopSimulation(api.Loop):
         UsageError, SpecError
             As for a spec.
         """
-        return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
+        rows = recorded(simulation_of(self.spec, force, **options))
+        return self._frame("simulate", rows, {"spec": claim_of(self.spec)})
 
     def plot_simulate(
         self,
@@ -83,8 +84,7 @@ class LoopSimulation(api.Loop):
             name: value for name, value in (tables["simulate"] | options).items() if name not in off
         }
         used = load(tables | {"simulate": keys}).asking("simulate")
-        run = self.simulate(force, **options)
-        draw = figure_of_table("simulate", run, used, run=run_in_words(used))
+        draw = figure_of_table("simulate", self.simulate(force, **options), used)
         return drawn_into(ax, draw, legend=legend, caption=caption)
 
 

@@ -168,11 +168,11 @@ def _unlike_the_linear(spec, linear, tones, frame):
 def _facts(
     spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
 ) -> dict[str, Any]:
-    from wavesweep.simulation.from_spec import beside, record_path, run_in_words
+    from wavesweep.simulation.from_spec import beside, claim_of, record_path
     from wavesweep.simulation.inputs import MOST_RECORD_BYTES
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
-    facts = facts_of(spec, methods, counts, timings, notices, run=run_in_words(spec))
+    facts = facts_of(spec, methods, counts, timings, notices, claims={"spec": claim_of(spec)})
     # The digest of the spec covers only the names of files.
     if spec.simulate["input"] == "record":
         facts["record_sha256"] = _digest(record_path(spec), MOST_RECORD_BYTES)

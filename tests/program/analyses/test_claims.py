@@ -1,5 +1,6 @@
 """Claims: what covers what, and the words and the exit code that follow."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -13,14 +14,18 @@ from wavesweep.program.analyses.claims import (
     Frames,
     Messages,
     Order,
+    Property,
     Question,
     Range,
     Scope,
     Status,
+    Tick,
     Verdict,
     answer,
     own_scope,
     questions,
+    ranges_of,
+    uncovered,
 )
 from wavesweep.program.spec import load
 from wavesweep.program.tables.refuters import LONGEST_REFUTER_TEXT, in_a_sentence, repeated
@@ -51,6 +56,9 @@ MASSES = Range("device.mass", 0.08, 0.125)
         (Scope(messages=(Messages("net", 2, 1),)), Scope(messages=(Messages("net", 3, 1),)), False),
         (Scope(messages=(Messages("net", 0, 0, "loss 0.1"),)), Scope(), False),
         (Scope(hands="passive"), Scope(), False),
+        (Scope((Range("device.mass"),)), Scope((MASSES,)), True),  # which no loop reads
+        (Scope((MASSES,)), Scope((Range("device.mass"),)), False),
+        (Scope(frames=VARYING, run="frames of 16, 33 ticks in turn"), Scope(frames=CONSTANT), False),
     ],
 )
 def test_a_scope_covers_what_is_a_part_of_it(claimed, asked, covered):
@@ -104,6 +112,39 @@ def test_a_spec_asks_for_all_of_its_tables():
     assert orders == [Order.ANY, Order.AT_RANDOM]
     (alone,) = questions(load(base | {"for_all": {"loss": 0.1}}))
     assert alone.what == MEAN_SQUARE
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        Claim(STABLE, Scope((MASSES, Range("p")), VARYING, (Messages("net", 2, "2*n - 1"),)), Status.PROVED),
+        Claim(
+            Property("every mode within 0.9 per tick", "requirement"), Scope(tick=Tick(1e-3, 2e-3)), Status.CHECKED, "the lines"
+        ),
+        Claim(Property("a run", "figures"), Scope(run="all messages in time"), Status.COMPUTED),
+    ],
+)
+def test_a_claim_is_read_from_the_facts_of_a_table_as_it_was_written(claim):
+    fact = json.loads(json.dumps(claim.fact()))
+    assert Claim.read(fact) == claim
+    assert fact["said"].endswith(claim.scope.in_words())
+
+
+def test_numbers_are_those_of_the_boxes_that_a_proof_has_covered():
+    boxes = [({"a": (0.5, 1.0)}, {"n": 1}), ({"a": (1.0, 2.0)}, {"n": 3})]
+    assert ranges_of(["a", "n", "unread"], boxes) == (Range("a", 0.5, 2.0), Range("n", 1.0, 3.0, (1.0, 3.0)), Range("unread"))
+    assert Range("numbers.unread").in_words() == "any unread"
+
+
+@pytest.mark.asks("for_all", "contact")
+def test_what_a_spec_asks_beyond_the_claims_of_a_table_is_named():
+    varying = {"for_all": {"rates.ratio": {"values": [16, 20], "varying": True}}}
+    spec = load({"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}} | varying)
+    (beyond,) = uncovered(spec, [own_scope(spec)])
+    assert beyond.in_words() == "for frames of 16, 20 ticks in any order"
+    assert not [*uncovered(spec, [beyond])]
+    alone = load({"controller": {"kind": "dc-slow"}, "for_all": {"contact": True}})
+    assert [each.walls for each in uncovered(alone, [own_scope(alone)])] == [PUSHES]
 
 
 @pytest.mark.parametrize(

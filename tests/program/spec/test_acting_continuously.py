@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.analyses.assumptions import model_in_words
 
 LAG_AND_BODY = {
     "body": {"type": "mass", "mass": 1.0, "damping": 1.0},
@@ -87,7 +87,7 @@ def named(said):
 def test_the_numbers_named_act_continuously_and_all_others_are_held(seed):
     tables, continuous, frame = drawn(seed)
     loop = wavesweep.compile(tables)
-    assert named(assumes(loop.spec)) == continuous
+    assert named(model_in_words(loop.spec)) == continuous
     radius = np.abs(np.linalg.eigvals(frame)).max()
     assert float(loop.spectral_radius()) == pytest.approx(radius, rel=1e-9)
 
@@ -126,7 +126,7 @@ LAW = "-k*body.x - 0.5*k*body.v"
 def test_a_controller_is_a_program_only_through_a_hold(tables, end, said):
     (row,) = wavesweep.stability_region(tables).to_dict("records")
     assert row["high"] == pytest.approx(end, abs=1e-3)
-    assert assumes(wavesweep.load(tables)) == said
+    assert model_in_words(wavesweep.load(tables)) == said
 
 
 def test_numbers_are_named_once_with_their_wires_and_plain_ones_by_their_value():
@@ -134,10 +134,10 @@ def test_numbers_are_named_once_with_their_wires_and_plain_ones_by_their_value()
     chain = {"rates": {"tick_hz": 100}, "numbers": {"ks": 2.0}, "wire": springs}
     chain |= {"block": {n: {"type": "mass", "mass": 1, "damping": 1} for n in "abcdef"}}
     assert (
-        assumes(wavesweep.load(chain))
+        model_in_words(wavesweep.load(chain))
         == "ks acts continuously in a.f, b.f and 4 other wires (as physics does; a program holds its sums)"
     )
-    said = assumes(wavesweep.load(controlled("-50*body.x", "2*k*motor.y + push")))
+    said = model_in_words(wavesweep.load(controlled("-50*body.x", "2*k*motor.y + push")))
     assert (
         said == "-50 acts continuously in motor.u and k acts continuously in body.f (as physics does; a program holds its sums)"
     )
@@ -170,4 +170,4 @@ def test_names_with_one_meaning_are_taken():
     ):
         tables = {"rates": {"tick_hz": 100}, "numbers": {"k": 1.0}, "block": bodies}
         loop = wavesweep.load(tables | {"signals": signals, "wire": {"one.f": one, "two.f": other}})
-        assert assumes(loop) == "k acts continuously in one.f and two.f (as physics does; a program holds its sums)"
+        assert model_in_words(loop) == "k acts continuously in one.f and two.f (as physics does; a program holds its sums)"

@@ -5,10 +5,12 @@ from support.specs import KINDS
 
 from wavesweep import load
 from wavesweep.passive.table import passivity
-from wavesweep.program.analyses.assumptions import assumed_by, assumes
+from wavesweep.program.analyses.assumptions import model_in_words
+from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
+from wavesweep.program.tables.table import facts_of
 from wavesweep.sensitivity.table import why
 
 GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"velocity": "difference"}}
@@ -16,7 +18,7 @@ GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_said_of_defaults_if_all_is_given(kind):
-    said = assumes(load({"controller": {"kind": kind}, **GIVEN}))
+    said = model_in_words(load({"controller": {"kind": kind}, **GIVEN}))
     assert "default" not in said
     assert said.endswith("velocity from differences of position")
     assert ("7 of 20" in said) == (kind != "dc")
@@ -24,18 +26,24 @@ def test_nothing_is_said_of_defaults_if_all_is_given(kind):
 
 
 def test_swept_values_are_neither_defaults_nor_single():
-    said = assumes(load({"controller": {"kind": "pmw"}}), swept=["environment.delay"])
+    said = model_in_words(load({"controller": {"kind": "pmw"}}), swept=["environment.delay"])
     assert "delay swept" in said
     assert "optimistic defaults of environment.integration and device.velocity: engines usually" in said
 
 
-def test_messages_of_a_swept_number_are_a_range():
+@pytest.mark.asks("for_all")
+def test_messages_of_a_swept_number_are_those_of_each_row():
     lossy = {"bus": {"type": "channel", "lost": "2*n - 1", "late": "k"}, "r": {"type": "integrator"}}
     tables = {"rates": {"tick_hz": 1}, "numbers": {"g": 1.0, "n": 3, "k": 1}, "block": lossy}
-    tables |= {"wire": {"bus.u": "-g*r.y", "r.u": "bus.y"}, "sweep": {"n": [2, 5, 1], "k": [1]}}
-    spec = load(tables)
-    assert assumes(spec) == "messages of bus late by up to 1 tick or lost, never six in a row"
-    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost, at most 1 to 9 in a row"
+    tables |= {"wire": {"bus.u": "-g*r.y", "r.u": "bus.y"}, "sweep": {"along": "g", "g": {"start": 0, "stop": 0.1}}}
+    for axes, said in (
+        ({}, "messages of bus late by up to 1 tick or lost, never six in a row"),
+        ({"n": [1, 2]}, "messages of bus late by up to 1 tick or lost, up to 2*n - 1 in a row"),
+        ({"k": [1]}, "messages of bus late by up to k ticks or lost, never six in a row"),
+    ):
+        claims = intervals(load(tables | {"sweep": tables["sweep"] | axes}), jobs=1).facts["claims"]
+        assert claims["for_all"]["loops"] == said
+        assert claims["spec"]["loops"] == "messages of bus all in time"
 
 
 def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():
@@ -50,15 +58,16 @@ def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have()
         (17, "nominal", 'delay of 17 ticks, integrated over 17 ticks, however long a frame is (step = "nominal")'),
     ):
         wall = {"environment": {"integration": "explicit", "delay": delay, "step": step}}
-        found = assumes(load(lengths | own | wall))
-        assert "frames of 17, 34, 50 ticks in any order" in found
-        assert said in found
+        spec = load(lengths | own | wall)
+        assert said in model_in_words(spec, told=["rates.ratio"])
+        assert "frames of 17 ticks" in own_figures([spec], "modes")["spec"].said()
 
 
 def test_several_specs_have_a_line_each_unless_they_agree():
     one, two = (load({"controller": {"kind": kind}, **GIVEN}) for kind in ("dc", "pmw"))
-    assert assumed_by([one, one]) == assumes(one)
-    assert assumed_by([one, two]).splitlines() == [f"{spec.name}: {assumes(spec)}" for spec in (one, two)]
+    assert facts_of([one, one], {}, {}, {})["assumes"] == model_in_words(one)
+    both = facts_of([one, two], {}, {}, {})["assumes"].splitlines()
+    assert both == [f"{spec.name}: {model_in_words(spec)}" for spec in (one, two)]
 
 
 def test_numbers_that_a_preset_does_not_give_are_named_with_every_table():
@@ -104,16 +113,15 @@ NETWORK = {
 
 
 @pytest.mark.asks("poles")
-def test_what_has_every_message_in_time_assumes_that():
+def test_what_has_every_message_in_time_claims_no_more():
     from wavesweep.poles.table import poles
 
     network = load(NETWORK)
-    assert poles(network).facts["assumes"] == "all messages in time"
-    assert responses([network]).facts["assumes"] == "all messages in time"
-    assert assumes(network) == "messages of net lost, never three in a row"
+    assert poles(network).facts["claims"]["spec"]["loops"] == "messages of net all in time"
+    assert responses([network]).facts["claims"]["spec"]["loops"] == "messages of net all in time"
     varied = load({"controller": {"kind": "dc-slow"}, **GIVEN, "for_all": {"device.mass": {"start": 0.08, "stop": 0.1}}})
-    assert "device.mass from" in assumes(varied)
-    assert "device.mass" not in responses([varied]).facts["assumes"]
+    (claim,) = responses([varied]).facts["claims"].values()
+    assert claim["said"] == "responses with the spec's own numbers, frames of 20 ticks"
 
 
 @pytest.mark.asks("simulation")
@@ -125,15 +133,14 @@ def test_what_has_every_message_in_time_assumes_that():
         ({"block": NETWORK["block"] | {"net": {"type": "channel", "loss": 0.1}}}, "messages of net lost at random, seed 0"),
     ],
 )
-def test_a_run_assumes_what_it_has(changed, said):
+def test_a_run_claims_what_it_has(changed, said):
     """And not what [for_all] or its channels may do beside it."""
-    from wavesweep.simulation.from_spec import run_in_words
     from wavesweep.simulation.table import simulate
 
     asked = {"for_all": {"w": {"start": 0.05, "stop": 0.2}}, "simulate": {"duration_s": 0.2}}
     spec = load(NETWORK | asked | {name: asked.get(name, {}) | more for name, more in changed.items()}).asking("simulate")
-    assert simulate(spec)[0].facts["assumes"] == said
-    assert assumes(spec, run=run_in_words(spec)) == said  # as `export` says it
+    (claim,) = simulate(spec)[0].facts["claims"].values()
+    assert claim["said"] == f"a run with {said}"
 
 
 @pytest.mark.asks("simulation")
@@ -141,11 +148,13 @@ def test_a_run_of_a_controller_names_its_frames():
     from wavesweep.simulation.table import simulate
 
     varied = {"for_all": {"rates.ratio": {"values": [16, 20, 33], "varying": True}}, "controller": {"kind": "dc-slow"}, **GIVEN}
-    at_rate = simulate(load(varied | {"simulate": {"duration_s": 0.2}}).asking("simulate"))[0].facts["assumes"]
-    assert "delay of 7 of 20 ticks" in at_rate
-    assert "33" not in at_rate
+    at_rate = simulate(load(varied | {"simulate": {"duration_s": 0.2}}).asking("simulate"))[0].facts
+    assert "delay of 7 of 20 ticks" in at_rate["assumes"]
+    assert at_rate["claims"]["spec"]["said"] == "a run with the spec's own numbers, frames of 20 ticks"
     in_turn = load(varied | {"simulate": {"duration_s": 0.2, "frames": [16, 33]}}).asking("simulate")
-    assert "frames of 16, 33 ticks in turn, delay of 7 ticks" in simulate(in_turn)[0].facts["assumes"]
+    facts = simulate(in_turn)[0].facts
+    assert "delay of 7 ticks" in facts["assumes"]
+    assert facts["claims"]["spec"]["said"] == "a run with frames of 16, 33 ticks in turn"
 
 
 @pytest.mark.asks("for_all")

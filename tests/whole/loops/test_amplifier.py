@@ -9,7 +9,7 @@ from support.certified import Witness
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.analyses.assumptions import model_in_words
 from wavesweep.program.analyses.hardware_limits import limits_of_walls
 from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
@@ -33,7 +33,7 @@ def test_intervals_of_every_controller_are_those_of_its_equations_with_the_force
     truth = [r for r in Witness(own).regions("K_VE", SPAN, own["environment.B_VE"]) if r.unstable == 0]
     ends = [[float(end.mid()) for end in (region.low, region.high)] for region in truth]
     np.testing.assert_allclose(found[["low", "high"]][found.intervals > 0], np.reshape(ends, (-1, 2)), rtol=1e-9, atol=1e-7)
-    assert re.search(r"amplifier late by (\d+ ticks?)?( and )?([\d.]+ ms)?", assumes(load(nested(own))))[
+    assert re.search(r"amplifier late by (\d+ ticks?)?( and )?([\d.]+ ms)?", model_in_words(load(nested(own))))[
         0
     ] == "amplifier late by " + (
         " and ".join([f"{late} tick{'s' * (late > 1)}"] * bool(late) + [f"{1e3 * seconds:g} ms"] * bool(seconds))

@@ -1,21 +1,18 @@
 """What a result is for: integration of the wall, delay and velocity, and which of them the spec
 left to the defaults."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
 from math import ceil, floor
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing import name_of, path_of, scalars
+from wavesweep.engine.drawing import path_of, scalars
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page, steps_of
-from wavesweep.program.analyses.claims import lost_in_words
 from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
@@ -25,79 +22,45 @@ MOST_BUILT = 32
 LISTED, MOST_AXES = 6, 3  # values of a number, and numbers
 MOST_PORTS = 4  # ports that a sentence lists
 CONTINUOUS = "as physics does; a program holds its sums"
-FAVOURABLE = "optimistic default"  # in a sentence of `assumes` that rests on some
+FAVOURABLE = "optimistic default"  # in a sentence that rests on some
+NOMINAL_STEPS = "nominal steps"  # of what the program counts, whatever ticks take
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
-@dataclass(frozen=True, slots=True)
-class RunWords:
-    """What a single run has, in words: its frames, empty if all have the spec's length, and when
-    messages come."""
+def model_in_words(spec: Spec, swept: Collection[str] = (), told: Collection[str] = ()) -> str:
+    """A sentence about the wall, the delay and the velocity of the loop that a spec writes.
 
-    frames: str = ""
-    messages: str = ""
-
-
-IN_TIME = RunWords(messages="all messages in time")
-
-
-def assumes(
-    spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None
-) -> str:
-    """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
-
-    swept: paths of the axes of the result, which have no single value. nominal: whether the result
-    is of the spec's own numbers and frames alone, with all messages in time. run: what the result
-    is a run of. If the spec gives one of the three no value of its own, the sentence says so, and
-    names the usual practice of engines, which is less kind than the default. A drawn loop shows all
-    of that itself; its sentence says which numbers act continuously, and within which limits of its
-    blocks it is linear.
+    Which numbers, frames and messages a result is for its claim says. swept: paths of the axes of
+    the result, which have no single value; told: those of numbers that claims name. If the spec
+    gives one of the three no value of its own, the sentence says so, and names the usual practice
+    of engines, which is less kind than the default. A drawn loop shows all of that itself; its
+    sentence says which numbers act continuously, and within which limits of its blocks it is
+    linear.
     """
-    in_run = run or (IN_TIME if nominal else None)  # of the spec's own numbers
-    varied = {}
-    ranges = None
-    if not in_run:
-        varied = {axis.path: _values(axis) for axis in spec.changing}
-        ranges = spec.for_all
-    order = "in any order"
-    if ranges and ranges.at_random:
-        alone = ranges.loss or (spec.drawing and spec.drawing.at_random)
-        order = "at random (mean_square)"
-        if not alone:
-            order = f"in any order, or {order}"
     if spec.drawing:
         said = [*_continuous(spec)]
-        said += [f"{name_of(path)} is {how} {order}" for path, how in varied.items()]
-        if not in_run:
-            said += _ticks(spec)
-            said += _unknown(spec, swept)
-            said += _messages(spec, swept)
-        else:
-            said.append(in_run.frames)
-            if spec.drawing.senders:
-                said.append(in_run.messages)
+        if spec.tick:
+            said.append(NOMINAL_STEPS)
         limits = ", ".join(_limits(spec, swept))
-        if limits and run:
-            said.append(f"kept to its limits, {limits}")
-        elif limits:
-            said.append(f"linear while {limits}; simulate goes beyond")
-        return "; ".join(filter(None, said))
-    read = keys_of_page(spec.values)
-    if spec.for_all and not in_run:  # what [for_all] has is told among its numbers
-        read -= {axis.path for axis in spec.for_all.unknown}
+        if limits:
+            said.append(f"linear while {limits}; simulate keeps to these limits")
+        return "; ".join(said)
+    read = keys_of_page(spec.values) - {*told}
     values = spec.values
-    frames = run.frames if run else ""
     phrases = [assumption_of_page(values)]
-    phrases += _frames_that_vary(spec, varied, read, order, frames)
-    phrases += _lost(ranges)
-    if DELAY in read and not (varied or frames):
-        phrases.append(_delay(values, swept))
+    vary = "rates.ratio" in told
+    if DELAY in read:
+        phrases.append(_delay(spec, swept, vary=vary))
+    if vary and INTEGRATION in read:
+        over = f"{values['rates.ratio']} ticks, however long a frame is"
+        if spec.step == "elapsed":
+            over = "the time since the last frame"
+        phrases.append(f'integrated over {over} (step = "{spec.step}")')
     if VELOCITY in read:
         exact = values[VELOCITY] == "exact"
         phrases.append("exact velocity" if exact else "velocity from differences of position")
-    if not in_run:
-        phrases += _ticks(spec)
-        phrases += _unknown(spec, swept)
+    if spec.tick:
+        phrases.append(NOMINAL_STEPS)
     phrases += _amplifier(values, swept)
     assumed = ", ".join(phrases)
     said_elsewhere = {*spec.given, *swept}
@@ -116,16 +79,19 @@ def assumes(
     return f"{assumed}; {defaults}: engines usually have {practice}"
 
 
-def _delay(values: Mapping[str, Any], swept: Collection[str]) -> str:
-    """The delay of the environment's results."""
+def _delay(spec: Spec, swept: Collection[str], *, vary: bool) -> str:
+    """The delay of the environment's results; vary: whether frames have several lengths."""
     if DELAY in swept:
         return "delay swept"
+    values = spec.values
     delay = values[DELAY]
+    if vary and spec.delay_of_frame:
+        return 'results in place with the next frame (delay = "frame")'
     if not delay:
         return "no delay"
     if isinstance(delay, float):  # a frame that is no whole number of ticks
         return f"results in place with the next frame, {delay:.6g} ticks later"
-    if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept):
+    if vary or {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept):
         ticks = "tick" if delay == 1 else "ticks"
         return f"delay of {delay} {ticks}"
     if delay == values["rates.ratio"]:
@@ -145,27 +111,6 @@ def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:
     if dead:
         times.append(f"{1e3 * dead:g} ms")
     return [f"amplifier late by {' and '.join(times)}"] if times else []
-
-
-def _ticks(spec: Spec) -> list[str]:
-    """Which ticks there are, if they are not all alike, and what the program counts with."""
-    return [f"{spec.tick.in_words(spec.tick_hz)}, nominal steps"] if spec.tick else []
-
-
-def losses(spec: Spec) -> list[str]:
-    """How messages may be late or lost in answers for all that they may do, or slow results be
-    lost, in words."""
-    return [*_messages(spec, ())] if spec.drawing else _lost(spec.for_all)
-
-
-def _lost(asked) -> list[str]:
-    """How slow results may be lost by a [for_all], in words."""
-    said = []
-    if asked and asked.lost:
-        said.append(f"results {lost_in_words(asked.lost)}")
-    if asked and asked.loss:
-        said.append(f"results lost with probability {asked.loss:g}")
-    return said
 
 
 def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
@@ -216,82 +161,6 @@ def _continuous(spec) -> Iterator[str]:
         said.append(f"{_listed(factors)} {act} continuously in {where}")
     if said:
         yield f"{_listed(said)} ({CONTINUOUS})"
-
-
-def _frames_that_vary(spec, varied, read, order, of_run) -> Iterator[str]:
-    """Yield which frames may follow each other, when their results are in place, and over what time
-    the wall integrates.
-
-    of_run: the frames of a run, in words.
-    """
-    if not (varied or of_run):
-        return
-    ratio = spec.values["rates.ratio"]
-    if of_run:
-        yield of_run
-    elif "rates.ratio" in varied:
-        yield f"frames of {varied['rates.ratio']} ticks {order}"
-    if DELAY in read:
-        late = spec.values[DELAY]
-        if DELAY in varied:
-            yield f"delay of {varied[DELAY]} ticks {order}"
-        elif spec.delay_of_frame:
-            yield 'results in place with the next frame (delay = "frame")'
-        else:
-            yield f"delay of {late} tick" if late == 1 else f"delay of {late} ticks"
-    if INTEGRATION in read:
-        over = f"{ratio} ticks, however long a frame is"
-        if spec.step == "elapsed":
-            over = "the time since the last frame"
-        yield f'integrated over {over} (step = "{spec.step}")'
-
-
-def _unknown(spec, swept) -> Iterator[str]:
-    """Yield the numbers of [for_all] that are constant and not known."""
-    for axis in spec.for_all.unknown if spec.for_all else ():
-        if axis.path not in swept:
-            among = "of" if axis.values else "from"
-            yield f"{axis.name} {among} {_values(axis)}{_unit(spec, axis)}"
-
-
-def _messages(spec, swept) -> Iterator[str]:
-    """Yield what the messages of each channel may do; a number of a swept axis is a range."""
-    numbers = scalars(spec.values)
-    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
-
-    def ends(tree):
-        """The least and the largest value of a key."""
-        paths = {path_of(name) for name, _ in names_in(tree)}
-        varied = [axis for axis in axes if axis.path in paths]
-        names = [name_of(axis.path) for axis in varied]
-        values_of_each = [axis.values or (axis.start, axis.stop) for axis in varied]
-        found = []
-        for values in product(*values_of_each):
-            at_values = numbers | dict(zip(names, values, strict=True))
-            found.append(float(value_of(tree, at_values)))
-        return sorted({min(found), max(found)})
-
-    for block in spec.drawing.channels:
-        keys = dict(block.keys)
-        late = ends(keys["late"])
-        lost = ends(keys["lost"])
-        said = []
-        if any(late):
-            ticks = "tick" if late == [1] else "ticks"
-            said.append(f"late by {_most(late)} {ticks}")
-        if block.loses_at_random:
-            said.append("lost at random")
-        elif any(lost):
-            several = len(lost) > 1
-            said.append(f"lost, {_most(lost)} in a row" if several else lost_in_words(int(lost[0])))
-        yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
-
-
-def _most(ends) -> str:
-    """The most that there may be, itself a range if a number of it is swept."""
-    words = "at most" if len(ends) > 1 else "up to"
-    span = " to ".join(f"{end:g}" for end in ends)
-    return f"{words} {span}"
 
 
 def _values(axis) -> str:
@@ -413,28 +282,6 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
                 differing.append(f"{path} = {used[path]:g} and not {number.value:g}")
         if differing:
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(differing)}"
-
-
-def assumed_by(
-    specs: Sequence[Spec],
-    swept: Collection[str] = (),
-    *,
-    nominal: bool = False,
-    run: RunWords | None = None,
-) -> str:
-    """The sentence of one spec, or those of several, a line each with its name; swept: of any;
-    nominal, run: see `assumes`."""
-    said = []
-    for spec in specs:
-        swept_here = set(swept)
-        if len(specs) > 1:
-            swept_here &= {axis.path for axis in (*spec.sweep, *spec.bode)}
-        said.append(assumes(spec, swept_here, nominal=nominal, run=run))
-    if len(set(said)) == 1:
-        return said[0]
-    return "\n".join(
-        f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence
-    )
 
 
 def _listed(words):

@@ -7,29 +7,37 @@ narrower plan does not cover what the spec asks, and is then no answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
-from wavesweep.engine.expressions import names_in, value_of
+from wavesweep.engine.expressions import names_in, text_of, value_of
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.row_kinds import COMPUTED
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
     from wavesweep.program.reading.axes import Axis
+    from wavesweep.program.reading.tables import TableValue
     from wavesweep.program.spec import Spec
 
 RATIO, DELAY = "rates.ratio", "environment.delay"
 OPERATOR, LINEAR, PUSHES = "operator", "linear", "any wall that pushes and never pulls"
-PASSIVE_HANDS = "every passive hand"
+PASSIVE_HANDS, NOBODY = "every passive hand", "nobody at the device"
+LINEAR_LOOP = (
+    "All else is as the spec writes it, in a linear loop that is sampled and held at its rates, "
+    "without friction and the steps of an encoder"
+)
+OWN_NUMBERS = "with the spec's own numbers"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
 # letters of a scope that is named in full; of a longer one the table that has it is named
 LONGEST_PATTERN_TEXT = 60
 LENGTHS_LISTED = 6  # values
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-WIDEST = 120  # letters of the line of a verdict
+WIDEST = 120  # letters of a line
 CURVED = "saturation"  # the type of blocks that contact is about beside a wall
 
 
@@ -39,9 +47,10 @@ class Status(IntEnum):
     REFUTED = 0
     UNKNOWN = 1
     COMPUTED = 2
-    CHECKED = 3
-    CERTIFIED = 4
-    PROVED = 5
+    SEARCHED = 3
+    CHECKED = 4
+    CERTIFIED = 5
+    PROVED = 6
 
     @property
     def answer(self) -> str:
@@ -49,44 +58,100 @@ class Status(IntEnum):
         return {Status.REFUTED: "no", Status.UNKNOWN: "not known"}.get(self, "yes")
 
 
-class Property(NamedTuple):
-    """What a claim says of a loop, in words: if it holds, is proved, does not hold, and is in
-    question."""
+class Form(NamedTuple):
+    """How a property is worded, with {words} and {short}: if it holds, is proved, does not hold,
+    and is in question.
+
+    of_values: behind or before the name of a number, as "stable" of K_VE. nowhere: of a range.
+    """
 
     holds: str
     proved: str
     fails: str
     question: str
-
-    @staticmethod
-    def of(adjective: str) -> Property:
-        """A property that an adjective names."""
-        return Property(
-            adjective, f"proved {adjective}", f"not {adjective}", f"whether {adjective}"
-        )
+    of_values: str
+    nowhere: str
 
 
-STABLE = Property.of("stable")
-MEAN_SQUARE = Property.of("stable in mean square")
-AT_REST = Property(
-    "comes to rest",
-    "proved to come to rest",
-    "not every motion comes to rest",
-    "whether every motion comes to rest",
-)
+FORMS = {
+    "adjective": Form(
+        "{words}",
+        "proved {words}",
+        "not {words}",
+        "whether {words}",
+        "{short}",
+        "nowhere {short}",
+    ),
+    "requirement": Form(
+        "as required, {words}",
+        "proved as required, {words}",
+        "not as required, {words}",
+        "whether {words}",
+        "with {words}",
+        "nowhere as required",
+    ),
+    "motions": Form(
+        "{words}",
+        "proved to come to rest",
+        "not every motion comes to rest",
+        "whether every motion comes to rest",
+        "at which every motion comes to rest",
+        "comes to rest nowhere",
+    ),
+    "figures": Form(
+        "{words}", "{words} proved", "no {words}", "about {words}", "with {words}", "no {words}"
+    ),
+}
+
+
+class Property(NamedTuple):
+    """What a claim says of a loop.
+
+    form: in FORMS; "figures" of what a table has that answers no question, such as responses.
+    short: of values, by default the same words.
+    """
+
+    words: str
+    form: str = "adjective"
+    short: str = ""
+
+    def worded(self) -> Form:
+        """The words of the form."""
+        short = self.short or self.words
+        return Form(*(text.format(words=self.words, short=short) for text in FORMS[self.form]))
+
+    @property
+    def required(self) -> str:
+        """What [sweep] require asks for, in words; empty of another property."""
+        return self.words if self.form == "requirement" else ""
+
+    @property
+    def adjective(self) -> str:
+        """What a value of a number is, in a word or two."""
+        return "as required" if self.required else self.worded().of_values
+
+    def value(self, name: str) -> str:
+        """A value of a number with which it holds: "stable K_VE"."""
+        words = self.worded().of_values
+        after = words.startswith(("with ", "at "))
+        return f"{name} {words}" if after else f"{words} {name}"
+
+
+STABLE = Property("stable")
+MEAN_SQUARE = Property("stable in mean square")
+AT_REST = Property("comes to rest", "motions")
 
 
 def required(spec: Spec) -> Property:
     """The property that [sweep] require asks for; stability without it."""
-    if not spec.require:
+    return required_by(spec.require, drawn=bool(spec.drawing))
+
+
+def required_by(require: TableValue | None, *, drawn: bool) -> Property:
+    """The property that a table as [sweep] require asks for; drawn: of a drawn loop."""
+    if not require:
         return STABLE
-    words = required_in_words(spec.require.written(), drawn=bool(spec.drawing))
-    return Property(
-        f"as required, {words}",
-        f"proved as required, {words}",
-        f"not as required, {words}",
-        f"whether {words}",
-    )
+    return Property(required_in_words(require.written(), drawn=drawn), "requirement")
 
 
 def listed_values(values: Iterable[float | str]) -> str:
@@ -100,8 +165,11 @@ def listed_values(values: Iterable[float | str]) -> str:
     return ", ".join([*(f"{each:g}" for each in numbers), *texts])
 
 
-def lost_in_words(most: int) -> str:
-    """What may be lost so many times in a row at most, in words."""
+def lost_in_words(most: int | str) -> str:
+    """What may be lost so many times in a row at most, in words; a text is an expression of
+    numbers that are swept."""
+    if isinstance(most, str):
+        return f"lost, up to {most} in a row"
     first_not = most + 1
     words = dict(zip(range(2, 11), SPELLED, strict=True))
     return f"lost, never {words.get(first_not, first_not)} in a row"
@@ -157,11 +225,11 @@ class Frames:
 
 class Range(NamedTuple):
     """A number that is constant and not known: its path, and its values, or the ends of its
-    range."""
+    range; without either it may be any, as no loop reads it."""
 
     path: str
-    low: float
-    high: float
+    low: float | None = None
+    high: float | None = None
     values: tuple[float, ...] = ()
 
     @staticmethod
@@ -173,6 +241,10 @@ class Range(NamedTuple):
         """Whether all values of another range are in this one."""
         if self.values:
             return bool(asked.values) and {*asked.values} <= {*self.values}
+        if self.low is None or self.high is None:
+            return True
+        if asked.low is None or asked.high is None:
+            return False
         ends = asked.values or (asked.low, asked.high)
         return self.low <= min(ends) and max(ends) <= self.high
 
@@ -182,27 +254,59 @@ class Range(NamedTuple):
             return f"{name_of(self.path)} = {self.values[0]:g}"
         if self.values:
             return f"{name_of(self.path)} of {listed_values(self.values)}"
+        if self.low is None:
+            return f"any {name_of(self.path)}"
         return f"{name_of(self.path)} from {self.low:g} to {self.high:g}"
+
+
+def ranges_of(
+    paths: Iterable[str], boxes: Sequence[tuple[Mapping[str, Sequence[float]], Mapping[str, Any]]]
+) -> tuple[Range, ...]:
+    """The numbers of the boxes that a proof has covered.
+
+    boxes: the ends of ranges, and single values, by path. A number that no box has is read by no
+    loop.
+    """
+    found = []
+    for path in paths:
+        ends = [ranges[path] for ranges, _ in boxes if path in ranges]
+        values = {float(fixed[path]) for _, fixed in boxes if path in fixed}
+        if ends:
+            low = min(low for low, _ in ends)
+            found.append(Range(path, low, max(high for _, high in ends)))
+        elif values:
+            found.append(Range(path, min(values), max(values), tuple(sorted(values))))
+        else:
+            found.append(Range(path))
+    return tuple(found)
 
 
 class Messages(NamedTuple):
     """What the messages of a channel may do: come late by so many ticks at most, be lost so many
-    in a row; or at random."""
+    in a row; or at random. A text is an expression of numbers that are swept.
+    """
 
     channel: str
-    late: int = 0
-    lost: int = 0
+    late: int | str = 0
+    lost: int | str = 0
     chances: str = ""
+
+    @property
+    def in_time(self) -> bool:
+        """Whether none is late or lost."""
+        return not (self.late or self.lost or self.chances)
 
     def covers(self, asked: Messages) -> bool:
         """Whether these messages may do all that others may."""
-        return self.late >= asked.late and self.lost >= asked.lost and self.chances == asked.chances
+        late = isinstance(self.late, str) or self.late >= asked.late
+        lost = isinstance(self.lost, str) or self.lost >= asked.lost
+        return late and lost and self.chances == asked.chances
 
     def in_words(self) -> str:
         """What the messages may do."""
         said = []
         if self.late:
-            said.append(f"late by up to {self.late} tick{'s' * (self.late > 1)}")
+            said.append(f"late by up to {self.late} tick{'s' * (self.late != 1)}")
         if self.chances:
             said.append("lost at random")
         elif self.lost:
@@ -234,7 +338,8 @@ class Scope:
     numbers: those that have ranges; all others have the spec's own values. messages: of channels
     that are not always in time. hands: the spec's own operator, or others in words. walls: LINEAR,
     PUSHES, or those of `curve_of`: each function with slopes from 0 to 1 in place of the linear
-    one. tick: None for ticks that are all the spec's own.
+    one. tick: None for ticks that are all the spec's own. run: of a single run its frames, ticks
+    and messages in words, where they are not the spec's own.
     """
 
     numbers: tuple[Range, ...] = ()
@@ -243,6 +348,20 @@ class Scope:
     hands: str = OPERATOR
     walls: str = LINEAR
     tick: Tick | None = None
+    run: str = ""
+
+    @staticmethod
+    def read(written: Mapping[str, Any]) -> Scope:
+        """The scope that `written` has given."""
+        frames = dict(written["frames"])
+        for name in ("lengths", "delays"):
+            frames[name] = frozenset(frames[name])
+        frames["order"] = Order[frames["order"].upper()]
+        numbers = [Range(**{**each, "values": (*each["values"],)}) for each in written["numbers"]]
+        messages = tuple(Messages(**each) for each in written["messages"])
+        tick = Tick(**written["tick"]) if written["tick"] else None
+        others = {name: written.get(name, "") for name in ("hands", "walls", "run")}
+        return Scope(tuple(numbers), Frames(**frames), messages, tick=tick, **others)
 
     def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
         """Whether all loops of another scope are in this one; own: the spec's own values, by
@@ -261,6 +380,8 @@ class Scope:
                 return False
         if any(each.chances for each in channels.values()):
             return False
+        if self.run:
+            return self == asked
         walls = asked.walls in (self.walls, LINEAR)
         # The spec's own tick is one of those of [for_all].
         ticks = asked.tick is None or (self.tick is not None and self.tick.covers(asked.tick))
@@ -278,23 +399,55 @@ class Scope:
         scope["tick"] = self.tick and self.tick._asdict()
         return scope
 
+    def paths(self) -> set[str]:
+        """The numbers that it has others for than the spec's own."""
+        paths = {each.path for each in self.numbers}
+        frames = self.frames
+        if len(frames.lengths) > 1 or (self.run and frames.order is Order.ANY):
+            paths.add(RATIO)
+        if len(frames.delays) > 1:
+            paths.add(DELAY)
+        return paths
+
     def loops(self) -> str:
         """The numbers, frames and messages of the scope in words; empty of the spec's own."""
+        if self.run:
+            return self.run
         said = [each.in_words() for each in self.numbers]
         said += self.frames.in_words()
         said += [each.in_words() for each in self.messages]
         said += self.tick.in_words() if self.tick else ()
-        loops = ", ".join(said)
-        if len(loops) > LONGEST_PATTERN_TEXT:
-            at_random = self.frames.order is Order.AT_RANDOM
-            at_random |= any(each.chances for each in self.messages)
-            loops = f"all of [for_all]{', at random' if at_random else ''}"
-        return loops
+        return ", ".join(said)
+
+    def _loops_of_a_line(self) -> str:
+        """The same for a line, whose longest texts name the tables that have them."""
+        loops = self.loops()
+        if len(loops) <= LONGEST_PATTERN_TEXT or self.run:
+            return loops
+        late = [each for each in self.messages if not each.in_time]
+        at_random = self.frames.order is Order.AT_RANDOM or any(each.chances for each in late)
+        of_table = self.numbers or self.tick or [*self.frames.in_words()]
+        tables = ["all of [for_all]"] if of_table else []
+        if late:
+            tables.append("all that messages may do")
+        return f"{' and '.join(tables)}{', at random' if at_random else ''}"
+
+    def own(self) -> str:
+        """The spec's own numbers, with the length of their frames."""
+        lengths = [each for each in self.frames.lengths if not isinstance(each, str)]
+        frames = f", frames of {lengths[0]:.6g} ticks" if len(lengths) == 1 else ""
+        return f"{OWN_NUMBERS}{frames}"
+
+    def walls_in_words(self) -> str:
+        """What takes the place of the linear loop."""
+        if self.walls == LINEAR:
+            return LINEAR_LOOP
+        return f"With {self.walls}: any function of its input with slopes from 0 to 1"
 
     def in_words(self) -> str:
         """The loops of the scope, beside the spec's own numbers; empty if there are none."""
-        loops = self.loops()
-        words = [f"for {loops}"] if loops else []
+        loops = self._loops_of_a_line()
+        words = [f"{'with' if self.run else 'for'} {loops}"] if loops else []
         if self.hands != OPERATOR:
             words.append(f"with {self.hands}")
         if self.walls != LINEAR:
@@ -319,32 +472,137 @@ class Claim:
         loops = self.scope.in_words()
         about = f" {loops}" if loops else ""
         because = f": {self.reason}" if self.reason else ""
+        words = self.what.worded()
         match self.status:
             case Status.REFUTED:
-                return f"{self.what.fails}{about}{because}"
+                return f"{words.fails}{about}{because}"
             case Status.UNKNOWN:
-                return f"not known {self.what.question}{about}{because}"
+                return f"not known {words.question}{about}{because}"
             case Status.PROVED:
-                return f"{self.what.proved}{about}"
+                return f"{words.proved}{about}"
             case Status.CERTIFIED:
-                return f"{self.what.holds}{about}, certified"
+                return f"{words.holds}{about}, certified"
             case Status.CHECKED:
-                return f"{self.what.holds}{about}, checked{because}"
-        return f"{self.what.holds}{about}"
+                return f"{words.holds}{about}, checked{because}"
+        return f"{words.holds}{about}"
 
     def brief(self) -> str:
         """The claim in a few words, without its loops, its reason, and what is required."""
+        words = self.what.worded()
         if self.status is Status.UNKNOWN:
-            required = "," in self.what.question
-            return "not known" if required else f"not known {self.what.question}"
-        words = {Status.REFUTED: self.what.fails, Status.PROVED: self.what.proved}
-        return words.get(self.status, self.what.holds).partition(",")[0]
+            required = "," in words.question
+            return "not known" if required else f"not known {words.question}"
+        said = {Status.REFUTED: words.fails, Status.PROVED: words.proved}
+        return said.get(self.status, words.holds).partition(",")[0]
+
+    def over(self, specs: Sequence[Spec], swept: Collection[str]) -> Claim:
+        """The claim of rows over some axes, by whose numbers messages are late or lost.
+
+        specs: those of the table; swept: the paths of its axes.
+        """
+        drawings = [spec.drawing for spec in specs if spec.drawing]
+        channels = {block.name: block for drawing in drawings for block in drawing.channels}
+        messages = []
+        for each in self.scope.messages:
+            keys = dict(channels[each.channel].keys)
+            texts = {}
+            for name in ("late", "lost"):
+                of_swept = any(path_of(number) in swept for number, _ in names_in(keys[name]))
+                if of_swept and not (each.in_time or each.chances):
+                    texts[name] = text_of(keys[name])
+            messages.append(each._replace(**texts))
+        return replace(self, scope=replace(self.scope, messages=tuple(messages)))
+
+    def said(self) -> str:
+        """What is claimed and of which loops, whatever is known of it."""
+        return f"{self.what.worded().holds} {self.scope.in_words() or self.scope.own()}"
 
     def written(self) -> dict[str, Any]:
         """The claim as JSON has it."""
-        said = {"what": self.what.holds, "answer": self.status.answer}
+        said = {"what": self.what.worded().holds, "answer": self.status.answer}
         known = {"status": self.status.name.lower(), "reason": self.reason}
         return said | known | {"loops": self.scope.loops(), "scope": self.scope.written()}
+
+    def fact(self) -> dict[str, Any]:
+        """The claim as a fact of a table, which `read` reads."""
+        return {**self.written(), "said": self.said(), "property": self.what._asdict()}
+
+    @staticmethod
+    def read(fact: Mapping[str, Any]) -> Claim:
+        """The claim of a fact of a table."""
+        what = Property(**fact["property"])
+        status = Status[fact["status"].upper()]
+        return Claim(what, Scope.read(fact["scope"]), status, fact["reason"])
+
+    @property
+    def vouched(self) -> str:
+        """What rows are that are known as the claim says."""
+        return "checked" if self.status is Status.CHECKED else "certified"
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether it is of more than one loop, and proved or searched as such."""
+        return self.status in (Status.PROVED, Status.SEARCHED)
+
+    def value(self, name: str) -> str:
+        """A value of a number that the rows have."""
+        return f"proved {name}" if self.status is Status.PROVED else self.what.value(name)
+
+    def everywhere(self) -> str:
+        """What the rows say of all values up to one."""
+        return "proved" if self.status is Status.PROVED else self.what.worded().of_values
+
+    def none(self, name: str, reason: str, *, undecided: bool) -> str:
+        """That no value of a number in the swept range has it; undecided: whether some may."""
+        because = f": {reason}" if reason else ""
+        if undecided:
+            found = f"no {self.value(name)} found"
+            more = f"; {reason}" if reason else ""
+            return f"{found}, but part of the swept range could not be decided{more}"
+        return f"no {self.what.value(name)} anywhere in the swept range{because}"
+
+    def of_intervals(self) -> str:
+        """How intervals are known of which no row is in doubt."""
+        if self.status is Status.CERTIFIED and self.what == STABLE:
+            return "Certified: of the range every value in an interval is stable, and no other one."
+        return f"The intervals are {self.vouched}."
+
+    def extreme(self, what: str, rows: str, *, certified: bool) -> str:
+        """What the largest value of a figure is.
+
+        what: "largest", or another word for it. rows: the name of its rows, empty if there are no
+        others. certified: whether it has to be said that it is, since others are not.
+        """
+        if self.status is Status.PROVED:
+            return f"{what} {rows}".rstrip()
+        comma = "," if " " in what else ""
+        known = f"{comma} {self.vouched}" if certified else ""
+        return what + known + (f", {rows}" if rows else "")
+
+    def nothing(self, known: bool) -> str:
+        """That a line of a figure has no interval; known: whether that is certain."""
+        if known:
+            return self.what.worded().nowhere
+        proved = self.status is Status.PROVED
+        return "nothing proved" if proved else f"nothing known to be {self.what.adjective}"
+
+    def unless(self, known: bool) -> str:
+        """What is added to a bound of a row of which that is not known; nothing to one that is."""
+        return "" if known or self.status is Status.SEARCHED else f", not {self.vouched}"
+
+
+def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) -> Claim:
+    """What the rows of a table with a word say; columns: the names of those that the table has.
+
+    Of a table of an earlier version, which has no claims, only that much is known.
+    """
+    written = facts.get("claims", {}).get(word or "spec", {})
+    if "property" not in written:
+        status = Status.CERTIFIED
+        if word not in ("", *COMPUTED) and "settled" in columns:
+            status = Status.PROVED if "fails_from" in columns else Status.SEARCHED
+        return Claim(STABLE, Scope(), status)
+    return Claim.read(written)
 
 
 class Question(NamedTuple):
@@ -361,7 +619,25 @@ def curve_of(block: str) -> str:
 
 def own_scope(spec: Spec) -> Scope:
     """The scope of the spec's own numbers, with frames of one length and all messages in time."""
-    return Scope(frames=_frames(spec, Order.CONSTANT, {}))
+    channels = spec.drawing.channels if spec.drawing else ()
+    in_time = tuple(Messages(block.name) for block in channels)
+    return Scope(frames=_frames(spec, Order.CONSTANT, {}), messages=in_time)
+
+
+def own_figures(specs: Sequence[Spec], what: str) -> dict[str, Claim]:
+    """The claims of a table that has some figures of each spec's own numbers."""
+    claims = {}
+    for spec in specs:
+        word = spec.name if len(specs) > 1 else "spec"
+        claims[word] = Claim(Property(what, "figures"), own_scope(spec), Status.COMPUTED)
+    return claims
+
+
+def uncovered(spec: Spec, scopes: Sequence[Scope]) -> Iterator[Scope]:
+    """Yield what a spec asks about and none of these scopes covers, but for properties of rows."""
+    for scope in dict.fromkeys(question.scope for question in questions(spec)):
+        if not any(each.covers(scope, spec.values) for each in scopes):
+            yield scope
 
 
 def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
@@ -409,7 +685,7 @@ def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> 
     frame."""
     values = spec.values
     if not spec.drawing:
-        lengths = varied.get(RATIO, (values[RATIO],))
+        lengths = varied.get(RATIO, (values[RATIO],) if RATIO in keys_of_page(values) else ())
         own = WITH_FRAME if spec.delay_of_frame else values[DELAY]
         delays = varied.get(DELAY, (own,))
         return Frames(order, frozenset(lengths), frozenset(delays))

@@ -18,7 +18,7 @@ from wavesweep.engine.frames import REMEMBERED_LOOPS, open_loops
 from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, unanswered
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
-from wavesweep.program.analyses.claims import STABLE, Property, Scope, own_scope
+from wavesweep.program.analyses.claims import STABLE, Claim, Property, Scope, Status, own_scope
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
@@ -72,7 +72,8 @@ class Guarantee:
     the ticks of the spec, which are then not divided out. Of those for hands, word: what
     --for-hands has for it; order: of the rows in a table; replaces: whether other hands are in the
     place of the spec's operator. own_felt: whether what the hand feels at rest of the spec's own
-    loop is what it feels of all that they hold for.
+    loop is what it feels of all that they hold for. status: how rows are known that are not in
+    doubt.
     """
 
     __slots__ = ()
@@ -84,6 +85,7 @@ class Guarantee:
     replaces = False
     own_ticks = False
     own_felt = True
+    status = Status.CERTIFIED
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
@@ -97,6 +99,10 @@ class Guarantee:
     def scope(self, spec: Spec) -> Scope:
         """The loops that its rows are of, by the plan that they are proved by."""
         return own_scope(spec)
+
+    def claim(self, spec: Spec) -> Claim:
+        """What its rows say, and of which loops."""
+        return Claim(self.what, self.scope(spec), self.status)
 
     def notices(self, job: Job) -> Iterable[str]:  # noqa: ARG002
         """What a user should know beforehand about these rows of a job."""

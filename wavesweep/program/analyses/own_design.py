@@ -9,8 +9,8 @@ import numpy as np
 from wavesweep.engine.keys import LARGEST
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import GONE, damping_ratio, lines_in_loops, named_modes, radius_of
-from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, assumes, losses
-from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope
+from wavesweep.program.analyses.assumptions import FAVOURABLE, MOST_AXES, model_in_words
+from wavesweep.program.analyses.claims import STABLE, Claim, Status, Verdict, own_scope, questions
 from wavesweep.program.analyses.feel import felt_at_rest
 from wavesweep.program.analyses.mode_in_the_way import (
     STAYS,
@@ -80,7 +80,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     E, hidden = nominal.frames_with_reliability(drift, drawn)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
-    numbers["assumes"] = assumes(spec, nominal=True)
+    numbers["assumes"] = model_in_words(spec)
     if radius == 1:
         names, (delta, shares) = named_modes(E, drawn, drift)
         numbers["stays"] = next(
@@ -176,7 +176,8 @@ def _own_in_words(spec: Spec, found: Mapping[str, Any]) -> str:
     axes = spec.for_all.axes if spec.for_all else ()
     values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
     named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
-    late = spec.for_all and losses(spec)
+    scopes = [question.scope for question in questions(spec)]
+    late = any(each.frames.lost or each.frames.loss or each.messages for each in scopes)
     what = "message" if spec.drawing else "result"
     in_time = f", every {what} in time" if late else ""
     # The age of the oldest number is that of all frames and messages.

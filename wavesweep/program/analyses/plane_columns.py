@@ -123,9 +123,9 @@ def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the
     known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    guaranteed = [word for word, kind in row_kinds().items() if kind.guaranteed]
-    at_values = False if whose is None else np.isin(whose.astype(str), guaranteed)
-    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(at_values)
+    apart = [word for word, kind in row_kinds().items() if kind.unsettled]  # drawn by themselves
+    drawn_apart = False if whose is None else np.isin(whose.astype(str), apart)
+    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(drawn_apart)
 
 
 def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[PlaneCurve]:

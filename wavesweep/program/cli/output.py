@@ -13,6 +13,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.capabilities import (
@@ -20,7 +21,6 @@ from wavesweep.capabilities import (
     FOR_ALL_NUMBERS,
     OVER_AXES,
     THROUGH_CONTACT,
-    WITH_MESSAGES,
     listed,
 )
 from wavesweep.engine.errors import UsageError
@@ -30,6 +30,7 @@ from wavesweep.program.cli.messages import WRITING, progress, say, show_json, wh
 from wavesweep.program.cli.options import Options
 
 if TYPE_CHECKING:
+    from wavesweep.program.analyses.claims import Claim
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
@@ -159,8 +160,7 @@ def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractCo
 
 
 def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
-    """Yield a notice for each number that --set gives a value although the command sweeps it,
-    and one for a spec with [for_all] if the command analyses only the spec's own numbers."""
+    """Yield a notice for each number that --set gives a value although the command sweeps it."""
     from wavesweep.program.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
@@ -168,7 +168,6 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
         axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS
     }
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
-    yield from _of_one_case(command, spec)
     for override in overrides if command in (*INTERVALS, *OVER_AXES) else ():
         name = override.partition("=")[0].strip()
         key = spec.names.find(name)
@@ -177,24 +176,24 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
             yield f"--set {override} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
 
 
-def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
-    """Yield a notice if a command analyses one case of the messages or numbers of a spec that has more."""
-    from wavesweep.program.analyses.claims import LINEAR, questions
+def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
+    """Yield a notice for each of the scopes that a spec asks about and no claim of its tables
+    covers; without one, what a table with a single claim is of, beside the spec's own numbers."""
+    from wavesweep.program.analyses.claims import LINEAR, uncovered
 
-    # Margins hold for all numbers that are constant, and are of the spec's own frames.
-    able = [each for each in FOR_ALL_NUMBERS if each != "margins" or not spec.changing]
-    if spec.drawing and spec.drawing.channels:
-        if command not in WITH_MESSAGES:
-            commands = listed(FOR_ALL_MESSAGES)
-            yield f"{spec.name}: {command} has all messages in time; {commands} say what holds if some are late or lost"
-    elif spec.members and command not in able:
-        yield f"{spec.name}: {command} is of the spec's own numbers; {listed(able)} look at all of {spec.members}"
-    walls = {each.scope.walls for each in questions(spec)} - {LINEAR}
-    # Of blocks that saturate there are no rows, but a verdict.
-    through = THROUGH_CONTACT if spec.wall else ("check",)
-    if walls and command not in through:
-        able = f"{listed(through)} look{'s' * (len(through) == 1)}"
-        yield f"{spec.name}: {command} is of the linear loop; {able} at {' and at '.join(sorted(walls))}"
+    if not claims:
+        return
+    scopes = [claim.scope for claim in claims]
+    beyond = [scope for scope in uncovered(spec, scopes) if scope.in_words()]
+    for scope in beyond:
+        able = FOR_ALL_NUMBERS
+        if scope.walls != LINEAR:  # of blocks that saturate there are no rows, but a verdict
+            able = THROUGH_CONTACT if spec.wall else ("check",)
+        elif scope.messages or spec.changing or scope.tick:  # for which there are no margins
+            able = FOR_ALL_MESSAGES
+        yield f"{spec.name}: {claims[0].said()}; {scope.in_words()} see {listed(able)}"
+    if not beyond and len(claims) == 1 and scopes[0].in_words():
+        yield f"{spec.name}: {claims[0].said()}"
 
 
 def _report(
@@ -208,11 +207,19 @@ def _report(
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
     from wavesweep.program.analyses.assumptions import unusual
+    from wavesweep.program.analyses.claims import Claim
 
+    claims: dict[str, list[Claim]] = {spec.name: [] for spec in specs}
+    for word, fact in facts.get("claims", {}).items():
+        claims[word if len(specs) > 1 else specs[0].name].append(Claim.read(fact))
     said = [
         line
         for spec in specs
-        for line in (*unusual(spec), *_without_effect(command, spec, options.overrides))
+        for line in (
+            *unusual(spec),
+            *_uncovered(spec, claims[spec.name]),
+            *_without_effect(command, spec, options.overrides),
+        )
     ]
     notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
     if options.as_json:
@@ -242,9 +249,13 @@ def _lines(
 ) -> list[Line]:
     """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
+    from wavesweep.program.analyses.claims import WIDEST
 
-    assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
-    lines = [(line, False) for line in dict.fromkeys(said)]
+    folded = partial(wrap, width=WIDEST, subsequent_indent="    ", break_on_hyphens=False)
+    assumed = []
+    for model in facts.get("assumes", "").splitlines():
+        assumed += [(line, False) for line in folded(f"assumes: {model}")]
+    lines = [(line, False) for each in dict.fromkeys(said) for line in folded(each)]
     lines += [
         line
         for done in finished

@@ -10,7 +10,6 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smooth_axes
-from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
 from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.program.plots.interval_legend import (
@@ -25,6 +24,7 @@ from wavesweep.program.plots.interval_legend import (
 from wavesweep.program.plots.labels import (
     assumed,
     assumption,
+    claimed,
     label,
     printed,
     symbol,
@@ -63,7 +63,7 @@ from wavesweep.program.plots.style import (
     note_below,
     wide,
 )
-from wavesweep.program.tables.columns import numbers_of, unlike_units
+from wavesweep.program.tables.columns import unlike_units
 
 # hears which panel of how many is drawn
 PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
@@ -259,10 +259,10 @@ def _draw_plane(
     high = shown.layout.points[-1]
     somewhere = bool((columns["intervals"] > 0).any())
     if not somewhere:
-        good = "as required" if "require" in shown.facts else "stable"
-        nothing = f"nowhere {good} at the swept values"
+        best = max(members, key=lambda member: member.claim.status)
+        nothing = best.claim.nothing(True) + " at the swept values"
         if incomplete(columns).any():
-            nothing = "nothing known to be stable"
+            nothing = best.claim.nothing(False)
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     logarithmic = is_logarithmic(columns[x])
     if logarithmic:
@@ -347,18 +347,13 @@ def _label_along(shown: Shown) -> str:
 
 
 def _assumption(shown: Shown) -> str:
-    """The note on controller, wall, delay and velocity."""
+    """The note on controller, wall, delay and velocity, and on what the rows of each kind say."""
     if shown.whose == "spec":
         return assumption(shown.facts)
     said, _, _ = assumed(shown.facts).partition(":")  # usual engines follow
     kind = shown.facts.get("spec", {}).get("controller", {}).get("kind")
     note = f"{kind}, {said}" if kind and said else said
-    claims = shown.facts.get("claims", {})
-    if shown.whose == "guarantee" and claims.get("spec"):
-        lengths = claims["spec"]["scope"]["frames"]["lengths"]
-        frames = f", frames of {lengths[0]:g} ticks" if len(lengths) == 1 else ""
-        note += f". Nominal numbers: the spec's own{frames}"
-    return note
+    return ". ".join(filter(None, (note, claimed(shown.facts))))
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
@@ -371,14 +366,9 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     else:
         beneath = along
         upright = label(layout.family, facts) if layout.family and not layout.beside else ""
-    required = ""
-    if "require" in facts:
-        drawn_loop = bool(numbers_of(facts))
-        words = required_in_words(facts["require"], drawn=drawn_loop)
-        required = f"stable here: {words}"
     marks = offered("marks")
     unmarked = marks.undrawn(facts, layout.x, shown.along) if marks else ""
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
-    note_below(canvas, required, layout.left_out, drawn, unmarked, _assumption(shown), axis=beneath)
+    note_below(canvas, layout.left_out, drawn, unmarked, _assumption(shown), axis=beneath)
     if upright:
         canvas.supylabel(upright, fontsize=8)

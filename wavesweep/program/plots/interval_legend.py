@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.plane_columns import incomplete
 from wavesweep.program.columns import FELT_ALIKE
 from wavesweep.program.plots.labels import unit, valued
@@ -115,14 +116,13 @@ def _marks(
     artists: what is drawn."""
     from matplotlib.lines import Line2D
 
-    certain = all(member.rows["certified"].all() for member in members)
     handles = []
     if any(artist.get_label() == FELT for artist in artists):
         colour = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
         felt = {"color": colour, "linestyle": FELT_LINE, "linewidth": 0.8}
         handles.append(Line2D([], [], **felt, label="stiffness felt at the limit"))
     if shown.best:
-        handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, certain)))
+        handles.append(Line2D([], [], **BEST, label=_best(shown, members)))
     if shown.own_design(panels):
         handles.append(Line2D([], [], **OWN, label="nominal design"))
     handles += _area_marks(artists)
@@ -161,15 +161,15 @@ def _is_red(artist: Any) -> bool:
     return any(same_color(to_rgba(colour), DOUBTFUL) for colour in colours)
 
 
-def _best_in_words(shown: Shown, certain: bool) -> str:
-    """The largest value and, of a wall, the stiffness felt; certain: whether no row is in doubt."""
+def _best(shown: Shown, members: Sequence[Member]) -> str:
+    """The largest value and, of a wall, the stiffness felt, with what is claimed of its row."""
     best = shown.best
-    kind = row_kind(best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else "")
-    vouched_for = ""
-    if best["certified"] and not (certain or kind.proved):
-        vouched_for = f" {kind.vouched_for(best)}"
-    named = shown.whose == "hand" or (shown.whose == "guarantee" and not kind.proved)
-    of_hand = f", {kind.legend}" if named else ""
+    word = best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""
+    claim = next(member.claim for member in members if member.guarantee == word)
+    proved = claim.status is Status.PROVED
+    rows = row_kind(word).legend if proved or shown.whose == "hand" or word else ""
+    certain = all(member.rows["certified"].all() for member in members)
+    certified = bool(best["certified"]) and not certain
     end = "low" if best["value"] == best["low"] else "high"
     at_range = best["value"] == shown.swept[end == "high"]
     inside = rounded_up if end == "low" else rounded_down
@@ -177,12 +177,12 @@ def _best_in_words(shown: Shown, certain: bool) -> str:
     felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
-        said = f"{kind.largest}{vouched_for}{of_hand}: {value} {unit(shown.along, shown.facts)}".rstrip()
+        largest = claim.extreme("largest", rows, certified=certified)
+        said = f"{largest}: {value} {unit(shown.along, shown.facts)}".rstrip()
         above_a_hole = best.get("interval", 0) > 0  # and perhaps thin
         return f"{said}, from {rounded_up(best['low'], 5)}" if above_a_hole else said
-    stiffest = kind.largest.replace("largest", "stiffest felt")
-    comma = "," if vouched_for else ""
-    return f"{stiffest}{comma}{vouched_for}{of_hand}: {rounded_down(felt, 4)} N/m at rest,\nof a wall of {value} N/m"
+    stiffest = claim.extreme("stiffest felt", rows, certified=certified)
+    return f"{stiffest}: {rounded_down(felt, 4)} N/m at rest,\nof a wall of {value} N/m"
 
 
 def draw_legends(

@@ -4,9 +4,11 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.results import fields
+from wavesweep.program.row_kinds import row_kind
 from wavesweep.program.tables.columns import at_port, unlike_units
 
 LONGEST_LEGEND_NAME = 48  # letters of a spec in a legend
@@ -113,9 +115,23 @@ def shortened(name: str) -> str:
 
 
 def assumption(facts: Mapping[str, Any]) -> str:
-    """The sentence on wall, delay and velocity that a run is for; empty if there is none."""
+    """The sentence on wall, delay and velocity that a run is for, and on its loops where they are
+    not the spec's own; empty if there is none."""
     said = assumed(facts)
-    return f"Assumes: {said}." if said else ""
+    return " ".join(filter(None, (f"Assumes: {said}." if said else "", claimed(facts))))
+
+
+def claimed(facts: Mapping[str, Any]) -> str:
+    """What the rows of each kind say of which loops, where these are not the spec's own alone."""
+    claims = facts.get("claims", {})
+    several = len(claims) > 1
+    sentences = []
+    for word, claim in claims.items():
+        if claim["loops"] or several or of_rows(facts, word).what.required:
+            name = row_kind(word).legend if several else ""
+            sentences.append(f"{name}: {claim['said']}" if name else claim["said"])
+    said = "; ".join(sentences)
+    return as_it_stands(f"{said[:1].upper()}{said[1:]}." if said else "")
 
 
 def assumed(facts: Mapping[str, Any]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.claims import OPERATOR, Claim, Status, of_rows
 from wavesweep.program.analyses.plane_columns import (
     KNOWN,
     PlaneCurve,
@@ -44,13 +45,15 @@ WIDE_LETTERS = 60
 class Member:
     """One of the sets of intervals that a panel has: a value of the family, a hand, or a spec.
 
-    name: in a legend, or at a bar. facts: with the spec from which columns between its rows are
-    computed. guarantee: the word of a hand, or of [for_all]; empty for others.
+    name: in a legend, or at a bar. claim: what its rows say. facts: with the spec from which
+    columns between its rows are computed. guarantee: the word of a hand, or of [for_all]; empty for
+    others.
     """
 
     name: str
     look: Look
     rows: Columns
+    claim: Claim
     facts: Mapping[str, Any]
     guarantee: str = ""
 
@@ -63,7 +66,7 @@ class Member:
     @property
     def proved(self) -> bool:
         """Whether its intervals are what is proved."""
-        return row_kind(self.guarantee).proved
+        return self.claim.status is Status.PROVED
 
 
 def members_of(
@@ -79,7 +82,7 @@ def members_of(
     """
     whose = whose_column(columns)
     if whose == "spec":
-        return _members_of_specs(columns, specs_of(facts), specs)
+        return _members_of_specs(columns, facts, specs)
     if whose:
         return _members_of_hands(columns, facts, columns[whose])
     members = []
@@ -88,20 +91,23 @@ def members_of(
             name = ", ".join(valued(axis, value, facts) for axis, value in values.items())
         else:
             name = "".join(f"{value:g}" for value in values.values())
-        members.append(Member(name, look, rows_with(columns, values), facts))
+        claim = of_rows(facts, "")
+        members.append(Member(name, look, rows_with(columns, values), claim, facts))
     return members
 
 
 def _members_of_specs(
-    columns: Columns, tables: Mapping[str, Mapping[str, Any]], specs: Sequence[str]
+    columns: Columns, facts: Mapping[str, Any], specs: Sequence[str]
 ) -> list[Member]:
     """The specs of a comparison that have rows here."""
+    tables = specs_of(facts)
     members = []
     for number, name in enumerate(specs):
         rows = where(columns, columns["spec"] == name)
         if len(rows["spec"]):
-            facts = {"spec": tables.get(name, {})}
-            members.append(Member(shortened(name), distinct_look(number), rows, facts))
+            claim = of_rows(facts, name)
+            own = {"spec": tables.get(name, {})}
+            members.append(Member(shortened(name), distinct_look(number), rows, claim, own))
     return members
 
 
@@ -109,16 +115,38 @@ def _members_of_hands(
     columns: Columns, facts: Mapping[str, Any], kinds: np.ndarray
 ) -> list[Member]:
     """The hands, or the guarantees, that have rows here; kinds: the word of each row."""
-    rows_of: dict[str, Columns] = {}
+    members = []
     for word in dict.fromkeys([*row_kinds(), *sorted(set(kinds.tolist()))]):
         rows = where(columns, kinds == word)
-        if len(rows["along"]):
-            rows_of[word] = row_kind(word).as_drawn(rows)
-    members = []
-    for word, rows in rows_of.items():
-        kind = row_kind(word)
-        members.append(Member(kind.name_beside(rows_of, rows), look_of(kind), rows, facts, word))
+        if not len(rows["along"]):
+            continue
+        claim = of_rows(facts, word, columns)
+        name = row_kind(word).legend
+        searched = claim.status is Status.SEARCHED and "settled" in rows
+        if searched:
+            name += " (settled)" if rows["settled"].all() else " (searched)"
+        elif word not in COMPUTED and claim.scope.hands == OPERATOR and "operator" in kinds:
+            name += " (operator)"
+        drawn = _as_drawn(rows, claim)
+        members.append(Member(name, look_of(row_kind(word)), drawn, claim, facts, word))
     return members
+
+
+def _as_drawn(rows: Columns, claim: Claim) -> Columns:
+    """Rows as a figure takes them.
+
+    What is searched for is as good as certified where it is settled. What is proved for all has an
+    end wherever a counterexample or nothing is known beyond it.
+    """
+    if claim.status is Status.SEARCHED and "settled" in rows:
+        return {**rows, "certified": rows["settled"]}
+    if claim.status is not Status.PROVED:
+        return rows
+    ends = {
+        omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
+        for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
+    }
+    return {**rows, **ends}
 
 
 def look_of(kind: RowKind) -> Look:
@@ -230,14 +258,8 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         _draw_unknown_bars(axes, place, unknown)
         stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
-            if member.proved and not rows["certified"].all():
-                said = "nothing proved"
-            elif unknown:
-                said = "nothing known to be stable"
-            elif "require" in member.facts:
-                said = "nowhere as required"
-            else:
-                said = "nowhere stable"
+            known = bool(rows["certified"].all()) if member.proved else not unknown
+            said = member.claim.nothing(known)
             at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():

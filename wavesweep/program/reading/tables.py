@@ -170,14 +170,6 @@ def table_at(path: str) -> SpecTable:
     return tables()[path]
 
 
-def members_of(written: Mapping[str, Any]) -> str:
-    """Return the table of a written spec for all of whose numbers answers can hold, in brackets;
-    empty without one."""
-    return next(
-        (f"[{path}]" for path, table in tables().items() if table.members and written.get(path)), ""
-    )
-
-
 @cache
 def top_tables() -> tuple[str, ...]:
     """Return the tables that the spec of a controller may have."""

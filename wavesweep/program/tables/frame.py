@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.program.columns import Columns
-from wavesweep.program.reading.tables import members_of
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.columns import fields_of
 
@@ -26,23 +25,21 @@ class Shared(dict):
         return dict, (dict(self),)  # who reads a pickled DataFrame needs no part of this package
 
 
-def frame(columns: Columns, units: Mapping[str, str], members: str = "") -> DataFrame:
-    """Columns as a DataFrame, whose `.attrs` has their `units`.
-
-    members: see `Spec`; if there are any and the rows are of the spec's own numbers, `guarantee` in
-    `.attrs` says so.
+def frame(
+    columns: Columns, units: Mapping[str, str], claims: Mapping[str, Mapping[str, Any]]
+) -> DataFrame:
+    """Columns as a DataFrame, whose `.attrs` has their `units` and the `claims` of the rows: what
+    these say of which loops, by the word of their kind, see `Claim.fact`.
     """
     import pandas
 
     data = pandas.DataFrame(dict(columns))
-    data.attrs["units"] = Shared(units)
-    if members and "guarantee" not in columns:
-        data.attrs["guarantee"] = f"the spec's own numbers alone, and not all of {members}"
+    data.attrs |= {"units": Shared(units), "claims": Shared(claims)}
     return data
 
 
 def framed(table: Table) -> DataFrame:
-    """A table as a DataFrame, whose `.attrs` has the `units` of the columns, the `facts` of the run, and the `summary`.
+    """A table as a DataFrame, whose `.attrs` has the `units` of the columns, the `facts` of the run, its `claims`, and the `summary`.
 
     The summary has the numbers that the command of the table prints, such as the largest stable
     value and its place.
@@ -50,8 +47,7 @@ def framed(table: Table) -> DataFrame:
     tally = kind_named(table.kind).tally(table)
     columns = table.watched(tally.add).columns
     fields = table.fields or fields_of(table.kind, columns, table.facts)
-    specs = (table.facts.get("specs") or {"": table.facts.get("spec") or {}}).values()
-    members = "" if table.kind == "design" else next(filter(None, map(members_of, specs)), "")
-    data = frame(columns, {field.name: field.unit for field in fields}, members)
+    units = {field.name: field.unit for field in fields}
+    data = frame(columns, units, table.facts.get("claims", {}))
     data.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
     return data

@@ -6,6 +6,7 @@ from textwrap import wrap
 import numpy as np
 
 from wavesweep.capabilities import where_explained
+from wavesweep.program.analyses.claims import WIDEST, Claim, Status
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.reading.keys import readable
@@ -22,7 +23,6 @@ from wavesweep.program.tables.number_words import (
 )
 from wavesweep.program.tables.refuters import in_a_sentence
 
-WIDEST = 120  # letters of a line
 STIFFNESS = ("N/m", "N*m/rad")
 ENDS = {
     "stability": "",
@@ -50,15 +50,8 @@ class Sentences:
         self._numbers = numbers
         self._hand = hand
         self._along = numbers["along"]
-        self._kind = row_kinds()[hand]
+        self._claim = Claim.read(numbers["claim"])
         self._unit = self._unit_of(self._along)
-        required = numbers["required"]
-        if required:
-            self._good = f"with {required}"
-            self._such = f"{self._along} with {required}"
-        else:
-            self._good = self._kind.good
-            self._such = f"{self._kind.good} {self._along}"
 
     def counts(self, slices: Mapping[str, int]) -> str:
         """The numbers of slices and of intervals."""
@@ -66,10 +59,9 @@ class Sentences:
         said = count(slices["computed"], "slice")
         if slices["skipped"]:
             said += f" ({slices['skipped']} skipped)"
-        if numbers["required"]:
-            said += f": {count(numbers['stable_intervals'], 'interval')} with {numbers['required']}"
-        else:
-            said += f": {count(numbers['stable_intervals'], 'stable interval')}"
+        number = numbers["stable_intervals"]
+        intervals = "interval" if number == 1 else "intervals"
+        said += f": {number} {self._claim.what.value(intervals)}"
         for name, gap in (
             ("slices_with_a_hole", "a hole"),
             ("slices_with_open_places", "open places"),
@@ -113,7 +105,7 @@ class Sentences:
         """The largest stable value and its place."""
         largest = self._numbers["largest"]
         if largest is None:
-            return self._nowhere()
+            return self._none()
         ended = ENDS[largest["ended_by"]].format("it" if self._numbers["required"] else "stability")
         if "refuted_from" in largest:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
@@ -121,22 +113,23 @@ class Sentences:
             ended += HAND.format(**largest["ended_by_hand"])
         # An end that is exact may itself be refuted.
         below = "just below " * (largest.get("refuted_from", np.inf) <= largest["value"])
-        value = f"largest {self._such}: {below}{rounded_down(largest['value'])}{self._unit}"
+        value = f"largest {self._claim.value(self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
         gap = self._gap(largest["from"], open_places)
-        return f"{value}{gap}{self._place(largest)}{ended}{self._doubtful(largest)}"
+        return (
+            f"{value}{gap}{self._place(largest)}{ended}{self._claim.unless(largest['certified'])}"
+        )
 
-    def _nowhere(self) -> str:
+    def _none(self) -> str:
         """That there is no interval, or none that could be found."""
-        if not self._numbers["doubts"] or self._kind.searched:
-            nowhere = f"{self._kind.nowhere.format(such=self._such)} in the swept range"
-            reason = self._numbers.get("ruled_out") or self._in_the_way()
-            whole = f"{nowhere}: {reason}" if reason else nowhere
-            return "\n".join(wrap(whole, WIDEST, subsequent_indent="    "))
-        undecided = f"no {self._such} found, but part of the swept range could not be decided"
-        if self._numbers.get("conserves") and not self._numbers["required"]:
-            return f"{undecided}; {where_nothing_decides()}"
-        return undecided
+        searched = self._claim.status is Status.SEARCHED
+        undecided = bool(self._numbers["doubts"]) and not searched
+        reason = self._numbers.get("ruled_out") or self._in_the_way()
+        if undecided:
+            of_loop = self._numbers.get("conserves") and not self._numbers["required"]
+            reason = where_nothing_decides() if of_loop else ""
+        said = self._claim.none(self._along, reason, undecided=undecided)
+        return "\n".join(wrap(said, WIDEST, subsequent_indent="    "))
 
     def of_one_without(self) -> str:
         """What keeps a slice from what is required, if others have it; empty otherwise."""
@@ -160,12 +153,12 @@ class Sentences:
             return ""
         if least["value"] == largest["from"] and largest["ended_by"] == "stability":
             return ""
-        said = f"least {self._such}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
+        said = f"least {self._claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
             said += ", below which it is not known"
-        said += self._doubtful(least)
+        said += self._claim.unless(least["certified"])
         if upwards:
             goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
             said += f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends"
@@ -176,9 +169,9 @@ class Sentences:
         without = self._numbers["largest_without_gap"]
         if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
-        first = f"{self._good} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
+        first = f"{self._claim.everywhere()} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
         number = rounded_down(without["value"])
-        return f"{first} {number}{self._unit}{self._place(without)}{self._doubtful(without)}"
+        return f"{first} {number}{self._unit}{self._place(without)}{self._claim.unless(without['certified'])}"
 
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
@@ -194,7 +187,7 @@ class Sentences:
             said += ", at an end of an interval"
         said += f": {rounded_down(felt['value'])} {felt['unit']}"
         said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(felt['from'])}"
-        return f"{said}{self._place(felt)}{self._doubtful(felt)}"
+        return f"{said}{self._place(felt)}{self._claim.unless(felt['certified'])}"
 
     def _inside(self, felt: Numbers) -> str:
         """An end of an interval, rounded into it."""
@@ -203,7 +196,7 @@ class Sentences:
 
     def title(self) -> str:
         """What the rows of a kind say of which loops, with the word of the kind."""
-        return f"{self._numbers.get('claim', self._kind.title)} ({self._hand}):"
+        return f"{self._claim.said()} ({self._hand}):"
 
     def parts(self) -> Iterator[Line]:
         """Yield all of it but the slices, a line each."""
@@ -222,18 +215,10 @@ class Sentences:
         if not same:
             texts.append(self.stiffest_felt())
         yield from ((f"  {text}", False) for text in texts if text)
-        if (
-            not self._kind.searched
-        ):  # of rows that are, none is certified: those of a box are proved or not
+        # Of rows that are searched none is certified: those of a box are proved or not.
+        if self._claim.status is not Status.SEARCHED:
             said, in_doubt = self.certified()
             yield f"  {said}", in_doubt
-
-    def _doubtful(self, extreme: Numbers) -> str:
-        return (
-            ""
-            if extreme["certified"] or self._kind.searched
-            else f", not {self._numbers['vouched']}"
-        )
 
     def _gap(self, low: float, open_places: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
@@ -242,11 +227,11 @@ class Sentences:
         """
         start = self._numbers["range"][0]
         at_start = start is not None and low <= start
-        if self._kind.proved:
+        if self._claim.status is Status.PROVED:
             at_start |= low <= NEXT_TO_ZERO * self._numbers["largest"]["value"]
         said = []
         if not at_start:
-            begins = "met" if self._numbers["required"] else self._kind.good
+            begins = "met" if self._numbers["required"] else self._claim.everywhere()
             said.append(f"{begins} from {rounded_up(low)} on")
         if open_places:
             said.append(open_in_words(open_places, self._unit))

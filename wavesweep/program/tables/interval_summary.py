@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.analyses.claims import Claim, Status, of_rows
 from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
-from wavesweep.program.row_kinds import COMPUTED, row_kinds
+from wavesweep.program.row_kinds import COMPUTED
 from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.program.tables.fields import DOUBTS
@@ -61,24 +61,28 @@ def _plain(value: Any) -> Any:
 class LoopSummary:
     """Counts the rows of a table of intervals for one loop.
 
-    hand: the word of its rows in the column `hand` or `guarantee`, empty if there is none. axes:
-    name -> values of the other axes. facts: those of the run, from which the end of the swept range
-    and the units of a drawn loop's numbers follow.
+    claim: what its rows say. hand: their word in the column `hand` or `guarantee`, empty if there
+    is none. axes: name -> values of the other axes. facts: those of the run, from which the end of
+    the swept range and the units of a drawn loop's numbers follow.
     """
 
     def __init__(
-        self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None
+        self,
+        claim: Claim,
+        hand: str = "",
+        axes: Axes | None = None,
+        facts: Mapping[str, Any] | None = None,
     ) -> None:
-        self.kind = row_kinds()[hand]
+        self.claim = claim
         self._hand = hand
         self._axes = axes or {}
         self._facts = facts or {}
+        self._proved = claim.status is Status.PROVED
         self._rows = 0
         self._intervals = 0
         self._split = 0  # slices with several intervals
         self._open = 0  # slices with open places
         self._doubts: Counter[str] = Counter()
-        self._vouched = "certified"
         self._ruled_out = (
             ""  # what rules out every value of a slice that is known to have no interval
         )
@@ -90,7 +94,7 @@ class LoopSummary:
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
         self._lengths = DecidingLengths(
-            varying_lengths(self._facts.get("spec", {})) if self.kind.proved else ()
+            varying_lengths(self._facts.get("spec", {})) if self._proved else ()
         )
         self._slices: list[
             dict[str, Any]
@@ -113,7 +117,6 @@ class LoopSummary:
         first[0] = True  # also of a block that begins within a slice
         is_open = np.logical_or.reduceat(columns["open_places"] > 0, np.flatnonzero(first))
         self._open += int(is_open.sum())
-        self._vouched = self.kind.vouched_for(columns)
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         none = ~stable & columns["certified"]
         if none.any() and "counterexample" in columns:
@@ -156,7 +159,6 @@ class LoopSummary:
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold."""
-        require = self._facts.get("require")
         names = [self._along, *self._axes]
         if self._largest.row:
             names += self._largest.place()
@@ -164,16 +166,17 @@ class LoopSummary:
         drawn = bool(numbers_of(self._facts))
         numbers = {
             "along": self._along,
+            "claim": self.claim.fact(),
             "unit": self._unit(self._along),
             "units": {name: self._unit(name) for name in dict.fromkeys(names)},
             "range": [end if np.isfinite(end) else None for end in self._range],
-            "required": required_in_words(require, drawn=drawn) if require else "",
+            "required": self.claim.what.required,
             "drawn": drawn,
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
             "slices_with_open_places": self._open,
             "rows": self._rows,
-            "vouched": self._vouched,
+            "vouched": self.claim.vouched,
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
             "largest": self._largest_numbers(),
@@ -182,9 +185,6 @@ class LoopSummary:
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
         }
-        claim = self._facts.get("claims", {}).get(self._hand or "spec", {})
-        if claim.get("loops"):
-            numbers["claim"] = claim["said"]
         if self._ruled_out:
             numbers["ruled_out"] = self._ruled_out
         lengths = self._lengths.numbers()
@@ -244,7 +244,7 @@ class LoopSummary:
 
     def _ended_by(self, row: Mapping[str, Any]) -> str:
         """What ends the interval of a row: stability, the swept range, or nothing that is known."""
-        if self.kind.guaranteed:
+        if self.claim.guaranteed:
             return "range" if row["high"] == self._range[1] else "stability"
         if np.isnan(row["high_omega"]):
             return "unknown" if row["open_high"] > row["high"] else "range"
@@ -256,7 +256,7 @@ class LoopSummary:
         value = -self._least.value
         if not least or value <= self._range[0]:
             return None
-        if self.kind.proved and value <= NEXT_TO_ZERO * self._largest.value:
+        if self._proved and value <= NEXT_TO_ZERO * self._largest.value:
             return None  # what is proved begins there, next to 0
         row = self._least.row
         largest = self._largest_numbers()
@@ -323,16 +323,18 @@ class IntervalSummary:
             if whose == "spec":
                 self._summaries[word] = self._of_spec(word, rows)
             elif word not in self._summaries:
-                self._summaries[word] = LoopSummary(word, self._axes, self._facts)
+                claim = of_rows(self._facts, word, columns)
+                self._summaries[word] = LoopSummary(claim, word, self._axes, self._facts)
             summary = self._summaries[word]
             summary.add(rows)
-            if "settled" in rows and summary.kind.guaranteed:
+            if "settled" in rows and summary.claim.guaranteed:
                 self._unsettled += int((~rows["settled"]).sum())
 
     def _of_spec(self, name: str, rows: Columns) -> LoopSummary:
         axes = {axis: np.unique(rows[axis]).tolist() for axis in axes_of(rows)}
         specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
-        return LoopSummary(axes=axes, facts={"spec": specs[name]})
+        claim = of_rows(self._facts, name)
+        return LoopSummary(claim, axes=axes, facts={"spec": specs[name]})
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.program.analyses.assumptions import notices_of
-from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.tables.kind import Kind, Line, Numbers, ProvedAgain, Recompute, Summary
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
+    from wavesweep.program.analyses.claims import Claim
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.job import Job
     from wavesweep.program.sweep.running import Run, WorkOptions
@@ -97,8 +97,8 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
         )
 
 
-def of_calls(own: Job, progress: bool = False) -> Columns:
-    """The rows of a job of the library, computed in this process, and those of what is guaranteed beside.
+def of_calls(own: Job, progress: bool = False) -> tuple[Columns, dict[str, Claim]]:
+    """The rows of a job of the library, computed in this process, those of what is guaranteed beside, and what all of these say.
 
     They have no derived columns. progress: whether to show a bar. Errors: UsageError for numbers,
     or a requirement, beside which that cannot be had.
@@ -114,7 +114,7 @@ def of_calls(own: Job, progress: bool = False) -> Columns:
         for stage in stages:
             rows = in_memory(stage.job, report)
             blocks.append(_finished(rows, stage, stages, None))
-    return joined(blocks)
+    return joined(blocks), claims_of(own.grid.spec, stages)
 
 
 def rows_again(
@@ -192,10 +192,6 @@ def _notices(spec, stages) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
     job = stages[0].job
     axis = job.asked.axis
-    required = job.asked.require
-    if required:
-        words = required_in_words(required.written(), drawn=bool(spec.drawing))
-        yield f"[sweep] require: the intervals, here and in the figure, are those with {words}"
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:
@@ -214,8 +210,9 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     job = stages[0].job
     swept = [job.asked.axis.path, *(axis.path for axis in job.grid.axes)]
-    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
-    facts["claims"] = _claims(spec, stages)
+    claims = claims_of(spec, stages)
+    notices = list(_notices(spec, stages))
+    facts = facts_of(spec, methods, counts, timings, notices, swept, claims=claims)
     if job.asked.require:
         facts["require"] = job.asked.require.written()
     facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
@@ -224,21 +221,21 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts
 
 
-def _claims(spec: Spec, stages: Sequence[Stage]) -> dict[str, Any]:
-    """What the rows of each kind say, and of which loops: a fact of the run, by the word of the kind."""
-    from wavesweep.program.analyses.claims import own_scope, required
+def claims_of(spec: Spec, stages: Sequence[Stage]) -> dict[str, Claim]:
+    """What the rows of each kind say, and of which loops, by the word of the kind."""
+    from wavesweep.program.analyses.claims import NOBODY, Claim, Status, own_scope, required_by
 
     claims = {}
     for stage in stages:
-        guarantee = stage.job.asked.guarantee
-        what = guarantee.what if guarantee else required(spec)
-        scope = guarantee.scope(spec) if guarantee else own_scope(stage.job.grid.spec)
-        of = scope.in_words() or "with the spec's own numbers"
-        claims[stage.hand or "spec"] = {
-            "said": f"{what.holds} {of}",
-            "loops": scope.loops(),
-            "scope": scope.written(),
-        }
+        asked = stage.job.asked
+        if asked.guarantee:
+            claims[stage.hand] = asked.guarantee.claim(spec)
+            continue
+        what = required_by(asked.require, drawn=bool(spec.drawing))
+        scope = own_scope(stage.job.grid.spec)
+        if stage.hand == "free":
+            scope = replace(scope, hands=NOBODY)
+        claims[stage.hand or "spec"] = Claim(what, scope, Status.CERTIFIED)
     return claims
 
 

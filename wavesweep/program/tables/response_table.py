@@ -14,6 +14,7 @@ import numpy as np
 from wavesweep.capabilities import where_explained
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.analyses.assumptions import notices_of
+from wavesweep.program.analyses.claims import own_figures
 from wavesweep.program.columns import SPARED, Columns, axes_of
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.kind import Kind, Line, Numbers, Recompute, count
@@ -98,7 +99,8 @@ def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:
     notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods = METHODS if kind == "bode" else METHODS_PORTS
-    facts = facts_of(list(specs), methods, counts, result.timings, notices, swept, nominal=True)
+    claims = own_figures(specs, "responses")
+    facts = facts_of(list(specs), methods, counts, result.timings, notices, swept, claims=claims)
     return facts | {"warnings": result.warnings}
 
 

@@ -6,6 +6,7 @@ from typing import Unpack
 
 import numpy as np
 
+from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.analyses.response_jobs import own_value, units_in
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec, sweep_axes
@@ -76,7 +77,11 @@ def _facts(specs, tables, swept):
         compute_s += table.facts["timings"]["compute_s"]
         notices += [f"{spec.name}: {said}" for said in table.facts["notices"]]
     methods = tables[0].facts["methods"]
-    return facts_of(list(specs), methods, counts, {"compute_s": compute_s}, notices, swept)
+    timings = {"compute_s": compute_s}
+    claims = {
+        spec.name: of_rows(table.facts, "spec") for spec, table in zip(specs, tables, strict=True)
+    }
+    return facts_of(list(specs), methods, counts, timings, notices, swept, claims=claims)
 
 
 KINDS = (

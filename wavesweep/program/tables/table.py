@@ -6,11 +6,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.tables import HOMES, kind_named
+
+if TYPE_CHECKING:
+    from wavesweep.program.analyses.claims import Claim
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,14 +69,22 @@ class Table:
 
 
 def facts_of(
-    specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False, run=None
+    specs,
+    methods,
+    slices,
+    timings,
+    notices=(),
+    swept=(),
+    *,
+    claims: Mapping[str, Claim] = MappingProxyType({}),
 ) -> dict:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of
-    the table. nominal, run: see `assumes`.
+    the table. claims: what its rows say of which loops, by their word, or by the names of several
+    specs.
     """
-    from wavesweep.program.analyses.assumptions import assumed_by, solved_within_ticks
+    from wavesweep.program.analyses.assumptions import model_in_words, solved_within_ticks
 
     specs = specs if isinstance(specs, (list, tuple)) else (specs,)
     several = len(specs) > 1
@@ -85,7 +97,17 @@ def facts_of(
     }
     if several:
         facts["specs"] = {spec.name: spec.tables() for spec in specs}
-    facts["assumes"] = assumed_by(specs, swept, nominal=nominal, run=run)
+    models = []
+    for spec in specs:
+        own = [claims[spec.name]] if several and claims else claims.values()
+        told = {path for claim in own for path in claim.scope.paths()}
+        axes = {axis.path for axis in (*spec.sweep, *spec.bode)}
+        models.append(model_in_words(spec, axes & {*swept} if several else swept, told))
+    facts["assumes"] = models[0]
+    if len(set(models)) > 1:
+        named = zip(specs, models, strict=True)
+        facts["assumes"] = "\n".join(f"{spec.name}: {model}" for spec, model in named if model)
+    facts["claims"] = {word: claim.over(specs, swept).fact() for word, claim in claims.items()}
     facts["methods"] = dict(methods)
     facts["slices"] = dict(slices)
     facts["notices"] = list(notices)

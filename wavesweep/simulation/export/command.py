@@ -44,7 +44,7 @@ def export(
     """
     from wavesweep.program import results
     from wavesweep.program import spec as specs
-    from wavesweep.program.analyses.assumptions import assumes, over_preset
+    from wavesweep.program.analyses.assumptions import model_in_words, over_preset
     from wavesweep.program.atomic_files import made_folder
     from wavesweep.program.cli.file_places import (
         own_folder,
@@ -55,7 +55,7 @@ def export(
     from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
     from wavesweep.simulation.export import exported, terms_of
-    from wavesweep.simulation.from_spec import hand_force, run_in_words
+    from wavesweep.simulation.from_spec import claim_of, hand_force
     from wavesweep.simulation.table import unstable
 
     started = time.perf_counter()
@@ -72,10 +72,13 @@ def export(
         write_whole(*files, overwrite=overwrite, expected=expected)
     simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
-    outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
+    outputs = terms_of(loaded)
+    claim = claim_of(loaded)
+    assumed = model_in_words(loaded, told=claim.scope.paths())
     seconds, ticks = time.perf_counter() - started, program["vectors.csv"].count("\n") - 1
     if verbosity().as_json:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
+        facts["claims"] = {"spec": claim.fact()}
         facts |= {
             "notices": list(over_preset(loaded)),
             "computed": {port: made["sum"] for port, made in outputs.items()},
@@ -105,6 +108,8 @@ def export(
             )
         if assumed:
             say(f"assumes: {assumed}")
+        if claim.scope.run:
+            say(f"vectors: {claim.said()}")
         for line in over_preset(loaded):
             say(line)
         say(
