@@ -290,6 +290,9 @@ def test_rows_stand_beside_those_in_any_order_and_check_says_both():
     assert rows.certified.all()
     assert rows.high["for_all"] < rows.high["mean_square"] < rows.fails_from["mean_square"]
     assert rows.counterexample["mean_square"] == "second moments that grow"
+    for row in rows.loc[["for_all", "mean_square"]].itertuples():  # the end of the proof, and not of what decays
+        assert row.low < 1e-5
+        assert row.left_open == f"within environment.K_VE 0 to {row.low:.4g}"
     between = (rows.fails_from["for_all"] + rows.high["mean_square"]) / 2
     found = wavesweep.verdict(load(spec).with_values({"K_VE": float(between)}))
     assert (found["for_all"]["verdict"], found["at_random"]["verdict"]) == ("refuted", "proved")

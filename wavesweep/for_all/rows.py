@@ -383,7 +383,14 @@ class _Loop:
             found.fails_from if texts[1] else found.high,
             *({**case.fixed, text: None} if text else None for text in texts),
         )
-        return Row(found.low, found.high, interval, found.settled, text_of_part(interval))
+        open_ends = []
+        for text, edge, end in zip(texts, self.span, (found.low, found.high), strict=True):
+            if not text and end != edge:  # where the proof ends, and not what it is of
+                open_ends.append(span_around(*sorted((edge, end)), 4))
+        left_open = f"within {name_of(self.along)} {' and '.join(open_ends)}" if open_ends else ""
+        return Row(
+            found.low, found.high, interval, found.settled, text_of_part(interval), left_open
+        )
 
     def _over_ranges(self, case, about) -> Row | None:
         """The row of a case whose numbers have ranges, or whose drift depends on the number
