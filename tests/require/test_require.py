@@ -325,6 +325,24 @@ def test_a_loop_that_conserves_is_bounded_where_its_trace_is_below_2(seed, along
 
 
 @pytest.mark.slow
+def test_a_damping_ratio_is_looked_for_where_the_loop_is_stable():
+    """With a dead time of 28 ms of a drive that is unstable from 11 ms on, discs about eigenvalues would leave doubts."""
+    tables = {
+        "rates": {"tick_hz": 500},
+        "numbers": {"lag": {"value": 0.005, "unit": "s"}},
+        "block": {
+            "arm": {"type": "tf", "num": [1], "den": [0.02, 1, 0]},
+            "dead": {"type": "delay", "seconds": "lag"},
+            "h": {"type": "hold", "every": 2},
+        },
+        "wire": {"h.u": "-85*arm.y", "dead.u": "h.y", "arm.u": "dead.y"},
+    }
+    loop = wavesweep.compile(tables)
+    (row,) = loop.stable_intervals("lag", (0.028, 0.03), require={"damping_ratio": 0.1}).itertuples()
+    assert row.certified
+    assert row.intervals == 0
+
+
 def test_a_damping_ratio_and_a_radius_are_what_both_have_in_common():
     loop = wavesweep.compile(load(JOINTS))
     both, ratio, radius = (

@@ -8,8 +8,15 @@ common.
 
 from dataclasses import replace
 
+import numpy as np
+
 from wavesweep.engine._search.question import Question, Rest, Slices
-from wavesweep.engine._stability.intervals import Intervals, common
+from wavesweep.engine._stability.intervals import Intervals, common, in_place
+from wavesweep.engine.rows import different
+
+# of the stable values, by which they are exceeded: an end that is one of the region too is found
+# with its frequency
+BESIDE = 1e-3
 
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
@@ -18,11 +25,32 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
-    """The intervals in which every eigenvalue is in the region."""
+    """The intervals in which every eigenvalue is in the region, looked for where the loops may be
+    stable if all of it is inside the circle."""
+    bound = question.bound
+    if bound.on_circle:
+        inside = _in_region(question, slices)
+    else:
+        inside = rest(replace(question, bound=None, prover=None), slices)
+        open_ = np.isfinite(inside.low)
+        if open_.any():
+            low, high = inside.low[open_].min(), inside.high[open_].max()
+            beside = BESIDE * (high - low)
+            span = max(low - beside, question.span[0]), min(high + beside, question.span[1])
+            columns = different(inside.column[open_])
+            some = Slices(slices.loops.some(columns), columns.size)
+            inside = in_place(inside, columns, _in_region(replace(question, span=span), some))
+    if bound.of_size:
+        return common([inside, rest(replace(question, bound=bound.of_size), slices)])
+    return inside
+
+
+def _in_region(question, slices):
+    """The intervals in which every eigenvalue is in the region, by its own search."""
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 
     bound, frames = question.bound, FramesAlong.of(question, slices.loops, slices.size)
-    inside = bound.intervals(
+    intervals = bound.intervals(
         frames.frames,
         frames.errors,
         frames.turns,
@@ -33,9 +61,4 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
         frames.bounds,
         frames.resolved,
     )
-    inside = in_own_time(inside, slices.loops, question.along)
-    return (
-        common([inside, rest(replace(question, bound=bound.of_size), slices)])
-        if bound.of_size
-        else inside
-    )
+    return in_own_time(intervals, slices.loops, question.along)
