@@ -72,7 +72,8 @@ class Channel:
         """The channel in a tick in which it shows, and holds afterwards, what it takes from
         these places."""
         n = 1 + self.registers
-        taps, direct = np.zeros((n, n)), np.zeros((n, 1))
+        taps = np.zeros((n, n))
+        direct = np.zeros((n, 1))
         for row, source in enumerate((shows, *registers)):
             if source == SENT:
                 direct[row] = 1.0
@@ -93,7 +94,8 @@ class Channel:
         one that a newer message overtakes is dropped when that is sent. late: of the message that
         it sends, if it does.
         """
-        sends, arrives = self.sends(tick), arriving[:1] == (0,)
+        sends = self.sends(tick)
+        arrives = arriving[:1] == (0,)
         waiting = arriving[arrives:]
         shows = 0 if arrives else NOTHING if sends and self.zero else KEPT
         delivered = sends and late is not LOST
@@ -134,7 +136,8 @@ class Sent:
 
 def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel, ...]:
     """Return the channels of a drawing with these numbers."""
-    numbers, channels = scalars(values), []
+    numbers = scalars(values)
+    channels = []
     for block in drawing.channels:
         keys = dict(block.keys)
         ticks = [
@@ -193,7 +196,8 @@ def messages_over(
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
-    held, drift = pair[0].held(), MarginalModes.of(*pair)
+    held = pair[0].held()
+    drift = MarginalModes.of(*pair)
     loop = Loops(drawing, values | numbers).drawn()
     steps = list(_steps(channels, loop))
     rows, ticks = _ticks(loop, channels, steps, held)
@@ -205,7 +209,8 @@ def messages_over(
     places = [
         TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds
     ]
-    ahead, last = tuple(tuple(row[:-1]) for row in rows), tuple(row[-1] for row in rows)
+    ahead = tuple(tuple(row[:-1]) for row in rows)
+    last = tuple(row[-1] for row in rows)
     symbols = tuple(symbol for _, symbol, *_ in steps)
     copies = groups[len(drift.constant) :]
     return FramesOver([(enclosed, place) for place in places], drift, ahead, last, symbols, copies)
@@ -223,7 +228,8 @@ def members_with_messages(
     pair = [
         _in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()
     ]
-    held, drift = pair[0].held(), MarginalModes.of(*pair)
+    held = pair[0].held()
+    drift = MarginalModes.of(*pair)
     steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
@@ -276,17 +282,21 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
     alike = first_tick[same.reshape(-1)].tolist()
     moments = [tick for tick in range(frame) if any(channel.sends(tick) for channel in channels)]
     first = (0, tuple((0, ()) for _ in channels))
-    steps, seen_states, open_ = {}, {first}, [first]
+    steps = {}
+    seen_states = {first}
+    open_ = [first]
     while open_:
         state = open_.pop()
         moment, before = state
-        tick, end = moments[moment], (*moments, moments[0] + frame)[moment + 1]
+        tick = moments[moment]
+        end = (*moments, moments[0] + frame)[moment + 1]
         choices = [
             _choices(channel, tick, lost)
             for channel, (lost, _) in zip(channels, before, strict=True)
         ]
         for late in product(*choices):
-            row, arriving = [], [flight for _, flight in before]
+            row = []
+            arriving = [flight for _, flight in before]
             for at in range(tick, end):
                 arrivals, arriving = zip(
                     *(

@@ -151,7 +151,9 @@ def _by_factors(box):
 
 def _numbers(box, units):
     """The numbers at places from -1 to 1 of their ranges."""
-    by_factors, middle, half = _by_factors(box), box.mean(0), np.ptp(box, axis=0) / 2
+    by_factors = _by_factors(box)
+    middle = box.mean(0)
+    half = np.ptp(box, axis=0) / 2
     low, high = np.where(by_factors, box, 1.0)
     factors = low * (high / low) ** ((1 + units) / 2)
     return np.clip(np.where(by_factors, factors, middle + half * units), *box)
@@ -159,7 +161,9 @@ def _numbers(box, units):
 
 def _units(box, numbers):
     """The places from -1 to 1 of numbers in ranges that are wide."""
-    by_factors, middle, half = _by_factors(box), box.mean(0), np.ptp(box, axis=0) / 2
+    by_factors = _by_factors(box)
+    middle = box.mean(0)
+    half = np.ptp(box, axis=0) / 2
     low, high = np.where(by_factors, box, [[1.0], [2.0]])
     shares = np.log(np.where(by_factors, numbers, 1.0) / low) / np.log(high / low)
     return np.where(by_factors, 2 * shares - 1, (numbers - middle) / half)
@@ -196,7 +200,8 @@ def growth_in_words(
     words = short_words(follows)[:WORDS]
 
     def of(points):
-        A, growth = frames_at(points), np.zeros(len(points))
+        A = frames_at(points)
+        growth = np.zeros(len(points))
         for word in words:
             whole = A[word[0]]
             for symbol in word[1:]:

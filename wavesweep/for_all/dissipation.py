@@ -37,7 +37,9 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     node is what may still happen: the rests of words, each with the words that may come then.
     """
     after = [tuple(np.flatnonzero(row).tolist()) for row in follows]
-    nodes, edges, open_ = {}, [], []
+    nodes = {}
+    edges = []
+    open_ = []
 
     def begun(some):
         return frozenset((words[symbol], after[symbol]) for symbol in some)
@@ -72,11 +74,13 @@ def least_damping(
     edges)`. The edges are the symbols of the graph of the energies. Accuracy: OPTIMUM_DISTANCE,
     unless rounding ends the program earlier.
     """
-    n, size = M.shape[1], np.abs(S).sum(0)
+    n = M.shape[1]
+    size = np.abs(S).sum(0)
     size[:n] = np.abs(M).sum(0)
     units = balance(size[None], SWEEPS)[1][0]
     units = units[:n] / units[n]
-    M, S = M / units[:, None], S.copy()
+    M = M / units[:, None]
+    S = S.copy()
     M[..., :n] *= units
     S[:, :n] *= units[:, None]
     S[..., :n] *= units
@@ -92,8 +96,10 @@ def least_damping(
 def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
     """The centres for growing weights w: the minima of the barrier `w d - sum log det F + sum tr
     P` in P and d."""
-    n, graph = centre.P.shape[-1], centre.graph
-    M, S = centre.inverse @ M[graph.symbol], S[graph.symbol].copy()
+    n = centre.P.shape[-1]
+    graph = centre.graph
+    M = centre.inverse @ M[graph.symbol]
+    S = S[graph.symbol].copy()
     M[..., :n] = M[..., :n] @ centre.basis
     S[:, :n] = centre.basis.mT @ S[:, :n]
     S[..., :n] = S[..., :n] @ centre.basis
@@ -113,13 +119,21 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
 
     P, d = _first(slack, centre.P, np.abs(S).max())
     unit = abs(d) or 1.0
-    P, d, S, weight, found, steps = P / unit, d / unit, S / unit, 1.0, [], 0
+    P = P / unit
+    d = d / unit
+    S = S / unit
+    weight = 1.0
+    found = []
+    steps = 0
     while steps < NEWTON_STEPS_OF_ENERGY and len(M) * (n + 1) > OPTIMUM_DISTANCE * weight * max(
         abs(d), OPTIMUM_DISTANCE
     ):
-        weight, decrement = weight * FASTER, np.inf
+        weight = weight * FASTER
+        decrement = np.inf
         while decrement > CENTRED and steps < NEWTON_STEPS_OF_ENERGY:
-            steps, length, before = steps + 1, 1.0, barrier(P, d)
+            steps = steps + 1
+            length = 1.0
+            before = barrier(P, d)
             try:
                 change, step, decrement = _newton(slack(P, d), M, weight, graph, len(P))
             except np.linalg.LinAlgError:  # singular to rounding
@@ -131,7 +145,8 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
                 length *= 0.7
             if length <= SHORTEST_STEP:
                 return found
-            P, d = P + length * change, d + length * step
+            P = P + length * change
+            d = d + length * step
         found.append((replace(centre, P=P * unit), d * unit))
     return found
 
@@ -139,7 +154,8 @@ def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:
 def _first(slack: Callable, P, size):
     """Energies to begin with, and a damping with which all edges dissipate: the least over some
     scales of P."""
-    n, best = P.shape[-1], (np.inf, P)
+    n = P.shape[-1]
+    best = (np.inf, P)
     for scale in SCALES * size:
         F = slack(scale * P, 0.0)
         half = np.linalg.solve(F[:, :n, :n], F[:, :n, n:])
@@ -165,7 +181,8 @@ def _newton(F, M, weight, graph, nodes):
     ):
         np.add.at(slope, into, sign * at)
         np.add.at(mixed, into, -sign * part[:, :, None] * part[:, None, :])
-    slope, mixed = packed(slope).ravel(), packed(mixed).ravel()
+    slope = packed(slope).ravel()
+    mixed = packed(mixed).ravel()
     hessian = hessian_of(inverse[:, :n, :n], moved[..., :n], arriving, graph, nodes)
     hessian[np.diag_indices_from(hessian)] *= 1 + RIDGE
     factor = cho_factor(hessian, lower=True, overwrite_a=True)

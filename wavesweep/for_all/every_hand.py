@@ -84,7 +84,8 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     with placed(spec):
         case = cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0]
         margin = _Margin(rules, case, along)
-    ruled, name = margin.ruled, name_of(along)
+    ruled = margin.ruled
+    name = name_of(along)
     for axis in case.ranges:
         if axis.path not in HAND and (axis.path in ruled.reads or margin.is_curved(axis.path)):
             expected = "ranges of the device's mass and damping alone, and values of others"
@@ -167,7 +168,10 @@ class _Margin:
     def __init__(self, rules: Rules, case: Case, along: str):
         from wavesweep.for_all.every_hand_proof import with_ruler
 
-        self.case, self.along, self.known, self.unmet = case, along, {}, None
+        self.case = case
+        self.along = along
+        self.known = {}
+        self.unmet = None
         self.plan = rules.plan({**case.values, **FREE}, (along,) if along else ())
         self.loop = HeldLoop(self.plan.drawing, self.plan.values)
         self.ruled = with_ruler(self.plan.drawing)
@@ -185,7 +189,8 @@ class _Margin:
 
         along_value = {self.along: p} if self.along else {}
         paths = [axis.path for axis in self.case.ranges]
-        dampings, stiffnesses = [], []
+        dampings = []
+        stiffnesses = []
         for corner in product(*((axis.start, axis.stop) for axis in self.case.ranges)):
             changes = {**dict(zip(paths, corner, strict=True)), **along_value}
             _, damping, stiffness = device_keys(self.loop.changed(changes))
@@ -224,7 +229,8 @@ class _Margin:
         """What refutes."""
         if not needed.word:
             return ""
-        loop, omega = next(row for row in self.known.values() if row[1] is needed)[0], needed.omega
+        loop = next(row for row in self.known.values() if row[1] is needed)[0]
+        omega = needed.omega
         alike = omega * loop.period < STANDING_ANGLE
         moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
         return f"{text_of_pattern(loop, needed.word)}, a hand that moves {moves}"
@@ -233,12 +239,17 @@ class _Margin:
 def _row(margin: _Margin, case: Case, span) -> Row | None:
     """The passive values that are proved, and the nearest ones that are refuted."""
     low, high = span
-    proved, refuted = _missing(margin, "proved"), _missing(margin, "refuted")
+    proved = _missing(margin, "proved")
+    refuted = _missing(margin, "refuted")
     tried = (low + share * (high - low) for share in STARTS)
     start = next((p for p in tried if proved(p) <= 0), None)
     if start is None:
         return None
-    ends, fails, by, omega, settled = [], [], [], [], True
+    ends = []
+    fails = []
+    by = []
+    omega = []
+    settled = True
     for limit in span:
         end, beyond = _edge(proved, start, limit)
         if beyond is not None and refuted(beyond) <= 0:

@@ -172,10 +172,8 @@ class EveryHand:
         S = np.zeros((len(M), n + 1, n + 1))
         S[:, n, :] += rows[:, 0] / 2
         S[:, :, n] += rows[:, 0] / 2
-        edges, proved = (
-            self.graph.symbol,
-            np.inf if n else float(ROOM_OF_DAMPING - S.min() * self.period),
-        )
+        edges = self.graph.symbol
+        proved = np.inf if n else float(ROOM_OF_DAMPING - S.min() * self.period)
         follows = self.graph.target[:, None] == self.graph.source
         for centre, damping in least_damping(M[edges], S[edges], follows) if n else ():
             if centre.norms.graph.is_complete(follows) and self._dissipates(centre.norms, damping):
@@ -264,8 +262,10 @@ def with_ruler(drawing: Drawing) -> Drawing:
     """Return the loop whose device is a ruler: it moves by a constant displacement in each tick,
     and another block takes the force that pushes it, without the hand's. Their states are the
     first three: X, PUSH, FORCE."""
-    device, zero = device_of(drawing), ("number", 0.0, 0)
-    pushes, takes = f"{device}!push", f"{device}!force"
+    device = device_of(drawing)
+    zero = ("number", 0.0, 0)
+    pushes = f"{device}!push"
+    takes = f"{device}!force"
     explicit = (("method", "explicit"),)
     ruler = [
         DrawnBlock(name, "integrator", explicit, ("number", 1.0, 0), zero)
@@ -298,7 +298,9 @@ def with_ruler(drawing: Drawing) -> Drawing:
 def _ticks(plan: Plan):
     """The index of each kind of tick at each period of the slow blocks, and its map of a loop
     with a ruler."""
-    index, maps, balls = {}, {}, offered("ticks")
+    index = {}
+    maps = {}
+    balls = offered("ticks")
     if balls is None:
         raise UsageError(
             "hand passive while frames vary: expected the capability prove, found that it is not there"
@@ -310,10 +312,8 @@ def _ticks(plan: Plan):
     )  # at one step perhaps, where a block runs in every tick
     for step, loop in zip(plan.steps, loops, strict=True):
         running = plan.schedule.running([block.name for block in loop.blocks])
-        loop.kinds, loop.held = (
-            tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running),
-            held,
-        )
+        loop.kinds = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running)
+        loop.held = held
         tick_maps = loop.tick_maps(arb(0))
         for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
             matrix = tick_maps[places][0]
@@ -327,7 +327,8 @@ def _ticks(plan: Plan):
 def _timed(row, maps, joined):
     """The kinds of a row of ticks, in which moments without time are joined with the tick behind
     them."""
-    word, before = [], ()
+    word = []
+    before = ()
     for kind in row:
         before = (*before, kind)
         if not maps[kind][X, PUSH].is_zero():
@@ -356,23 +357,24 @@ def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndar
     def part(tick, rows, columns):
         return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
 
-    frame, identity = (
-        reduce(_after, ticks),
-        arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest]),
-    )
+    frame = reduce(_after, ticks)
+    identity = arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
     try:
         R = (identity - part(frame, rest, rest)).solve(part(frame, rest, [X]))
     except ZeroDivisionError:
         return None
-    rows_found, stiffness = [], None
+    rows_found = []
+    stiffness = None
     for tick in ticks:
-        free, moves = part(tick, rest, rest), tick[X, PUSH]
+        free = part(tick, rest, rest)
+        moves = tick[X, PUSH]
         left = part(tick, rest, [X]) + (free - identity) * R
         k = -(part(tick, [FORCE], [X]) + part(tick, [FORCE], rest) * R)[0, 0]
         stiffness = k if stiffness is None else stiffness
         if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness)):
             return None
-        B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
+        B = part(tick, rest, [PUSH]) * (1 / moves) - R
+        C = part(tick, [FORCE], rest)
         rows_found.append([[*a, *b] for a, b in zip(free.tolist(), B.tolist(), strict=True)])
         rows_found[-1].append(
             [*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2]
@@ -383,10 +385,8 @@ def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndar
     moved = closure([present[:, :-1].T], present[:, -1]) if rest else np.zeros(0, bool)
     places = [*np.flatnonzero(moved).tolist(), len(rest)]
     rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in rows_found]
-    size, met = (
-        (len(places) - 1, len(places)),
-        {X, PUSH, FORCE, *(rest[place] for place in places[:-1])},
-    )
+    size = (len(places) - 1, len(places))
+    met = {X, PUSH, FORCE, *(rest[place] for place in places[:-1])}
     kinds = tuple(
         (
             arb_mat(*size, [entry for row in rows_of_kind[:-1] for entry in row]),

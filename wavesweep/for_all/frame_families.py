@@ -95,7 +95,8 @@ class SlowFrames:
         without a number. Errors: SpecError for lengths that are not whole, and for blocks of
         different lengths.
         """
-        name, known = name_of(number), scalars(values)
+        name = name_of(number)
+        known = scalars(values)
         cases = [known | {name: value} for value in (*numbers, known.get(name, 0))]
         ticks_of = {}
         for block in drawing.blocks:

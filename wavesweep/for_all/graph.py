@@ -112,18 +112,18 @@ class Graph:
             [self.source, *(np.full(leaving[node].size, half) for node, half in halves.items())]
         )
         more = np.concatenate([np.arange(self.source.size), *leaving.values()])
-        symbol, target, origin = (
-            self.symbol[more],
-            target[more],
-            np.append(np.arange(self.nodes), list(parts)).astype(int),
-        )
+        symbol = self.symbol[more]
+        target = target[more]
+        origin = np.append(np.arange(self.nodes), list(parts)).astype(int)
         while True:
             may = np.zeros((origin.size, len(follows)), bool)
             np.logical_or.at(may, target, follows[symbol])
             kept = may[source, symbol]
             if kept.all():
                 break
-            source, symbol, target = source[kept], symbol[kept], target[kept]
+            source = source[kept]
+            symbol = symbol[kept]
+            target = target[kept]
         reached = np.unique(target)
         number = np.full(origin.size, -1)
         number[reached] = np.arange(reached.size)

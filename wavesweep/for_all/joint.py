@@ -203,7 +203,8 @@ class _Way:
     ) -> tuple[float, Word] | None:
         """The refuted number closest to the start of words that grow at x, and its word; None if
         none is found."""
-        A, first = self.family.at(x), [word] if word else []
+        A = self.family.at(x)
+        first = [word] if word else []
         words = growing(A, self.family.follows, centre.basis, first, more, norms=centre.norms)
         found = _first(self.family, words, self.start, x, x)
         return found if found[1] else None
@@ -241,12 +242,14 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
     already proved; and so on. Each search begins with the least graph: one that was refined for
     other numbers takes up to three times the nodes.
     """
-    family, tolerance = way.family, way.tolerance
+    family = way.family
+    tolerance = way.tolerance
     fails, word = nearest_refuted(family, way.start, way.limit, tolerance)
     goal = way.short_of(fails) if word else way.limit
     begun = replace(first, work=0.0)
     stretches, reached, climbed = _covered(family, begun, way.start, goal, LEAST_CLIMB, work)
-    spent, centre = climbed.work, first
+    spent = climbed.work
+    centre = first
     ceiling = None  # a number for which no norms were found
     before = way.start  # where the proof was when a ceiling was given up
     while reached != goal and spent < SPENT * work:
@@ -259,19 +262,22 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
         aim = way.aim(reached, goal, fails, ceiling)
         nearer = way.grown(aim, centre, word)
         if nearer is None or way.farther(nearer[0], reached) == reached:
-            A, most = family.at(aim), (work - spent) / WORD_SEARCHES
+            A = family.at(aim)
+            most = (work - spent) / WORD_SEARCHES
             centre, factor = find_norms(A, family.follows, work=most)
             further, used = _back(family, centre, factor, aim, reached, work - spent)
             spent += used
             if further:
-                stretches, reached = (*stretches, *further), aim
+                stretches = (*stretches, *further)
+                reached = aim
                 continue
             nearer = way.grown(aim, centre, word, MORE)
             if nearer is None and word:
                 nearer = way.grown((aim + fails) / 2, centre, word, MORE)
         if nearer is not None and way.farther(nearer[0], reached) != reached:
             fails, word = nearer
-            goal, ceiling = way.farther(way.short_of(fails), reached), None
+            goal = way.farther(way.short_of(fails), reached)
+            ceiling = None
         elif aim == way.limit:
             goal = way.farther(way.short_of(aim), reached)
         else:
@@ -289,7 +295,9 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
 
 def _refined(way: _Way, side: _Side) -> _Side:
     """The side with proof and refutation closer together, as far as this costs little."""
-    family, gap, spent = way.family, way.tolerance, 0.0
+    family = way.family
+    gap = way.tolerance
+    spent = 0.0
     while gap > FINEST and spent < FINE:
         gap /= FINER
         nearer = way.grown(way.inside(side.fails, gap), side.centre, side.word)
@@ -318,7 +326,9 @@ def _back(family, centre, factor, aim, reached, work):
         return (), used
     if not _proved(family, (aim,), (centre,)):
         return (), used  # rounding leaves no room, and a finer graph gives none
-    stretches, at, fruitless = (), aim, 0
+    stretches = ()
+    at = aim
+    fruitless = 0
     while factor == 1 and used < work and fruitless < FRUITLESS:
         begun = replace(centre, work=0.0)
         further, far, last = _covered(family, begun, at, reached, LEAST_BACK, work - used)
@@ -363,7 +373,8 @@ def nearest_refuted(
 def _first_refuted(way: _Way) -> tuple[float, Word]:
     """The refuted number of the first words that grow on the way, and its word; NaN and () if
     none grows."""
-    family, before = way.family, way.start
+    family = way.family
+    before = way.start
     follows = family.follows
     short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
     scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)
@@ -417,9 +428,11 @@ def _covered(family, centre, start, goal, least, work):
     next. least: the shortest stretch, relative to the rest of the way. work: operations after which
     this ends.
     """
-    stretches, end = [], start
+    stretches = []
+    end = start
     while end != goal and len(stretches) < NORMS_A_SIDE and centre.work < work:
-        rest, whole = abs(goal - end), abs(goal - start)
+        rest = abs(goal - end)
+        whole = abs(goal - start)
         share = least * min(rest, max(abs(end), SHORTEST_LEFT * whole))
         shortest = min(rest, max(share, SHORTEST * whole))
         stretch, ahead = _stretch(family, centre, end, goal, shortest, work)
@@ -445,9 +458,11 @@ def _stretch(
             break
         if abs(x - end) < shortest or x == end:
             break
-        ends, centres = (end, x), (centre, ahead)
+        ends = (end, x)
+        centres = (centre, ahead)
         if x < end:
-            ends, centres = ends[::-1], centres[::-1]
+            ends = ends[::-1]
+            centres = centres[::-1]
         norms = _proved(family, ends, centres)
         if norms is not None:
             return ProvedStretch(*ends, norms), ahead

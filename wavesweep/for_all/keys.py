@@ -134,7 +134,8 @@ def build(request: Request) -> ForAll | None:
 def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumber | None:
     """The number of [for_all] with these parts; None, and its mistakes, if they do not fit."""
     mistakes = request.mistakes
-    place, label = axis_place(parts), f"for_all.{name}"
+    place = axis_place(parts)
+    label = f"for_all.{name}"
     varying = parts.get("varying")
     varies = mistakes.check(PARTS["varying"], varying, f"{label}.varying") if varying else False
     if varies is None:
@@ -224,7 +225,8 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
     """Add the mistake of a delay that is longer than a frame, where both are constant and
     [for_all] has the frame."""
     known = {axis.path: axis for axis in axes}
-    ratio, delay = known.get("rates.ratio"), known.get(DELAY)
+    ratio = known.get("rates.ratio")
+    delay = known.get(DELAY)
     if ratio is None or request.values is None or (delay is None and is_frame(request.given)):
         return
     shortest = min(values_of_range(ratio))
@@ -236,7 +238,8 @@ def _refuse_frames_below_delays(request: Request, axes: Iterable[Axis]) -> None:
 
 def _with_chances(request: Request, found: ForAll, numbers: Iterable[AskedNumber]) -> ForAll:
     """Return the table with the weights of values, and add their mistakes. numbers: of it."""
-    given, mistakes = request.belongs.keys, request.mistakes
+    given = request.belongs.keys
+    mistakes = request.mistakes
     lengths = [axis for axis in found.changing if axis.path != DELAY]
     frames = len(values_of_range(lengths[0])) if lengths else 1
     for number in numbers:
@@ -262,7 +265,8 @@ def _with_chances(request: Request, found: ForAll, numbers: Iterable[AskedNumber
 def _weights(mistakes: Mistakes, number: AskedNumber, frames: int) -> tuple[tuple[float, ...], ...]:
     """The rows of weights of the values of a number; their mistakes are added. frames: lengths
     of them."""
-    leaf, path = number.weights, f"{number.label}.{number.chances}"
+    leaf = number.weights
+    path = f"{number.label}.{number.chances}"
     in_rows = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
     after_each = number.chances == "next"
     may_be_rows = after_each or (in_rows and number.axis.path == DELAY)

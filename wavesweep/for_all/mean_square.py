@@ -266,7 +266,8 @@ class Chances:
 
     def _solved(self, operator, diagonal):
         """The matrices at the nodes that the operator changes by this diagonal matrix."""
-        nodes, n = self.graph.nodes, diagonal.size
+        nodes = self.graph.nodes
+        n = diagonal.size
         right_side = np.tile(packed(np.diag(diagonal)), nodes)
         solution = np.full((nodes, n, n), np.nan)
         with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
@@ -360,7 +361,8 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     other channels whose messages are late or lost in any pattern.
     """
     _refuse_patterns(drawing, values)
-    name, numbers = name_of(number) if number else "", scalars(values)
+    name = name_of(number) if number else ""
+    numbers = scalars(values)
     trees = _probabilities(drawing)
     reads = [
         tree
@@ -482,7 +484,8 @@ class _FramesAtRandom:
             )
         in_time = (symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT)
         delays = [*dict.fromkeys(in_time), LOST_RESULT]
-        length_of, result = [], []
+        length_of = []
+        result = []
         for symbol in symbols:
             place = lengths.index(symbol.ticks)
             length_of.append(place)
@@ -541,7 +544,10 @@ def _chain(family, first, second):
     """The graph of the chain, and the factors of each edge's probability with the losses at both
     ends of the number."""
     channels = list(first)
-    nodes, edges, factors, open_ = {}, [], [], []
+    nodes = {}
+    edges = []
+    factors = []
+    open_ = []
 
     def node(moment, bursts):
         if (moment, bursts) not in nodes:
@@ -716,7 +722,9 @@ def _zeros(function, low, high):
     until the function is of similar size at most of its points, after an exponential between two of
     them is divided out.
     """
-    points, found, panels = chebpts2(DEGREE + 1), [], [(low, high)]
+    points = chebpts2(DEGREE + 1)
+    found = []
+    panels = [(low, high)]
     for _ in range(PANELS):
         if not panels:
             break
@@ -759,7 +767,9 @@ def _bracket(loop, part, limits, tolerance):
 def _side(loop, start, end, limit):
     """The number that the proof reaches towards an end, the refuted one beyond it, NaN without,
     and the stretches."""
-    fails, goal, distance = np.nan, end, limit - start
+    fails = np.nan
+    goal = end
+    distance = limit - start
     if end != limit:
         beyond = [
             end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND
@@ -771,13 +781,19 @@ def _side(loop, start, end, limit):
         goal -= np.sign(distance) * min(
             PROOF_DISTANCE * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start)
         )
-    stretches, at, step, failed = [], start, goal - start, False
+    stretches = []
+    at = start
+    step = goal - start
+    failed = False
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
         if loop.proves(P, min(at, to), max(at, to)):
             stretches.append(ProvedStretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
-            at, step, failed = to, step if failed else 2 * step, False
+            at = to
+            step = step if failed else 2 * step
+            failed = False
         else:
-            step, failed = step / 2, True
+            step = step / 2
+            failed = True
     return float(at), fails, stretches

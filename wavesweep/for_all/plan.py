@@ -73,7 +73,9 @@ class Schedule:
     def with_period(self, drawing: Drawing, step: int) -> Drawing:
         """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets
         their phases."""
-        every, phase, slow = ("number", float(step), 0), ("number", 0.0, 0), self.slow
+        every = ("number", float(step), 0)
+        phase = ("number", 0.0, 0)
+        slow = self.slow
         blocks = (
             replace(each, every=every, phase=phase, phases=()) if each.name in slow else each
             for each in drawing.blocks
@@ -225,7 +227,9 @@ class Plan:
     def _kinds(self, ticks_at):
         """The different maps of ticks, the step and the place that each is from, and the index
         of each kind at each step."""
-        maps, picked, index = [], [], {}
+        maps = []
+        picked = []
+        index = {}
         for step in self.steps:
             ticks = ticks_at(step)
             for place, kind in enumerate(self.schedule.kinds):
@@ -255,13 +259,16 @@ class Plan:
     def written(self, index):
         """The rows and samples of the symbols as indices of kinds, the symbols, and which may
         follow which."""
-        schedule, steps, symbols = self.schedule, self.steps, list(self.symbols)
+        schedule = self.schedule
+        steps = self.steps
+        symbols = list(self.symbols)
         samples = {schedule.sample(symbol) for symbol in symbols}
         others = [kind for kind in schedule.kinds if kind not in samples]
         if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         symbols, follows = _endless(symbols)
-        rows, ends = [], []
+        rows = []
+        ends = []
         for symbol in symbols:
             step = symbol.step or steps[0]
             rows.append(tuple(index[kind, step] for kind in schedule.before_sample(symbol)))

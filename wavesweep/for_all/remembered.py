@@ -76,9 +76,11 @@ class Remembered:
         norms = centre.norms
         if not self.forgotten.size:
             return norms
-        P, graph = norms.P, norms.graph
+        P = norms.P
+        graph = norms.graph
         A = (self.back + E @ self.back)[:, graph.symbol]
-        moved, lost = self.to @ A, self.forgotten @ A
+        moved = self.to @ A
+        lost = self.forgotten @ A
         try:
             half = np.linalg.inv(
                 np.linalg.cholesky(P[graph.source] - moved.mT @ P[graph.target] @ moved)

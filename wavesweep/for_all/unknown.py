@@ -151,7 +151,8 @@ def proofs(
         highest = min(covers, key=lambda each: each.high)
         for interval in intervals:
             inner = interval.within(near)
-            low, high = max(lowest.low, inner[0]), min(highest.high, inner[1])
+            low = max(lowest.low, inner[0])
+            high = min(highest.high, inner[1])
             yield interval, Proved(low, high, highest.open or lowest.open) if low < high else None
 
 
@@ -171,13 +172,17 @@ class Case:
         ranges: Sequence[Axis],
         fixed: Mapping[str, object] = MappingProxyType({}),
     ):
-        self.along, self.span, self.fixed = along, span, dict(fixed)
-        self.loop, self.values = loop.read, dict(loop.values)
+        self.along = along
+        self.span = span
+        self.fixed = dict(fixed)
+        self.loop = loop.read
+        self.values = dict(loop.values)
         self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
         self.box = np.array(
             [[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float
         )
-        self.certified, self.left = True, OPERATIONS_OF_CASE
+        self.certified = True
+        self.left = OPERATIONS_OF_CASE
 
     def parts(self, narrow: bool = True) -> list[Part]:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to
@@ -302,12 +307,11 @@ class Case:
         known: what is proved already, of a part from which the proof goes on.
         """
         if self.along:
-            paths, box = (
-                [self.along, *(axis.path for axis in self.ranges)],
-                np.column_stack([[low, high], self.box]),
-            )
+            paths = [self.along, *(axis.path for axis in self.ranges)]
+            box = np.column_stack([[low, high], self.box])
         else:
-            paths, box = [axis.path for axis in self.ranges], self.box
+            paths = [axis.path for axis in self.ranges]
+            box = self.box
         sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
         if self.along and 0 < low < high / LOGARITHMIC_SIDE:
             sides[0] = Side(self.along, 0.0)
@@ -318,7 +322,8 @@ class Case:
         begun = np.full(2, low + PROOF_START * (high - low))
         if known is not None and max(low, known.low) < min(high, known.high):
             begun = np.clip([known.low, known.high], low, high)
-        lower, upper = whole.copy(), whole.copy()
+        lower = whole.copy()
+        upper = whole.copy()
         lower[1, 0], upper[0, 0] = sides[0].place(begun)
         above = below = Proved(float(low), float(high))
         if upper[0, 0] < upper[1, 0]:

@@ -89,7 +89,8 @@ class Rules:
     @staticmethod
     def of(spec: Spec) -> "Rules":
         """The rules of a spec with [for_all]."""
-        drawing, for_all = spec.drawing, spec.for_all
+        drawing = spec.drawing
+        for_all = spec.for_all
         own_delays = any(axis.path == DELAY for axis in for_all.axes)
         return Rules(
             for_all,
@@ -283,7 +284,8 @@ def bracketed_over(
         start = low + share * (high - low)
         found = bracket_over(loops, start, span, least, rules.work, report)
         if np.isfinite(found.low):
-            below, above = _end(loops, found.below), _end(loops, found.above)
+            below = _end(loops, found.below)
+            above = _end(loops, found.above)
             return Over(found.low, found.high, below, above, found.settled, found.open)
     return None
 

@@ -119,7 +119,11 @@ def bracket_over(
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
-    follows, first, rounds, spent, open_ = loops.follows, loops.sides[0], REFUTING_ROUNDS, 0.0, None
+    follows = loops.follows
+    first = loops.sides[0]
+    rounds = REFUTING_ROUNDS
+    spent = 0.0
+    open_ = None
     if above.word:
         start = max(start, first.zero + FIRST_PROOF_PART * (above.x - first.zero))
     high = low = start
@@ -133,10 +137,8 @@ def bracket_over(
         units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
-        frames, told = (
-            replace(loops.frames, units=units, about=layer.mean(0)),
-            reached if report else None,
-        )
+        frames = replace(loops.frames, units=units, about=layer.mean(0))
+        told = reached if report else None
         found = cover(
             frames,
             layer,
@@ -159,14 +161,13 @@ def bracket_over(
         if not (found.word and rounds):
             open_ = left_open(found, loops.sides, _layer(loops, *limits), up=True)
             break
-        above, rounds = _met(loops, found, start, above), rounds - 1
+        above = _met(loops, found, start, above)
+        rounds = rounds - 1
     goal = _goal(below, limits[0], start)
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
-        low, open_ = (
-            min(low, end),
-            open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False),
-        )
+        low = min(low, end)
+        open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
     near = [
@@ -200,7 +201,9 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     Words are searched at the points at which members grow most up to what is refuted already, until
     that comes no closer.
     """
-    best, tried, searched = Refuted(), np.concatenate([loops.starts, loops.extremes()]), []
+    best = Refuted()
+    tried = np.concatenate([loops.starts, loops.extremes()])
+    searched = []
     for _ in range(CLOSER_CLIMBS):
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
@@ -230,7 +233,8 @@ def _alike(loops, point, other, x):
     if loops.on_average:
         return point == other
     family = loops.family(other)
-    frames, others = loops.family(point).at(x), family.at(x)
+    frames = loops.family(point).at(x)
+    others = family.at(x)
     if (
         frames.shape != others.shape or not np.isfinite(others).all()
     ):  # a number that is 0 takes a state away
@@ -298,7 +302,8 @@ def decide_over(
         for point in map(
             tuple, climb(loops.growth, box, starts).points[:POINTS_LOOKED_AT].tolist()
         ):
-            family, words = loops.family(point), [(0,)]
+            family = loops.family(point)
+            words = [(0,)]
             if not loops.on_average:
                 A = family.at(0.0)
                 words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
@@ -322,7 +327,8 @@ def decide_over(
         if refuted(loops.family(point), found.word):
             return point, found.word, False
     if found.open:
-        low, high = np.min(found.open, axis=(0, 1)), np.max(found.open, axis=(0, 1))
+        low = np.min(found.open, axis=(0, 1))
+        high = np.max(found.open, axis=(0, 1))
         part = np.clip(as_numbers(np.array([low, high]), loops.sides), *loops.box)
         point, word = worst(part, part)
     return point if word else (), word, not found.open

@@ -179,7 +179,9 @@ def identify(
             name: given[name]
             for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
         }
-        source, find, text = log, partial(identify, log, **requested), spec_text
+        source = log
+        find = partial(identify, log, **requested)
+        text = spec_text
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / ("device.toml" if frames is None else "frames.toml")
     results.refuse_unusable(directory)
@@ -207,7 +209,8 @@ def identify(
     tally = kind.tally(table)
     paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
     write_whole((target, text(table.facts)))
-    paths, seconds = [*paths, target], time.perf_counter() - started
+    paths = [*paths, target]
+    seconds = time.perf_counter() - started
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
     if verbosity().as_json:
@@ -253,12 +256,14 @@ def _of_frames(
         raise click.UsageError(
             "--frames: expected the capability frame_times, found that it is not there"
         )
-    fast_hz, number = given["fast_hz"], "rates.ratio"
+    fast_hz = given["fast_hz"]
+    number = "rates.ratio"
     if given["spec"] is not None:
         from wavesweep.program.spec import load
 
         spec = load(given["spec"])
-        fast_hz, number = spec.tick_hz, module.number_of(spec)
+        fast_hz = spec.tick_hz
+        number = module.number_of(spec)
     return partial(
         module.identified, path, fast_hz, number, every=given["every"], **named
     ), module.spec_text

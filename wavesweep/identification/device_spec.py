@@ -158,7 +158,8 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
     template = (bundled("sweeps/templates") / "two-mass.toml").read_text(encoding="utf-8")
     text = "[rates]" + template.partition("[rates]")[2].partition("[sweep]")[0]
-    parameters, period = facts["parameters"], facts["period_s"]
+    parameters = facts["parameters"]
+    period = facts["period_s"]
     numbers = {name: max(parameters[parameter]["value"], 0.0) for parameter, name in DRAWN.items()}
     numbers["tau"] = max(parameters["delay"]["value"], 0.0) * period
     resonance = float(np.sqrt(numbers["k"] * (1 / numbers["Jm"] + 1 / numbers["Jl"])))
@@ -190,11 +191,9 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
 
 def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
-    delay, millis, two = (
-        facts["parameters"]["delay"],
-        1e3 * facts["period_s"],
-        "load_mass" in facts["parameters"],
-    )
+    delay = facts["parameters"]["delay"]
+    millis = 1e3 * facts["period_s"]
+    two = "load_mass" in facts["parameters"]
     withheld = facts["parameters"]["mass"]["low"] is None
     place = "tau" if two else f"device.{late(facts)}" if late(facts) else "left out"
     lines = [

@@ -68,9 +68,11 @@ def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Es
     the encoder (m), 0 for none."""
     size = np.linalg.norm(slopes, axis=0)
     basis, upper = np.linalg.qr(slopes / size)
-    inverse, rows = np.linalg.pinv(upper) / size[:, None], len(residual)
+    inverse = np.linalg.pinv(upper) / size[:, None]
+    rows = len(residual)
     if resolution and (ends := _polytope(basis, residual, resolution, inverse)) is not None:
-        weight, step = np.full(rows, 12 / resolution**2), np.mean(ends, axis=0)
+        weight = np.full(rows, 12 / resolution**2)
+        step = np.mean(ends, axis=0)
         return Estimate(
             step,
             np.ptp(ends, axis=0) / 2,
@@ -99,7 +101,9 @@ def _polytope(basis, residual, resolution, aims):
     """The least and the largest of `aims @ change` with all readings within half a step, `(2,
     aims)`; None if none is so."""
     unit = np.sqrt(len(residual))
-    A, b, numbers = basis * unit, residual / resolution, basis.shape[1]
+    A = basis * unit
+    b = residual / resolution
+    numbers = basis.shape[1]
     active = np.unique(np.linspace(0, len(b) - 1, min(len(b), 10 * CONSTRAINTS_ADDED)).astype(int))
     least = np.append(np.zeros(numbers), 1.0)
     change, active = _lowest(least, A, b, active, 0.0)  # from which the worst reading is least off
@@ -122,7 +126,8 @@ def _lowest(cost, A, b, active, bound):
     """
     bounds = [(-1e4, 1e4)] * A.shape[1] + [(0.0, None if cost[-1] else 0.0)]
     while True:
-        rows, wide = A[active], np.ones(len(active))
+        rows = A[active]
+        wide = np.ones(len(active))
         upper = np.concatenate([np.c_[rows, -wide], np.c_[-rows, -wide]])
         done = linprog(
             cost, upper, np.concatenate([bound + b[active], bound - b[active]]), bounds=bounds
@@ -145,7 +150,9 @@ def _likeliest(basis, residual, resolution):
     if square >= (SMOOTH**2 + 1 / 12) * resolution**2:
         return change, float(np.sqrt(square - resolution**2 / 12))
     every = -(-len(left) // SEARCHED)
-    few, residual_part, best = basis[::every], residual[::every], change
+    few = basis[::every]
+    residual_part = residual[::every]
+    best = change
 
     def unlikely(logarithm):
         nonlocal best
@@ -176,7 +183,8 @@ def _climbed(basis, residual, resolution, noise, change):
             if after[0].sum() >= value.sum():
                 break
             step = step / 2
-        change, gain = change + step, after[0].sum() - value.sum()
+        change = change + step
+        gain = after[0].sum() - value.sum()
         value, score, weight = after
         if gain < 1e-6:
             break
@@ -189,8 +197,10 @@ def _readings(left, resolution, noise):
     if noise > SMOOTH * resolution:
         square = noise**2 + resolution**2 / 12
         return -(left**2) / (2 * square), left / square, np.full(len(left), 1 / square)
-    near, far = (np.abs(left) - resolution / 2) / noise, (np.abs(left) + resolution / 2) / noise
-    above, beyond = log_ndtr(-near), log_ndtr(-far)
+    near = (np.abs(left) - resolution / 2) / noise
+    far = (np.abs(left) + resolution / 2) / noise
+    above = log_ndtr(-near)
+    beyond = log_ndtr(-far)
     value = above + np.log1p(-np.exp(beyond - above))
     near_share, two = (np.exp(-(at**2) / 2 - value) / np.sqrt(2 * np.pi) for at in (near, far))
     score = (near_share - two) / noise
@@ -206,9 +216,13 @@ def _autoregression(series):
     """
     count, rows = series.shape
     most = min(ORDER, rows // ROWS_PER_ORDER)
-    past, power = np.eye(1, most + 1).repeat(count, axis=0), np.mean(series**2, axis=1)
-    ahead, behind, best = series[:, 1:], series[:, :-1], rows * np.log(power)
-    past_kept, powers = past.copy(), power.copy()
+    past = np.eye(1, most + 1).repeat(count, axis=0)
+    power = np.mean(series**2, axis=1)
+    ahead = series[:, 1:]
+    behind = series[:, :-1]
+    best = rows * np.log(power)
+    past_kept = past.copy()
+    powers = power.copy()
     for order in range(1, most + 1):
         mirror = -2 * np.sum(ahead * behind, axis=1) / np.sum(ahead**2 + behind**2, axis=1)
         past[:, : order + 1] += mirror[:, None] * past[:, order::-1]
@@ -219,7 +233,8 @@ def _autoregression(series):
         )
         bic = rows * np.log(power) + order * np.log(rows)
         better = bic < best
-        best, powers = np.where(better, bic, best), np.where(better, power, powers)
+        best = np.where(better, bic, best)
+        powers = np.where(better, power, powers)
         past_kept[better] = past[better]
     return past_kept[:, : np.flatnonzero(np.any(past_kept, axis=0))[-1] + 1], powers
 
@@ -229,7 +244,8 @@ def _coloured(inverse, curved, basis, weight, score):
     (rows, numbers), (past, power) = basis.shape, _autoregression(score[None])
     if past.shape[1] == 1:
         return None
-    lean, size = inverse @ curved, 1 << (2 * rows - 1).bit_length()
+    lean = inverse @ curved
+    size = 1 << (2 * rows - 1).bit_length()
     spectra = (
         np.stack([np.abs(np.fft.rfft(basis @ direction, size)) ** 2 for direction in lean], axis=1)
         / size

@@ -106,7 +106,8 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     of the fit with it.
     """
     rows = fit.rows
-    first, end = 0, len(rows.force)
+    first = 0
+    end = len(rows.force)
     if end > SAMPLES_TRIED:
         sizes = (
             rows.force[: end // SAMPLES_TRIED * SAMPLES_TRIED]
@@ -131,12 +132,15 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
             effects.append(Effect(name, likelier, beside.force, moved=beside.theta - bare.theta))
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     best = _best(effects)
-    name, share, tone_hz = ("force" if seen else "noise"), 0.0, float("nan")
+    name = "force" if seen else "noise"
+    share = 0.0
+    tone_hz = float("nan")
     if best is not None:
         share = float(1 - best.left / force)
     withheld = bool(share > NAMED_SHARE)
     if withheld:
-        name, tone_hz = best.name, best.tone_hz
+        name = best.name
+        tone_hz = best.tone_hz
     # Where a drift moves the device a curve of its position explains a little of the drift.
     for effect in () if withheld else effects:
         fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
@@ -219,7 +223,8 @@ def _larger(model):
 
 def judged(fit: Fit) -> Verdict:
     """Judge a fit."""
-    rows, estimate = fit.rows, fit.estimate
+    rows = fit.rows
+    estimate = fit.estimate
     # Divided by the square roots of its weights, the score is white if the model is right.
     root = np.sqrt(estimate.weight)
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
@@ -230,7 +235,10 @@ def judged(fit: Fit) -> Verdict:
     edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, BANDS + 1)).astype(int))
     powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
     odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
-    is_resonance, tone, tone_share, shown = False, float("nan"), 0.0, []
+    is_resonance = False
+    tone = float("nan")
+    tone_share = 0.0
+    shown = []
     for frequency, changes in _effects(fit):
         directions = (root * rows.used)[:, None] * changes
         residual_beside = _orthogonal(basis, directions)
@@ -247,14 +255,13 @@ def judged(fit: Fit) -> Verdict:
                 )
             )
             if share > tone_share:
-                tone, tone_share = frequency, share
+                tone = frequency
+                tone_share = share
     residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     exact = estimate.rounded or rms < EXACT_RESIDUAL * np.ptp(rows.reading)
-    alike, remains = (
-        _like_friction(fit),
-        not exact and (is_resonance or float(odds.min()) < RARE_POWER),
-    )
+    alike = _like_friction(fit)
+    remains = not exact and (is_resonance or float(odds.min()) < RARE_POWER)
     stretch = [
         *takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))
     ]  # in which a resonance would be seen
@@ -280,7 +287,8 @@ def judged(fit: Fit) -> Verdict:
 def _of_encoder(fit):
     """The rms and the correlation of neighbours that the rounding of the encoder alone would
     leave."""
-    rows, errors = fit.rows, []
+    rows = fit.rows
+    errors = []
     steps = fit.readings[rows.skip :] / (rows.resolution or 1.0)
     for shift in range(ENCODER_OFFSETS):
         shifted = steps + shift / ENCODER_OFFSETS
@@ -302,14 +310,16 @@ def _like_friction(fit: Fit) -> bool:
         return False
     moved = moves(fit.model, fit.readings[fit.rows.skip :])
     direction = float(np.mean(np.sign(moved[moved != 0])))
-    offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
+    offset = fit.numbers["offset"]
+    half = fit.half[fit.model.names.index("offset")]
     return abs(direction) > ONE_WAY and offset * direction < 0 and abs(offset) > 2 * half
 
 
 def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
     """Yield each number that the model lacks, and the share of the residual that a fit with it
     removes."""
-    model, rows = fit.model, fit.rows
+    model = fit.model
+    rows = fit.rows
     end = rows.skip + SAMPLES_TRIED
     rows = replace(
         rows, force=rows.force[:end], reading=rows.reading[:end], used=rows.used[:SAMPLES_TRIED]
@@ -373,7 +383,8 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
         *([] if fit.model.load else curves),
     ):
         yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
-    lowest, highest = 3 / (len(force) * period), 0.4 / period
+    lowest = 3 / (len(force) * period)
+    highest = 0.4 / period
     pushing = pushing - pushing[0]
     for tone in np.geomspace(lowest, highest, TONES_TRIED):
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 -

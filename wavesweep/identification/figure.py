@@ -28,8 +28,10 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
     step either way, its spectrum."""
     from wavesweep.identification.table import READ, turned
 
-    measured, times = facts.get("measured", "position"), columns["time_s"]
-    force, unit = "torque (N·m)" if facts["turns"] else "force (N)", READ[measured]
+    measured = facts.get("measured", "position")
+    times = columns["time_s"]
+    force = "torque (N·m)" if facts["turns"] else "force (N)"
+    unit = READ[measured]
     unit = (turned(unit) if facts["turns"] else unit).replace("^2", "²")
     angle = {"position": "angle", "velocity": "speed"} if facts["turns"] else {}
     place = f"{angle.get(measured, measured)} ({unit})"
@@ -147,7 +149,8 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
 def _spectrum(columns, facts):
     """Frequencies (Hz), the amplitude density of the residual over bands, and that of white
     errors of the encoder and noise."""
-    left, period = columns["residual"][columns["weight"] > 0], facts["period_s"]
+    left = columns["residual"][columns["weight"] > 0]
+    period = facts["period_s"]
     left = left - left.mean()
     power = np.abs(np.fft.rfft(left))[1:] ** 2 * 2 * period / len(left)
     edges = np.unique(np.round(np.geomspace(1, len(power) + 1, SEGMENTS + 1)).astype(int)) - 1

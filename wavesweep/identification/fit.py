@@ -155,7 +155,8 @@ def fitted(
     steps = widest if model.friction else DIFFERENCE_STEP * scales(model, theta, rows)
     for _ in range(FITTING_ROUNDS):
         with np.errstate(all="ignore"):
-            J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
+            J = rows.slopes(model, theta, steps)
+            left = rows.residual(model, theta)
         if (
             not (np.linalg.norm(J, axis=0) > 0).all()
             or not np.isfinite([J.sum(), left.sum()]).all()
@@ -272,10 +273,8 @@ def _later(model, theta, rows):
         skip = int(np.clip(np.ceil(numbers["delay"] + 0.5) + later, 0, most))
         place = rows.reading[skip:]
         direction = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
-        model, rows = (
-            replace(model, without=_hidden(model, place, direction)),
-            replace(rows, skip=skip),
-        )
+        model = replace(model, without=_hidden(model, place, direction))
+        rows = replace(rows, skip=skip)
         numbers |= _at_first(model, rows) if model.friction else _own(model, numbers, rows)
         if "offset" in model.without:  # friction has taken it
             numbers["friction"] = abs(
@@ -303,7 +302,8 @@ def _own(model, known, rows):
 def _columns(model, known, own, force, period, skip):
     """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the
     readings without these."""
-    none, still = np.zeros(len(force)), known | dict.fromkeys(OWN, 0.0)
+    none = np.zeros(len(force))
+    still = known | dict.fromkeys(OWN, 0.0)
     forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
     fitted_columns = [
         measured(still | unit_force, model.measured, push, period, skip)
@@ -316,10 +316,8 @@ def _inliers(model, theta, rows):
     """Which readings are no outliers, `(ticks - skip,)`, from a linear fit in which distant ones
     count less (Huber)."""
     rows = replace(rows, used=np.ones(len(rows.used)))
-    left, J = (
-        rows.residual(model, theta),
-        rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows)),
-    )
+    left = rows.residual(model, theta)
+    J = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
     basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
     off = left - np.median(left)
     for _ in range(4 * FITTING_ROUNDS):
@@ -334,12 +332,11 @@ def _inliers(model, theta, rows):
 
 def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     """Changes of the numbers that move the device by about as much as it moves in the log."""
-    numbers, reach, rms = (
-        model.numbers(theta),
-        float(np.ptp(rows.reading)),
-        float(np.std(rows.force)),
-    )
-    mass, seconds = numbers["mass"], rows.period * len(rows.force)
+    numbers = model.numbers(theta)
+    reach = float(np.ptp(rows.reading))
+    rms = float(np.std(rows.force))
+    mass = numbers["mass"]
+    seconds = rows.period * len(rows.force)
     fast = min(seconds, 0.3) ** (
         ORDER[model.measured] - 1
     )  # s, from what is measured to a velocity

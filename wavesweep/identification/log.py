@@ -117,7 +117,8 @@ def _places_in(
 
 def _factor(name: str, column: str) -> float | None:
     """The factor of the unit of a column, 1 without one; None if the column has another name."""
-    base, unit = column.strip().lower(), ""
+    base = column.strip().lower()
+    unit = ""
     for other in NAMES[name]:
         if base == other:
             return 1.0
@@ -130,7 +131,8 @@ def _factor(name: str, column: str) -> float | None:
 
 def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
     """Whether the log is one of a device that turns."""
-    straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
+    straight = {"force", *MOTIONS}
+    turned = {"torque", *MOTIONS.values()}
     turns = bool(turned & columns.keys())
     if not turns and not straight & columns.keys() and not {"force", "position"} & {*places}:
         turns = bool(turned & {*places})
@@ -202,10 +204,8 @@ def read_log(
     _refuse_constant(path, readings, motion)
     period, jitter = _period(path, file, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
-    force, first = (
-        readings[push] * (1.0 if constant is None else constant),
-        float(readings["time"][0]),
-    )
+    force = readings[push] * (1.0 if constant is None else constant)
+    first = float(readings["time"][0])
     return Log(
         force,
         readings[motion],

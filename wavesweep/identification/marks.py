@@ -111,7 +111,8 @@ class WallMarks:
         or its span y."""
         from matplotlib.lines import Line2D
 
-        colour, handles = self.of[0][1] if len(self.of) == 1 else "0.4", []
+        colour = self.of[0][1] if len(self.of) == 1 else "0.4"
+        handles = []
         for kind in dict.fromkeys(kind for walls, _ in self.of for kind in walls):
             points = np.hstack([walls[kind] for walls, _ in self.of if kind in walls])
             outside = sum(
@@ -171,7 +172,8 @@ def _coloured(facts: Facts, part: str, specs: Iterable[str]) -> dict[str, Any]:
 
     Of those that have the same points there is the first alone, in black.
     """
-    colours, same = {spec: distinct_colour(number) for number, spec in enumerate(specs)}, {}
+    colours = {spec: distinct_colour(number) for number, spec in enumerate(specs)}
+    same = {}
     for spec in colours:
         if points := facts.get("measured", {}).get(spec, {}).get(part):
             same.setdefault(points["sha256"], []).append(spec)
@@ -195,10 +197,8 @@ class Responses:
         places = [np.zeros(0)]
         for spec, colour in self.colours.items():
             points = self.facts["measured"][spec]["response"]
-            H, hertz = (
-                np.array(points["re"]) + 1j * np.array(points["im"]),
-                np.array(points["frequency_hz"]),
-            )
+            H = np.array(points["re"]) + 1j * np.array(points["im"])
+            hertz = np.array(points["frequency_hz"])
             if name.startswith("admittance"):
                 label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
                 # mm/N

@@ -242,8 +242,10 @@ def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str
     usable = np.isfinite(quotient) & (quotient != 0)
     if not usable.any():
         return counts | nothing
-    hertz, quotient = hertz[usable], quotient[usable]
-    ratio, degrees = np.abs(quotient), np.degrees(np.angle(quotient))
+    hertz = hertz[usable]
+    quotient = quotient[usable]
+    ratio = np.abs(quotient)
+    degrees = np.degrees(np.angle(quotient))
     rows = zip(hertz.tolist(), ratio.tolist(), degrees.tolist(), strict=True)
     points = [dict(zip(("frequency_hz", "ratio", "deg"), row, strict=True)) for row in rows]
     return counts | {

@@ -143,7 +143,8 @@ def _pushes(found, force, period, skip):
     now, before = (
         late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks, whole_ticks + 1)
     )
-    full, rest = reach(found, period), reach(found, (1 - fraction) * period)
+    full = reach(found, period)
+    rest = reach(found, (1 - fraction) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
     return push, ((fraction * period, before), ((1 - fraction) * period, now)), full
 
@@ -189,7 +190,8 @@ def tick_of_two(found, period, part):
     rates[1, :3] = d / two, -(found["load_damping"] + d) / two, k / two
     rates[2, :2], rates[3, 0] = (1.0, -1.0), 1.0
     with np.errstate(all="ignore"):
-        before, after = expm(rates * (part * period)), expm(rates * ((1 - part) * period))
+        before = expm(rates * (part * period))
+        after = expm(rates * ((1 - part) * period))
     return (after @ before)[:4, :4], np.stack([after[:4, :4] @ before[:4, 4], after[:4, 4]], axis=1)
 
 
@@ -213,11 +215,9 @@ def reach(found, length):
 
 def step(found, period):
     """The matrix of velocity and position over a tick."""
-    mass, damping, stiffness = (
-        found["mass"],
-        found["damping"] / found["mass"],
-        found["stiffness"] / found["mass"],
-    )
+    mass = found["mass"]
+    damping = found["damping"] / found["mass"]
+    stiffness = found["stiffness"] / found["mass"]
     s, g, *_ = impulse_and_step(damping, stiffness, period)
     return np.eye(2) + motion(s, g, -damping, -stiffness, mass)[0]
 
@@ -230,7 +230,9 @@ def of_modes(total, rate, tone, ratio, share):
     mass. Their admittance at the first mass is `1/(M s^2 + rate M s) + share/M/(s^2 + 2 z w s +
     w^2)`.
     """
-    turn, first, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
+    turn = 2 * np.pi * tone
+    first = total / (1 + share)
+    two = total * share / (1 + share)
     both = first * two / total
     numbers = {
         "log_mass": np.log(first),
@@ -268,10 +270,13 @@ def _linear(found, push, period, row):
     root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
     fast = -half - root
     slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum would cancel
-    fast_decay, two = np.exp(fast * period), np.exp(slow * period)
+    fast_decay = np.exp(fast * period)
+    two = np.exp(slow * period)
     if not root.imag:
-        fast_decay, two = fast_decay.real, two.real
-    state, other_row = np.array([found["velocity"], found["start"]]), 1 - row
+        fast_decay = fast_decay.real
+        two = two.real
+    state = np.array([found["velocity"], found["start"]])
+    other_row = 1 - row
     first = A[row] @ state + push[row, 0]
     drive = (
         push[row, 1:-1]
@@ -291,7 +296,8 @@ def _sliding(found, push, parts, full, period, row):
     within a tick the speed alone is followed, and a device at rest waits for a force above
     friction.
     """
-    friction, stiffness = found["friction"], found["stiffness"]
+    friction = found["friction"]
+    stiffness = found["stiffness"]
     (first, before), (then, now) = parts
     strongest = np.maximum(np.abs(before), np.abs(now)) if first else np.abs(now)
     after_tick, (by_v, by_x), (vv, xv) = (
@@ -301,7 +307,10 @@ def _sliding(found, push, parts, full, period, row):
     )
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
     safe = inf if stiffness else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), 1e-300)
-    v, x, moved, speeds = found["velocity"], found["start"], np.empty(len(now)), np.empty(len(now))
+    v = found["velocity"]
+    x = found["start"]
+    moved = np.empty(len(now))
+    speeds = np.empty(len(now))
     for begin in range(0, len(now), TICKS_AT_ONCE):
         block = slice(begin, begin + TICKS_AT_ONCE)
         to_v, to_x, early, late = (
@@ -351,7 +360,8 @@ def _slid(series, v, vv, drive, safe):
 def _tick(found, period, full, first, then):
     """A function from velocity, position, the two forces of a tick and what they add, to the
     velocity and position after it."""
-    friction, stiffness = found["friction"], found["stiffness"]
+    friction = found["friction"]
+    stiffness = found["stiffness"]
     (vv, vx), (xv, xx) = step(found, period).tolist()
     by_v, by_x = (friction * full).tolist()
     (half_v, half_x), (by_half, _) = step(found, first)[0].tolist(), reach(found, first).tolist()
@@ -394,7 +404,8 @@ def _through_rest(law, v, x, pull, left):
             return t * (a + t * (jerk / 2 + t * snap / 6)), x + t * (
                 t * (a / 2 + t * (jerk / 6 + t * snap / 24))
             )
-        stop, square = inf, a * a - 2 * jerk * v
+        stop = inf
+        square = a * a - 2 * jerk * v
         below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
         if v * below > 0:  # the first time at which v + a t + jerk t^2/2 is 0
             stop = 2 * v / below
@@ -405,7 +416,8 @@ def _through_rest(law, v, x, pull, left):
         x += t * (v + t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
         if stop >= left:
             return v + t * (a + t * (jerk / 2 + t * snap / 6)), x
-        v, left = 0.0, left - stop
+        v = 0.0
+        left = left - stop
     return v, x
 
 

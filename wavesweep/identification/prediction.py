@@ -316,7 +316,8 @@ class Search:
     """The numbers that are searched: their names, a point, sizes and bounds, all of them arrays."""
 
     def __init__(self, log: ScaledLog, begun: Mapping[str, float]) -> None:
-        model, rows = log.model, len(log.reading)
+        model = log.model
+        rows = len(log.reading)
         rate = max(abs(begun["rate"]), 2.0)
         fastest = 0.5 / log.period
         lowest = _least_variances(rows)
@@ -479,7 +480,8 @@ def _spikes(reading, resolution):
     """Which readings are far to one side of both neighbours, which are near to each other:
     outliers."""
     change = np.diff(reading)
-    before, after = change[:-1], -change[1:]
+    before = change[:-1]
+    after = -change[1:]
     usual = np.median(np.abs(before + after)) / 0.6745
     height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
     alone = np.abs(before - after) < 0.5 * height
@@ -626,7 +628,8 @@ def force_beside(log, search, point, skip):
 
 def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str, float]:
     """The best of a grid of numbers; with those of a smaller model, near these."""
-    model, rows = log.model, len(log.reading)
+    model = log.model
+    rows = len(log.reading)
     least = _least_variances(rows)
     rough, delays = (ROUGH, DELAYS) if model.delay is None else ((model.delay,), (model.delay,))
     squares = [0.0]
@@ -636,7 +639,8 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     drifts = [10 ** max(decade, least[1]) for decade in DRIFT]
     if model.measured == "acceleration":
         whites = drifts = [0.0]
-    best, sign = (np.inf, {}), 0.0
+    best = (np.inf, {})
+    sign = 0.0
     skip = SPARE_ROWS + int(max(0.0, *delays))
 
     def tried(rates, squares, delays, whites, drifts):
@@ -712,7 +716,8 @@ def least_of(log, search, point, skip, most):
         scale = scale or float(rest.std())
         return np.clip(rest / scale, -1e6, 1e6)
 
-    low, high = search.low / search.size, search.high / search.size
+    low = search.low / search.size
+    high = search.high / search.size
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
     limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
     return (
@@ -723,7 +728,8 @@ def least_of(log, search, point, skip, most):
 
 def theta_of(log, found, gains):
     """The numbers of the model in SI units."""
-    model, period = log.model, log.period
+    model = log.model
+    period = log.period
     mass = log.pushed * period ** (2 - ORDER[model.measured]) / (gains[0] * log.unit)
     numbers = {
         "log_mass": np.log(mass),

@@ -164,7 +164,8 @@ class Predictor:
         backward pass is that of Bryson and Frazier in the form of Durbin and Koopman (2012, section
         4.4).
         """
-        reading, push = reading[skip:], push[:, skip:]
+        reading = reading[skip:]
+        push = push[:, skip:]
         drive = np.zeros((len(self.M), len(reading)))
         drive[:, 1:] = (np.outer(self.gain, reading) + push)[:, :-1]
         error = reading - self.tick.C @ _run(self.M, drive)
@@ -186,11 +187,14 @@ class Predictor:
 def _steady(A, C, noise):
     """The covariance of the states before a reading of unit variance, by doubling (Anderson and
     Moore 1979, section 6.7)."""
-    forward, seen, covariance = A.T, np.outer(C, C), noise
+    forward = A.T
+    seen = np.outer(C, C)
+    covariance = noise
     identity = np.eye(len(A))
     for _ in range(DOUBLINGS):
         shared = np.linalg.solve(identity + seen @ covariance, np.hstack([forward, seen]))
-        forward_shared, seen_shared = shared[:, : len(A)], shared[:, len(A) :]
+        forward_shared = shared[:, : len(A)]
+        seen_shared = shared[:, len(A) :]
         added = forward.T @ covariance @ forward_shared
         seen = seen + forward @ seen_shared @ forward.T
         forward = forward @ forward_shared
@@ -204,7 +208,8 @@ def _steady(A, C, noise):
 def _free(M, C, rows):
     """What a unit of each state at the first row adds to each innovation, `(rows, states)`, as
     far as it matters."""
-    free, power = C[None, :], M
+    free = C[None, :]
+    power = M
     while len(free) < rows:
         free = np.concatenate([free, free @ power])
         power = power @ power

@@ -37,11 +37,14 @@ def _other_rows(model, log, resolution):
     log = replace(log, force=log.force[:ROWS_SHIFTED], reading=log.reading[:ROWS_SHIFTED])
     shifts = range(reach // 2, FURTHEST * reach, reach // 2)
     for shift in (*shifts, *(-rows for rows in shifts)):
-        force, reading = log.force, log.reading
+        force = log.force
+        reading = log.reading
         if shift < 0:
-            force, reading = force[:shift], reading[-shift:]
+            force = force[:shift]
+            reading = reading[-shift:]
         else:
-            force, reading = force[shift:], reading[:-shift]
+            force = force[shift:]
+            reading = reading[:-shift]
         if len(force) < SHORTEST_PIECE:
             continue
         found = _known(model, replace(log, force=force, reading=reading), resolution)
@@ -69,10 +72,8 @@ def _piece(model, log, resolution):
             found = _known(model, part, resolution)
             if found is not None and found.half[0] < best[0]:
                 begins, ends = (log.start + log.period * row for row in (first, first + length - 1))
-                low, high = (
-                    np.exp(found.theta[0] - found.half[0]),
-                    np.exp(found.theta[0] + found.half[0]),
-                )
+                low = np.exp(found.theta[0] - found.half[0])
+                high = np.exp(found.theta[0] + found.half[0])
                 said = f"; the piece from {seconds(begins)} to {seconds(ends)} s alone gives {low:.3g} to {high:.3g}: cut it out"
                 best = found.half[0], said
         if best[1]:

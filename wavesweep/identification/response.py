@@ -83,7 +83,8 @@ class Hold:
 def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hold) -> np.ndarray:
     """Admittance (m/N) of the model, `(frequencies,)`: of one that is sampled, positions at the
     ticks over the held force."""
-    period, coupled = hold.period, "load_mass" in numbers
+    period = hold.period
+    coupled = "load_mass" in numbers
     if not hold.held:
         s = 2j * np.pi * frequency_hz
         impedance = numbers["mass"] * s**2 + numbers["damping"] * s + numbers["stiffness"]
@@ -92,14 +93,17 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
             load = numbers["load_mass"] * s**2 + numbers["load_damping"] * s
             impedance += spring * load / (spring + load)
         return np.exp(-s * period * numbers["delay"]) / impedance
-    angle, whole_ticks = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
+    angle = 2 * np.pi * frequency_hz * period
+    whole_ticks = np.floor(numbers["delay"])
     fraction = numbers["delay"] - whole_ticks
     # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
     if coupled:
         A, (before, now) = (tick := tick_of_two(numbers, period, fraction))[0], tick[1].T
     else:
-        full, now = reach(numbers, period), reach(numbers, (1 - fraction) * period)
-        A, before = step(numbers, period), full - now
+        full = reach(numbers, period)
+        now = reach(numbers, (1 - fraction) * period)
+        A = step(numbers, period)
+        before = full - now
     ahead = np.exp(1j * angle)[:, None]
     by_force = (now + before / ahead)[..., None]
     return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(
@@ -118,7 +122,8 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
         )
     numbers = 2 * len(measured.frequency_hz) - len(theta)
     square = float(left @ left) / numbers
-    extra, half = 0.0, stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
+    extra = 0.0
+    half = stdtrit(numbers, 0.975) * np.sqrt(square * np.diag(np.linalg.pinv(J.T @ J)))
     H = admittance(_numbers(model, theta), measured.frequency_hz, hold)
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(
@@ -179,7 +184,8 @@ def _first(measured, hold, model):
     resonances and delays."""
     if not model.load:
         return _first_alone(measured, hold, model)
-    s, best = 2j * np.pi * measured.frequency_hz, (np.inf,)
+    s = 2j * np.pi * measured.frequency_hz
+    best = (np.inf,)
     tones = np.geomspace(measured.frequency_hz[0], measured.frequency_hz[-1], RESONANCES)
     tried = np.array([*product(tones, RINGING)])
     turns = 2 * np.pi * tried[:, :1]
@@ -208,17 +214,16 @@ def _first(measured, hold, model):
 
 def _first_alone(measured, hold, model):
     """Of each delay tried, 1/H = k - m w^2 + j w d by linear least squares of relative errors."""
-    omega, best = 2 * np.pi * measured.frequency_hz, None
+    omega = 2 * np.pi * measured.frequency_hz
+    best = None
     for late in LATE if model.delay is None else (model.delay,):
         ahead = measured.admittance * np.exp(
             1j * omega * hold.period * (late + 0.5 * hold.held)
         )  # if held, half a tick late
         columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
         A = np.stack([column * ahead for column in columns], axis=1)
-        A, unit = (
-            np.concatenate([A.real, A.imag]),
-            np.concatenate([np.ones_like(omega), np.zeros_like(omega)]),
-        )
+        A = np.concatenate([A.real, A.imag])
+        unit = np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
         size = np.linalg.norm(A, axis=0)
         x = np.linalg.lstsq(A / size, unit, rcond=None)[0] / size
         error = float(np.sum((A @ x - unit) ** 2))
@@ -236,14 +241,16 @@ def _first_alone(measured, hold, model):
 
 def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model lacks, and the share of the residual that each removes."""
-    before, numbers = float(left @ left), _numbers(model, theta)
+    before = float(left @ left)
+    numbers = _numbers(model, theta)
     larger_models = [] if model.spring or model.load else [("spring", replace(model, spring=True))]
     larger_models += [] if model.delay is None else [("delay", replace(model, delay=None))]
     for name, larger in larger_models:
         start = np.array([numbers[name] for name in _names(larger)])
         after = _fit(measured, hold, larger, start)[1]
         yield name, float("nan"), 1 - float(after @ after) / before
-    hertz, weights = measured.frequency_hz, _weights(measured)
+    hertz = measured.frequency_hz
+    weights = _weights(measured)
     for tone in np.geomspace(hertz[0], hertz[-1], RESONANCES_TRIED):
         mode = (
             weights / (tone**2 - hertz**2 + 2j * RINGING_TRIED * tone * hertz) / measured.admittance

@@ -121,7 +121,8 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
             raise UsageError(
                 f"{option}: expected a number of size {LEAST:g} to {MOST:g}, or 0, found {asked[name]:g}"
             )
-    rate_hz, two = asked.get("rate_hz"), asked.get("two_masses", False)
+    rate_hz = asked.get("rate_hz")
+    two = asked.get("two_masses", False)
     if two and (asked.get("spring") or asked.get("friction")):
         hint = "if the motor moves one way only, its Coulomb friction is a constant force, which the offset takes up"
         raise UsageError(
@@ -241,7 +242,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.refusals import help_for
 
     started = time.perf_counter()
-    columns, scales = given.get("columns", {}), given.get("scales", {})
+    columns = given.get("columns", {})
+    scales = given.get("scales", {})
     resolution = given.get("resolution")
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
@@ -487,7 +489,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
             True,
         )
     unit = READ[found["measured"]]
-    left, unit = found["residual"], turned(unit) if found["turns"] else unit
+    left = found["residual"]
+    unit = turned(unit) if found["turns"] else unit
     against = ""
     if found["resolution"]:
         against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"
@@ -546,7 +549,8 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
 
 def _lacks(found: Numbers, what: str) -> Iterator[str]:
     """Yield what a model lacks that does not explain what was measured."""
-    left, missing = found["residual"], _missing_in_words(found)
+    left = found["residual"]
+    missing = _missing_in_words(found)
     is_noise = found["missing"] == "noise"
     if is_noise or not left.get("lacking"):
         lacks = "" if is_noise else " it lacks"

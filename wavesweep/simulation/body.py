@@ -30,7 +30,8 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
     for missing damping, missing stiffness or equal poles.
     """
     tick = np.asarray(lengths, dtype=float)
-    drag, spring = damping * tick / mass, stiffness * tick**2 / mass
+    drag = damping * tick / mass
+    spring = stiffness * tick**2 / mass
     generator = np.zeros((*tick.shape, 3, 3))  # of (x, v·tick, f·tick²/mass), all in metres
     generator[..., 0, 1] = generator[..., 1, 2] = 1.0
     generator[..., 1, 0], generator[..., 1, 1] = -spring, -drag
@@ -89,8 +90,10 @@ def slide(
         stop = rest_time(body, x, v, net)
         if not stop < length:  # also where an unstable loop has made it NaN
             return _moved(plant or zero_order_hold(*body[:3], length).tolist(), x, v, net)
-        x, v = _moved(zero_order_hold(*body[:3], stop).tolist(), x, v, net)[0], 0.0
-        length, plant = length - stop, None
+        x = _moved(zero_order_hold(*body[:3], stop).tolist(), x, v, net)[0]
+        v = 0.0
+        length = length - stop
+        plant = None
     return x, v
 
 

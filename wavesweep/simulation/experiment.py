@@ -46,7 +46,8 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
 
     linear: see `linear_loop`; nothing settles of a loop that is not stable.
     """
-    drawing, size = spec.drawing, spec.simulate["amplitude"]
+    drawing = spec.drawing
+    size = spec.simulate["amplitude"]
     if drawing is None or not linear["stable"]:
         return {}
     name = next((name for name, signal, _ in drawing.inputs if signal == entry_of(spec)), None)

@@ -115,7 +115,8 @@ def losses(
     """Return what happens to each message of a channel with these keys: 0, or None for one that
     is lost at random; others: a number of another channel."""
     changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
-    lost_frames, burst = [], False
+    lost_frames = []
+    burst = False
     for change, chance in zip(changes.tolist(), lost.tolist(), strict=True):
         burst = change >= keys["burst_end"] if burst else change < keys["burst"]
         lost_frames.append(None if chance < (keys["burst_loss"] if burst else keys["loss"]) else 0)

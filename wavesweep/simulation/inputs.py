@@ -52,7 +52,8 @@ def sine(
 
     Errors: `UsageError` for a frequency out of range.
     """
-    settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
+    settled = _ticks(fast_hz, settle)
+    ticks = _ticks(fast_hz, seconds)
     _check(fast_hz, frequency_hz)
     periods = max(
         0, int((ticks - settled) * frequency_hz / fast_hz + 1e-9)
@@ -82,13 +83,11 @@ def stepped_sine(
 
     Errors: `UsageError` for a frequency out of range.
     """
-    phases, tones, first, phase, end = (
-        [],
-        [],
-        0,
-        0.0,
-        _ticks(fast_hz, min(most, MOST_COUNTED / fast_hz)),
-    )
+    phases = []
+    tones = []
+    first = 0
+    phase = 0.0
+    end = _ticks(fast_hz, min(most, MOST_COUNTED / fast_hz))
     for frequency in map(float, frequencies_hz):
         _check(fast_hz, frequency)
         turns = max(periods, int(np.ceil(least * frequency)))

@@ -437,7 +437,8 @@ class Experiment(TableValue):
         values = self.values
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        settle_s, periods = values["settle_s"], values["periods"]
+        settle_s = values["settle_s"]
+        periods = values["periods"]
         return sum(step_seconds(tone, settle_s, periods) for tone in values["frequency_hz"] or ())
 
 
@@ -495,7 +496,8 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
     leaves, checked = _checked(belongs, mistakes)
     defaults = {path: key.default for path, key in KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
-    kind, before = values["input"], len(mistakes)
+    kind = values["input"]
+    before = len(mistakes)
     frequency_leaves = dict(belongs.axes["simulate"].get("frequency_hz", {}))
     axis = _input_axis(frequency_leaves, kind, mistakes)
     if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in leaves):
@@ -537,7 +539,8 @@ def _frequencies(
 
 def build(request: Request) -> Experiment:
     """Return the experiment, of the defaults without [simulate], and add its mistakes."""
-    belongs, mistakes = request.belongs, request.mistakes
+    belongs = request.belongs
+    mistakes = request.mistakes
     experiment = build_experiment(belongs, "step" if request.stepped else "sine", mistakes)
     if request.hz and experiment.given:  # defaults are not checked, since `simulate` may never run
         experiment.refuse_beyond_limits(request.hz, request.rate, mistakes)

@@ -516,10 +516,8 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
         for name in ("resolution", "max_force", "friction", "jitter", "ticks")
         if getattr(effects, name)
     ]
-    wall, late = (
-        ["wall"] * (effects.wall is not None),
-        [name for name in ("late", "dropped") if getattr(effects, name)],
-    )
+    wall = ["wall"] * (effects.wall is not None)
+    late = [name for name in ("late", "dropped") if getattr(effects, name)]
     plants = [block.name for block in loop.blocks if block.plant and block.name != loop.device]
     slow = [result for result in results_of(loop) if not result.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
@@ -581,11 +579,10 @@ def run_drawn(
     finite.
     """
     ticks = TickSums(loop := loop_of_blocks(drawn, signals))
-    running, rows = Running(loop, ticks, (), None, late=False), []
-    input_places, places = (
-        [running.place(name) for name in inputs],
-        [running.place(name) for name in signals],
-    )
+    running = Running(loop, ticks, (), None, late=False)
+    rows = []
+    input_places = [running.place(name) for name in inputs]
+    places = [running.place(name) for name in signals]
     for k, row in enumerate(zip(*(column.tolist() for column in inputs.values()), strict=True)):
         for place, number in zip(input_places, row, strict=True):
             running.z[place] = number

@@ -115,12 +115,14 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     throughout. Slow signals hold the last update. The rows end where the simulation stopped, or
     before the first tick in which a number leaves the range of doubles.
     """
-    signals, frame = simulation.signals, simulation.frame
+    signals = simulation.signals
+    frame = simulation.frame
     ticks = np.arange(len(signals["time_s"]))
     missing = np.full(len(ticks), np.nan)
     starts = np.array(simulation.starts)
     begun = np.searchsorted(starts, ticks % frame, side="right")
-    number, phase = ticks // frame * len(starts) + begun - 1, ticks % frame - starts[begun - 1]
+    number = ticks // frame * len(starts) + begun - 1
+    phase = ticks % frame - starts[begun - 1]
     columns = {"tick": ticks, "frame": number, "phase": phase, "time_s": signals["time_s"]}
     columns |= {name: signals[name] for name in simulation.shown}
     columns |= {name: signals.get(name, missing) for name in _MOTION}

@@ -402,7 +402,8 @@ def evaluated(
 
 def _closure(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
     """The names, and all that can be reached from them."""
-    closed, open_ = set(), list(names)
+    closed = set()
+    open_ = list(names)
     while open_:
         name = open_.pop()
         if name not in closed:

@@ -66,7 +66,8 @@ def build_axis(
 ) -> Axis | None:
     """Return the axis given by the parts of one key of a study, or None and add its mistakes."""
     key = names.find(name) or study_keys()[f"{study}.{name}"]
-    label, before = f"{study}.{name}", len(mistakes)
+    label = f"{study}.{name}"
+    before = len(mistakes)
     if not key.numeric:
         not_numeric = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
         mistakes.refuse(next(iter(parts.values())), label, "a numeric key", not_numeric)
@@ -104,7 +105,8 @@ def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
     """Return values, start, stop, whether the axis is structural, and the scale; a part that is
     unknown is reported already."""
-    keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
+    keys = AXIS_KEYS | {"start": key, "stop": key}
+    before = len(mistakes)
     given = {}
     for name, leaf in parts.items():
         if name in keys:

@@ -233,7 +233,8 @@ class _Scanner:
             self.table = ()
         elif word == "]" and self.names:
             self._record(self.start)
-            self.table, self.names = tuple(self.names), []
+            self.table = tuple(self.names)
+            self.names = []
         elif word == "=":
             self.part = EQUALS
         else:
@@ -248,14 +249,17 @@ class _Scanner:
         elif word == "{":
             self.around.append(self.table)
             self.table = (*self.table, *self.names)
-            self.names, self.part = [], KEY
+            self.names = []
+            self.part = KEY
 
     def _read_end(self, word: str) -> None:
         """Read what may end a pair, or an inline table."""
         if word == "}" and self.around:
-            self.table, self.part = self.around.pop(), VALUE
+            self.table = self.around.pop()
+            self.part = VALUE
         elif word == ("," if self.around else "\n"):
-            self.names, self.part = [], KEY
+            self.names = []
+            self.part = KEY
 
     def _record(self, value: int) -> None:
         """Keep the offset of the key and of its value; also of the tables that a dotted key makes

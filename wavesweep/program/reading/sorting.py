@@ -84,7 +84,8 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> Non
     """Put a leaf under its key."""
     table_of_path = tables().get(path[0])
     for length in range(1, len(path) + 1):
-        name, rest = _join(path[:length]), path[length:]
+        name = _join(path[:length])
+        rest = path[length:]
         leaf_here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
         if table_of_path and name in table_of_path.spans:
             return _add_part(result, path[0], path[1], rest, leaf, mistakes)
@@ -107,7 +108,9 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> Non
 
 def _refuse_unknown_key(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
     """Add the mistake of a key or table that is unknown, with the names that it could have been."""
-    table_of_path, table, names_known = tables().get(path[0]), _join(path[:-1]), top_tables()
+    table_of_path = tables().get(path[0])
+    table = _join(path[:-1])
+    names_known = top_tables()
     if table:
         inside = (*(table_of_path.sections if table_of_path else ()), *flat_keys())
         inside = (name.removeprefix(f"{table}.") for name in inside if name.startswith(f"{table}."))
@@ -124,12 +127,16 @@ def _sort_section(
 ) -> None:
     """Put a leaf of a section under its key, or with the parts of its axis. path: of the
     section; rest: the leaf's in it."""
-    table, section, first, rest_of_path = ".".join(path), sections()[path], rest[0], ".".join(rest)
+    table = ".".join(path)
+    section = sections()[path]
+    first = rest[0]
+    rest_of_path = ".".join(rest)
     if section.takes and section.takes(rest, leaf, result, names):
         return
     if _is_key(table, first, section, names):
         alone = f"{table}.{first}" in tables() or len(rest) == 1
-        key, place = f"{table}.{rest_of_path if alone else first}", leaf.place
+        key = f"{table}.{rest_of_path if alone else first}"
+        place = leaf.place
         result.keys[key] = leaf if alone else Leaf({}, place.under(place.path[: 1 - len(rest)]))
         return
     for length in range(1, len(rest) + 1):

@@ -50,14 +50,17 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
     match = re.fullmatch(_MESSAGE, message)
     if not match:  # but what int() says of a number
         start = re.search(r"[\d_]{4300,}", text).start()
-        line, column = text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start)
+        line = text.count("\n", 0, start) + 1
+        column = start - text.rfind("\n", 0, start)
         expected = "a number of at most 4300 digits"
         return Mistake(f"{name}:{line}:{column}", "", expected, "more")
     reading = match["what"].removeprefix("Found ")
     reading = reading[:1].lower() + reading[1:]
-    line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
+    line = text.count("\n") + 1
+    column = len(text) - text.rfind("\n")
     if match["line"]:
-        line, column = int(match["line"]), int(match["column"])
+        line = int(match["line"])
+        column = int(match["column"])
     here = text.split("\n")[line - 1]
     rest = re.match(r"[^#]*", here[column - 1 :])[0].strip() or "the end of the line"
     expected = next((expected for words, expected in _WORDS if reading.startswith(words)), "")
@@ -65,7 +68,8 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
         inner = re.search(r"'([^']+)'", reading)
         twice = inner[1] if inner else here.partition("=")[0].strip()
         column = here.rfind(twice, 0, column) + 1 or column
-        expected, rest = "each key and each table once", f"{twice} a second time"
+        expected = "each key and each table once"
+        rest = f"{twice} a second time"
     elif len(here) <= LONGEST_LINE and (slip := _slip_at(here, column)):
         column, expected, rest = slip
     problem = _shortened(rest if expected else reading)

@@ -27,21 +27,17 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
     An unknown table stands for the missing one whose name is nearest, so that what needs its
     entries brings no mistakes.
     """
-    tables, tops, meant = (
-        ("type", *TABLES, *study_tables()),
-        dict.fromkeys(path[0] for path in leaves),
-        {},
-    )
+    tables = ("type", *TABLES, *study_tables())
+    tops = dict.fromkeys(path[0] for path in leaves)
+    meant = {}
     expected = f"one of the tables {', '.join(tables)}"
     numbers = _names_under("numbers", leaves)
     for (name, *rest), leaf in leaves.items():
         if name in tables or name in meant:
             continue
-        place, near, alone = (
-            leaf.place.under((name,)),
-            nearest(name, tables),
-            not rest and leaf.value != {} and numbers,
-        )
+        place = leaf.place.under((name,))
+        near = nearest(name, tables)
+        alone = not rest and leaf.value != {} and numbers
         meant[name] = near if near not in tops else ""
         if name == "controller":
             meant[name] = ""

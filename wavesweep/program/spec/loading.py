@@ -56,7 +56,10 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     """
     if isinstance(source, Mapping):
         try:
-            name, path, tables, place = "spec", None, plain(_with_systems(source)), Place()
+            name = "spec"
+            path = None
+            tables = plain(_with_systems(source))
+            place = Place()
         except RecursionError:
             raise UsageError(
                 "a spec: expected nested tables, found one that contains itself"
@@ -186,10 +189,8 @@ def _overridden(
                 mistakes.refuse(
                     where, ".".join(path), "a value, or a key of the spec to leave out", "neither"
                 )
-            leaves, twin = (
-                _override(leaves, path, value, where),
-                tuple(TWINS.get(".".join(path), "").split(".")),
-            )
+            leaves = _override(leaves, path, value, where)
+            twin = tuple(TWINS.get(".".join(path), "").split("."))
             if value != "" and twin in source and leaves.get(twin) is source[twin]:
                 del leaves[twin]
     return leaves
@@ -246,7 +247,9 @@ def _build(
 ) -> Spec:
     tables = {table_field[0] for table_field in leaves}
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
-    names, drawing, wrong = BUILT_IN, None, True
+    names = BUILT_IN
+    drawing = None
+    wrong = True
     leaves = _without_missing_tables(leaves, mistakes)
     if drawn:
         from wavesweep.engine.drawing import expanded, read_drawing
@@ -260,7 +263,8 @@ def _build(
         drawing, values, of_loop, names = read_drawing(
             leaves, place, mistakes, beside_drawing(leaves)
         )
-        given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
+        given = Given(of_loop, place)
+        belongs = sort_leaves(leaves, mistakes, names)
         hz = drawing.rate(values) if drawing else values.get(RATE)
     else:
         belongs = sort_leaves(leaves, mistakes)

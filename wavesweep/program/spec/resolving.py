@@ -77,7 +77,8 @@ class Given:
 def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes,
     the values are not valid."""
-    of_frame, mistakes = is_frame(given), Mistakes()
+    of_frame = is_frame(given)
+    mistakes = Mistakes()
     leaves = {path: leaf for path, leaf in given.leaves.items() if not (of_frame and path == DELAY)}
     checked = mistakes.read(KEYS, leaves)
     wrong = set(leaves) - set(checked)
@@ -138,7 +139,8 @@ def resolve_drawn(
     """Return the values of a drawing's numbers as they are given now, and all mistakes."""
     from wavesweep.engine.drawing import faults
 
-    values, mistakes = dict(before), Mistakes()
+    values = dict(before)
+    mistakes = Mistakes()
     for path, key in drawing.names.keys.items():
         if leaf := given.leaves.get(path):
             values[path] = mistakes.check(key, leaf, path)
@@ -156,7 +158,8 @@ def _resolve_rates(
     given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes
 ) -> None:
     """Set the ratio in `values` if the slow rate was given instead."""
-    path, fast_hz = "rates.slow_hz", values["rates.fast_hz"]
+    path = "rates.slow_hz"
+    fast_hz = values["rates.fast_hz"]
     if path in given.leaves and "rates.ratio" in given.leaves:
         mistakes.refuse(given.leaf(path), path, "either ratio or slow_hz", "both")
     elif path in checked and rate_known:
@@ -237,7 +240,8 @@ def _order_of_edges(
 ) -> tuple[float, float] | None:
     """Return order and cutoff (Hz) of the filter that meets its band edges; None, with a
     mistake, if there is none."""
-    before, fast_hz = len(mistakes), values["rates.fast_hz"]
+    before = len(mistakes)
+    fast_hz = values["rates.fast_hz"]
     _check_edges(name, numbers, fast_hz, given, mistakes)
     if len(mistakes) > before:
         return None
@@ -254,10 +258,8 @@ def _check_edges(
 ) -> None:
     passband_hz, stopband_hz, passband_db, stopband_db = numbers
     ordered = passband_hz > stopband_hz if name == "hp" else passband_hz < stopband_hz
-    side, below_half = (
-        "below" if name == "hp" else "above",
-        f"a number < {fast_hz / 2!r} (half of rates.fast_hz)",
-    )
+    side = "below" if name == "hp" else "above"
+    below_half = f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"
     for edge, right, expected in (
         ("stopband_hz", ordered, f"an edge {side} the passband ({passband_hz!r})"),
         ("stopband_db", passband_db < stopband_db, f"more than passband_db = {passband_db!r}"),

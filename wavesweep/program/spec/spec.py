@@ -129,7 +129,8 @@ class Spec(Studies):
     def assumed(self) -> frozenset[str]:
         """The paths of the device preset's numbers that have no public source and that the spec
         does not give itself."""
-        device, own = self._given.device(), self._own()
+        device = self._given.device()
+        own = self._own()
         numbers = device.numbers.items() if device else ()
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
@@ -163,7 +164,8 @@ class Spec(Studies):
     def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
         """The same for an input and an output, None for all. Errors: UsageError for an unknown
         name."""
-        drawing, asked = self.drawing, source is not None or output is not None
+        drawing = self.drawing
+        asked = source is not None or output is not None
         if drawing is None and asked:
             raise UsageError(
                 "from, to: expected a drawn loop, found a controller, whose responses are those at the hand"
@@ -182,7 +184,8 @@ class Spec(Studies):
         """The unit of the response from an input to an output, empty if one of their units is
         unknown."""
         units = {name: unit for name, _, unit in (*self.drawing.inputs, *self.drawing.outputs)}
-        over, under = units[output], units[source]
+        over = units[output]
+        under = units[source]
         if not (over and under):
             return ""
         if under in (over, "1"):
@@ -374,7 +377,8 @@ class Spec(Studies):
         `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with
         every mistake of the changes.
         """
-        changed, mistakes = self._given, Mistakes()
+        changed = self._given
+        mistakes = Mistakes()
         for name, value in changes.items():
             key = self.names.find(name)
             if key:
@@ -445,7 +449,8 @@ def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | No
     for axis in spec.sweep:
         if axis.path == path and (swept or axis.start < axis.stop):
             return axis
-    value, structural = spec.own(path), spec.names.keys[path].structural
+    value = spec.own(path)
+    structural = spec.names.keys[path].structural
     if path in spec.wall[:1]:
         return Axis(name, path, (), *K_VE_SPAN, structural, "linear")
     if value and not swept and not structural:

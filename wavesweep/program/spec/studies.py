@@ -86,7 +86,8 @@ class Request:
 
     def axes(self, section: str) -> list[Axis]:
         """Return the axes of a section, and add their mistakes."""
-        axes, first = [], {}
+        axes = []
+        first = {}
         for name, leaves in self.belongs.axes[section].items():
             path = getattr(self.names.find(name), "path", name)
             path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
@@ -105,7 +106,8 @@ class Request:
         edges of its band are none."""
         for axis in axes:
             table, _, last = axis.path.rpartition(".")
-            by_edges, edge = f"{table}.{BAND_EDGES[0]}" in self.given.leaves, last in BAND_EDGES
+            by_edges = f"{table}.{BAND_EDGES[0]}" in self.given.leaves
+            edge = last in BAND_EDGES
             if table.startswith("filters.") and by_edges != edge and not (spared and edge):
                 expected = f"an axis that fits {table}, given by {'its band edges' if by_edges else 'order and cutoff_hz'}"
                 self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, axis.path)
@@ -213,7 +215,9 @@ def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:
 
 def _along(request: Request, axes: Iterable[Axis]) -> str:
     """The name of the axis whose stable intervals are wanted; axes: of [sweep]."""
-    key, drawing, mistakes = STUDY_KEYS["sweep.along"], request.drawing, request.mistakes
+    key = STUDY_KEYS["sweep.along"]
+    drawing = request.drawing
+    mistakes = request.mistakes
     leaf = request.belongs.keys.get(key.path)
     along = mistakes.check(key, leaf) if leaf else None
     if along is None and request.drawn:  # the only span, or the wall's stiffness
@@ -290,7 +294,8 @@ def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axi
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency is not DEFAULT_FREQUENCIES or frequency.stop <= least / 2:
         return frequency
-    stop, num = least / 2, len(frequency.values)
+    stop = least / 2
+    num = len(frequency.values)
     start = stop * frequency.start / frequency.stop
     return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)
 

@@ -98,7 +98,8 @@ def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, o
     if path.startswith(("ports.inputs.", "ports.outputs.")):
         if path.endswith(".unit") and path.removesuffix(".unit") in given.leaves:
             return {}
-        word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
+        word = given.leaves.get(f"{path}.unit")
+        place = tuple(path.split(".", 2))
         return {(*place, "signal"): leaf.value, (*place, "unit"): word.value if word else ""}
     if table in ("wire", "signals", "ports"):
         return {tuple(path.split(".")) if table == "ports" else (table, rest): leaf.value}

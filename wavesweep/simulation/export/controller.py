@@ -149,7 +149,8 @@ def _is_pushed(loop: MarchedLoop, port: str, outside: Collection[str]) -> bool:
 def _cut_at_plants(loop: MarchedLoop, unforced: Collection[str]) -> MarchedLoop:
     """The wires that a controller computes: those of ports, without the ports of plants that it
     does not push."""
-    wires, away = {}, {}
+    wires = {}
+    away = {}
     for port, terms in loop.wires.items():
         if port in loop.ports and port not in unforced:
             wires[port] = terms
@@ -168,7 +169,8 @@ def _programs(
 ) -> tuple[list[Program], list[int]]:
     """The programs, and which of them belongs to each kind of tick, results in time and contact."""
     numbers: dict[tuple, int] = {}
-    programs, table = [], []
+    programs = []
+    table = []
     firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
     for tick, bits, touching in product(firsts, range(2 ** len(results)), (False, True)):
         in_time: set[str] = set()
@@ -199,7 +201,8 @@ def identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
     names: dict[str, None] = {}
     for signal in signals:
         base = start + re.sub(r"\W", "_", as_drawn(signal), flags=re.ASCII)
-        name, count = base, 1
+        name = base
+        count = 1
         while name in names:
             count += 1
             name = f"{base}_{count}"

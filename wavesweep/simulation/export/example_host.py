@@ -34,7 +34,8 @@ class ExampleHost:
 
     def texts(self) -> dict[str, Any]:
         """Return the texts for the names of the template."""
-        own, members = self.own, self.members
+        own = self.own
+        members = self.members
         names = self._names()
         moved = list(self._moved(names))
         shown = [f"in.{members[name]}" for name in own.inputs]
@@ -62,7 +63,8 @@ class ExampleHost:
 
     def _sensed(self, names: Mapping[str, str]) -> Iterator[str]:
         """Yield the lines that give the controller what it reads."""
-        own, members = self.own, self.members
+        own = self.own
+        members = self.members
         for block in self.plants:
             for port in block.outputs:
                 name = f"{block.name}.{port}"

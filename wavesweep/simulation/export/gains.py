@@ -30,7 +30,8 @@ class Gains(NamedTuple):
 def gains_of(spec: Spec, made: Callable[[Mapping[str, Any]], Any], fixed: Sequence[str]) -> Gains:
     """Return which numbers of a spec are gains. made: an `ExportedController` with these values.
     fixed: left out."""
-    paths, constants = [], []
+    paths = []
+    constants = []
     for path, value in spec.values.items():
         if isinstance(value, str) or path in fixed:
             continue
@@ -89,13 +90,16 @@ class CoefficientTable:
     """
 
     def __init__(self, members: Mapping[str, str]) -> None:
-        self.members, self.lines, self.count = members, [], 0
+        self.members = members
+        self.lines = []
+        self.count = 0
         self._texts: dict[int, str] = {}
         self._places: dict[str, str] = {}
 
     def of(self, program: Program) -> Program:
         """The program with the coefficients' places in C as their names."""
-        wall, sums = program.wall, (program.first, program.second, program.keeps)
+        wall = program.wall
+        sums = (program.first, program.second, program.keeps)
         first, second, keeps = (
             [
                 (target, tuple((self._placed(value), source) for value, source in terms))

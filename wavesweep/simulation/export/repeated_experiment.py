@@ -154,7 +154,8 @@ def march_of(
         wires={**loop_with_hardware.wires, **seen(loop.wires)},
         away={**loop_with_hardware.away, **seen(loop.away)},
     )
-    entry, messages = entry_of(spec) or loop.hand, spec.simulate["messages"] or {}
+    entry = entry_of(spec) or loop.hand
+    messages = spec.simulate["messages"] or {}
     return March(
         loop_with_hardware,
         effects_of(spec),
@@ -172,7 +173,8 @@ def timing_of(
     late_0: the ticks by which the result of a group that is shown in the tick is late beyond the
     delay of its step, -1 if it is lost, 0 if none is shown.
     """
-    columns, delays = {"tick": np.arange(count)}, march.loop.delays
+    columns = {"tick": np.arange(count)}
+    delays = march.loop.delays
     if steps:
         starts = np.array(march.loop.frames.starts)
         frame = np.searchsorted(starts, columns["tick"] % march.loop.frame, side="right") - 1
@@ -182,10 +184,8 @@ def timing_of(
         ticks_late = np.zeros(count, dtype=int)
         for k in range(count):
             if result.shown(k) and (number := result.number(k)) >= 0:
-                lateness, usual = (
-                    result.late[number],
-                    0 if result.channel else delays[number % len(delays)],
-                )
+                lateness = result.late[number]
+                usual = 0 if result.channel else delays[number % len(delays)]
                 ticks_late[k] = -1 if lateness is None else lateness * (lateness != usual)
         columns[f"late_{g}"] = ticks_late
     return columns

@@ -56,7 +56,8 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
-    effects, steps = effects_of(spec), steps_of(spec)
+    effects = effects_of(spec)
+    steps = steps_of(spec)
     all_steps = steps and steps.all
     drawing = drawing_of(spec, steps, gains=gains)
 
@@ -65,7 +66,8 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
         late = effects.late or effects.dropped or loop.channels or steps
         return controller_of(loop, bool(late))
 
-    loop, found_gains = loop_with(spec, drawing, spec.values, all_steps), Gains((), ())
+    loop = loop_with(spec, drawing, spec.values, all_steps)
+    found_gains = Gains((), ())
     if gains:
         found_gains = gains_of(spec, made, () if loop.wall is None else spec.wall)
     own = made(named(spec.values, found_gains.paths))
@@ -112,7 +114,8 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
     A port has its `sum` as a text, and `terms`: what each is `from`, its `gain` as a text, and the
     `coefficient` that it is.
     """
-    drawing, numbers = drawing_of(spec), scalars(spec.values)
+    drawing = drawing_of(spec)
+    numbers = scalars(spec.values)
     plants = {block.name for block in drawing.blocks if block.plant}
     hand = (drawing.hand or ("",))[0]
     outside = {signal for _, signal, _ in drawing.inputs}
@@ -252,7 +255,8 @@ def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], li
     if steps is None:
         return own.ticks.kinds, list(range(own.loop.frame))
     latest = max(block.rhythm.phases[0] for block in own.loop.blocks if block.rhythm.periods)
-    starts, last = own.loop.frames.starts, steps.lengths.index(max(steps.lengths))
+    starts = own.loop.frames.starts
+    last = steps.lengths.index(max(steps.lengths))
     if steps.lengths[last] <= latest + 1:
         raise UsageError(f"export: expected frames of more than {latest + 1} ticks, found none")
     rest = starts[last] + latest + 1
@@ -264,7 +268,8 @@ def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], li
 
 def _steps(steps: Steps) -> dict[str, Any]:
     """The texts about slow steps that the caller triggers."""
-    nominal, longest = steps.frames.nominal, max(steps.lengths)
+    nominal = steps.frames.nominal
+    longest = max(steps.lengths)
     over = f"always over {nominal:g} ticks" if nominal else "over the ticks since their last one"
     places = {length: place for place, length in enumerate(steps.lengths)}
     lengths = ", ".join(map(str, steps.lengths))
@@ -283,7 +288,8 @@ def _steps(steps: Steps) -> dict[str, Any]:
 def _gains(spec: Spec, table: CoefficientTable, constant: Sequence[str]) -> dict[str, Any]:
     """The texts about gains, and about numbers that are constants."""
     keys = spec.names.keys
-    declared, given = [], []
+    declared = []
+    given = []
     for path, name in table.members.items():
         value = spec.values[path]
         unit = f" {comment(keys[path].unit)}" if path in keys and keys[path].unit != "1" else ""
@@ -304,16 +310,21 @@ def _gains(spec: Spec, table: CoefficientTable, constant: Sequence[str]) -> dict
 def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, str]:
     """The texts with a line for each input, or for each output."""
     entries = {signal for _, signal in own.loop.entries}
-    declared_inputs, given, read = [], [], []
+    declared_inputs = []
+    given = []
+    read = []
     for name in own.inputs:
         member = members[name]
         note = _note(own, name) if name in entries else ""
         declared_inputs.append(f"    double {member}; /* {name}{note} */")
         given.append(f"    z[{own.places[name]}] = in.{member};")
         read.append(f"        in.{member} = strtod(at + 1, &at);")
-    declared_outputs, taken, compared = [], [], []
+    declared_outputs = []
+    taken = []
+    compared = []
     for name in own.outputs:
-        member, port = members[name], as_drawn(name)
+        member = members[name]
+        port = as_drawn(name)
         declared_outputs.append(f"    double {member}; /* {port} */")
         taken.append(f"    out.{member} = z[{own.places[name]}];")
         compared.append(f'        compare(out.{member}, strtod(at + 1, &at), "{port}", ticks);')
@@ -357,8 +368,10 @@ def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[in
 def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
     """The texts about slow results: for each of them, when it is shown, and how many forces of
     the wall are newer by then."""
-    results, newer = own.results, _newer_forces(own, ticks)
-    computed, come = [], []
+    results = own.results
+    newer = _newer_forces(own, ticks)
+    computed = []
+    come = []
     for result in results if own.late else ():
         computed.append([own.places[signal] for signal in result.signals])
         come.append([own.places[arrived(signal)] for signal in result.signals])

@@ -50,7 +50,8 @@ def filled(name: str, flags: Mapping[str, bool], values: Mapping[str, object]) -
     `@else` reverses that.
     """
     text = files("wavesweep.simulation.export").joinpath("c", name).read_text(encoding="utf-8")
-    shown, lines = [True], []
+    shown = [True]
+    lines = []
     for line in text.splitlines():
         word, _, flag = line.partition(" ")
         if word == "@if":

@@ -42,7 +42,8 @@ def _summed(program: Program, lines: Iterable[Line], names: Sequence[str]) -> It
 def _kept(program: Program, names: Sequence[str]) -> list[str]:
     """The lines of a program that compute all that is kept for the next tick, and then write it."""
     stops = {line: places for line, *places in program.stops}
-    computed, written = [], []
+    computed = []
+    written = []
     for index, (target, terms) in enumerate(program.keeps):
         total = sum_in_c(terms, names)
         if index in stops:
