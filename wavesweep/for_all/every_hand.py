@@ -146,7 +146,7 @@ def damping(spec: Spec) -> dict[str, object] | None:
     try:
         refuse(spec, rules, "")
         margins = [_Margin(rules, case, "") for case in cases_of(rules, "", (0.0, 0.0), loop)]
-        at_rest = [(margin, *margin.at(0.0)) for margin in margins]
+        at_rest = [(margin, *margin.need(0.0)) for margin in margins]
     except UsageError:
         return None
     _, needed, has = max(at_rest, key=lambda each: each[1].proved - each[2])
@@ -183,7 +183,7 @@ class _Margin:
         """Whether the device's damping or stiffness is no line in a number."""
         return any(degree(tree, name_of(path)) > 1 for tree in self.device)
 
-    def at(self, p: float):
+    def need(self, p: float):
         """What is needed at a value, and the least damping of the device there."""
         from wavesweep.for_all.every_hand_proof import Needed
 
@@ -254,7 +254,7 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
         end, beyond = _edge(proved, start, limit)
         if beyond is not None and refuted(beyond) <= 0:
             _, beyond = _edge(refuted, beyond, limit)
-        needed = None if beyond is None else margin.at(beyond)[0]
+        needed = None if beyond is None else margin.need(beyond)[0]
         ends.append(end)
         fails.append(limit if beyond is None else beyond)
         by.append(needed and {**case.fixed, margin.text(needed): None})
@@ -268,7 +268,7 @@ def _missing(margin: _Margin, part: str) -> Callable[[float], float]:
     """What the device's damping lacks at a value, by what is proved or refuted of the need."""
 
     def missing(p: float) -> float:
-        needed, has = margin.at(p)
+        needed, has = margin.need(p)
         return getattr(needed, part) - has
 
     return missing

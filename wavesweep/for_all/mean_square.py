@@ -224,7 +224,7 @@ class Chances:
             return None
         E, dE = points
         A, D, rest = _line(E + np.eye(E.shape[-1]))
-        w, v, change = _line(self.weights(low, high))
+        weight, weight_slope, change = _line(self.weights(low, high))
         A_size = np.abs(A)
         moved = np.abs(D)
         off = rest + dE.max(0)
@@ -232,17 +232,18 @@ class Chances:
         larger = _acting(A_size + moved + off)
         slope = _acting(A + D) - acting - _acting(D)
         error = larger - _acting(A_size + moved) + _acting(moved) + CHANCE_ROUNDING * larger
-        w = w[:, None, None]
-        v = v[:, None, None]
+        weight = weight[:, None, None]
+        weight_slope = weight_slope[:, None, None]
         change = change[:, None, None]
         of_edges = self.graph.symbol
         acting = acting[of_edges]
         slope = slope[of_edges]
         error = error[of_edges]
         larger = larger[of_edges]
-        rest = w * error + change * larger + np.abs(v) * (larger - np.abs(acting))
-        L = _summed(w * acting, self.graph)
-        D = _summed(w * slope + v * acting, self.graph)
+        rest = weight * error + change * larger
+        rest += np.abs(weight_slope) * (larger - np.abs(acting))
+        L = _summed(weight * acting, self.graph)
+        D = _summed(weight * slope + weight_slope * acting, self.graph)
         return L, D, _summed(rest, self.graph)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:

@@ -336,15 +336,15 @@ class March:
         loop = self.loop
         ticks = self.ticks
         device = loop.device
-        shown = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
-        hand = ticks.at(self.entry)
-        position = ticks.at(POSITION)
-        pull = ticks.at(REACTION)
-        net = ticks.at(besides(f"{device}.f"))
-        sensed_x = ticks.at(f"{device}.x")
-        sensed_v = ticks.at(f"{device}.v")
-        own_x = ticks.at(actual(f"{device}.x"))
-        own_v = ticks.at(actual(f"{device}.v"))
+        shown = itemgetter(*(ticks.place(name) for name in names), ticks.place(POSITION))
+        hand = ticks.place(self.entry)
+        position = ticks.place(POSITION)
+        pull = ticks.place(REACTION)
+        net = ticks.place(besides(f"{device}.f"))
+        sensed_x = ticks.place(f"{device}.x")
+        sensed_v = ticks.place(f"{device}.v")
+        own_x = ticks.place(actual(f"{device}.x"))
+        own_v = ticks.place(actual(f"{device}.v"))
         by_hand = self.entry == loop.hand
         share = 0
         if by_hand:
@@ -356,8 +356,8 @@ class March:
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
         whole_ticks = _spans_of_ticks(body, self.effects.uneven, lengths, loop.tick)
         late, gone_by = loop.late
-        change = ticks.at(besides(f"{device}.f{AT}{late}"))
-        of_motors = ticks.at(AT + late)
+        change = ticks.place(besides(f"{device}.f{AT}{late}"))
+        of_motors = ticks.place(AT + late)
         parts = []  # of a tick, before and after what the motors are late with arrives
         if late:
             for part in (gone_by, 1.0 - gone_by):
@@ -450,7 +450,7 @@ class Running:
 
     def place(self, name: str) -> int:
         """The place of a number, which is there from now on."""
-        place = self.ticks.at(name)
+        place = self.ticks.place(name)
         self.z.extend([0.0] * (len(self.ticks.places) - len(self.z)))
         return place
 

@@ -122,7 +122,7 @@ class RunningBlock:
     plant: bool = False
     runs: tuple[RunningBlock, ...] = ()
 
-    def at(self, k: int) -> RunningBlock:
+    def in_tick(self, k: int) -> RunningBlock:
         """The block as it runs in tick k."""
         if not self.runs:
             return self

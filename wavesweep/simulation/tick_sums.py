@@ -156,16 +156,16 @@ class TickSums:
         for block in self.blocks:  # a row that moves has its places side by side
             for _, names in block.law.moves:
                 for name in names:
-                    self.at(f"{block.name}.{name}")
+                    self.place(f"{block.name}.{name}")
         sets: dict[tuple[RunningBlock, ...], int] = {}
         self.kinds = []  # of each tick of a frame, the number of the set of blocks that run in it
         for k in range(loop.frame):
-            running = tuple(block.at(k) for block in self.blocks if block.rhythm.runs(k))
+            running = tuple(block.in_tick(k) for block in self.blocks if block.rhythm.runs(k))
             self.kinds.append(sets.setdefault(running, len(sets)))
         self.sets = list(sets)
         self._programs = {}
 
-    def at(self, name: str) -> int:
+    def place(self, name: str) -> int:
         """The place of a number."""
         return self.places.setdefault(name, len(self.places))
 
@@ -202,8 +202,8 @@ class TickSums:
             for name, sources in law.stops.items():
                 stops[f"{block.name}.{name}"] = [f"{block.name}.{source}" for source in sources]
             for source, names in law.moves:
-                first = self.at(f"{block.name}.{names[0]}")
-                moves.append((self.at(f"{block.name}.{source}"), first, first + len(names)))
+                first = self.place(f"{block.name}.{names[0]}")
+                moves.append((self.place(f"{block.name}.{source}"), first, first + len(names)))
         self._add_pushed_apart(sums, wires)
         for name in self.loop.signals:
             sums[name] = self._read(wires[name], slow=False)
@@ -216,7 +216,7 @@ class TickSums:
             sums[arrived(name)] = ((1.0, name),)
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         first, met, second = self._ordered(running, sums, limits)
-        limits = {self.at(name): pair for name, pair in limits.items()}
+        limits = {self.place(name): pair for name, pair in limits.items()}
         stops = [
             (line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops
         ]
@@ -267,7 +267,7 @@ class TickSums:
     def lines(self, sums: Iterable[tuple[str, Sum]]) -> list[Line]:
         """The sums with places in place of names, without products with zero."""
         return [
-            (self.at(name), tuple((gain, self.at(source)) for gain, source in terms if gain))
+            (self.place(name), tuple((gain, self.place(source)) for gain, source in terms if gain))
             for name, terms in sums
         ]
 

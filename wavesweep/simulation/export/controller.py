@@ -81,10 +81,10 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
             "export: expected a controller that reads the device and acts on it, found one that does not"
         )
     for name in (DEPTH, SPEED, FORCE):
-        ticks.at(name)  # even if nothing reads it
+        ticks.place(name)  # even if nothing reads it
     for signal in delayed:
-        ticks.at(signal)
-        ticks.at(arrived(signal))
+        ticks.place(signal)
+        ticks.place(arrived(signal))
     words = identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_")
     return ExportedController(
         loop=cut,

@@ -96,7 +96,7 @@ class CoefficientTable:
         self._texts: dict[int, str] = {}
         self._places: dict[str, str] = {}
 
-    def of(self, program: Program) -> Program:
+    def with_places(self, program: Program) -> Program:
         """The program with the coefficients' places in C as their names."""
         wall = program.wall
         sums = (program.first, program.second, program.keeps)

@@ -85,7 +85,7 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     for name, member in members.items():
         columns[member] = signals[name if name in own.inputs else SEEN + name]
     table = _table_of(found_gains.paths)
-    own = own._replace(programs=[table.of(program) for program in own.programs])
+    own = own._replace(programs=[table.with_places(program) for program in own.programs])
     amplifier = _amplifier_ticks(spec, own)
     host = ExampleHost(own, march.loop, members, march.entry, divided(amplifier)[0])
     flags = _flags(own, steps, table, found_gains)
