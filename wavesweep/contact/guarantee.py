@@ -37,7 +37,7 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     spec = own.grid.spec
     if not spec.contact:
         return asked
-    from wavesweep.contact.rows import ContactGuarantee, refuse
+    from wavesweep.contact.rows import ContactGuarantee, refuse, rules_of
     from wavesweep.contact.verdict import saturations
     from wavesweep.engine.errors import UsageError
 
@@ -50,4 +50,4 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         raise UsageError(f"[for_all] contact: expected {expected}, found {', '.join(hands)}")
     spec.refuse_require("[for_all] contact")
     refuse(spec, own.asked.axis.path)
-    return [*asked, ContactGuarantee()]
+    return [*asked, ContactGuarantee(rules_of(spec))]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.contact"
-LOSSES = "for_all.lost", "for_all.loss"
+LOSS = "for_all.loss"
 KEY = Key(
     PATH,
     "boolean",
@@ -37,13 +37,19 @@ def build(request: Request) -> Contact | None:
     asked = request.mistakes.check(KEY, leaf) if leaf else False
     if not asked:
         return None
-    beside = [*request.belongs.axes.get("for_all", {})]
     given = request.belongs.keys
-    beside += [name for name in LOSSES if name in given and given[name].value]
+    beside = ["for_all.loss"] if LOSS in given and given[LOSS].value else []
+    for_all = request.asked.get("for_all")
+    if for_all:
+        unknown = [axis for axis in for_all.unknown if not (axis.values or axis.structural)]
+        beside += [f"a range of {axis.name}" for axis in unknown]
+        beside += ["shares or next"] if for_all.shares or for_all.delays else []
     if request.drawing:
         beside += [f"channel {block.name}" for block in request.drawing.channels]
     if beside:
-        expected = "contact alone in [for_all]: its proof is of the spec's own numbers and frames"
+        expected = (
+            "beside contact frames, delays and losses in any order, and values of numbers alone"
+        )
         request.mistakes.refuse(leaf, PATH, expected, f"{', '.join(beside)} beside it")
     return Contact()
 

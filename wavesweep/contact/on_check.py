@@ -32,18 +32,22 @@ _STATUS = {
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """contact: of a spec with [for_all] contact that has a wall, what is known of it, see
     `verdict.of_wall`; saturations: the same of each block of type saturation, by its name; claims:
-    the same, of the spec's own numbers and frames.
+    the same, of a wall for all frames and
+    values of [for_all], of blocks for the spec's own.
     """
     if not spec.contact:
         return {}
+    from wavesweep.contact.rows import rules_of, scope_of
     from wavesweep.contact.verdict import of_saturation, of_wall, saturations
 
     found: dict[str, Any] = {}
     claims = []
     own = own_scope(spec)
     if spec.wall:
-        found["contact"] = of_wall(spec)
-        claims.append(_claim(replace(own, walls=PUSHES), found["contact"]))
+        rules = rules_of(spec)
+        found["contact"] = of_wall(spec, rules)
+        scope = replace(scope_of(spec, rules), walls=PUSHES)
+        claims.append(_claim(scope, found["contact"]))
     blocks = {name: of_saturation(spec, name) for name in saturations(spec.drawing)}
     if blocks:
         found["saturations"] = blocks

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_beyond
+from wavesweep.contact.rows_in_frames import Along, along_of, in_frames, linear_pattern
 from wavesweep.contact.stretches import TRIED_NEAR_END, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
@@ -26,7 +28,14 @@ from wavesweep.program.tables.refuters import Refuters
 TEXT = 1000  # characters of a counterexample
 SETTLED_WITHIN = 1e-2  # of an end, how far proof and refutation may be apart
 LINEAR = "no loss of contact, the linear wall"
-FREE = "no contact at all, the loop without a wall"
+ON_CIRCLE = (
+    "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
+    "with bounds on all errors; refuted by a wall and a motion that repeats"
+)
+IN_FRAMES = (
+    "quadratic forms on a graph of frames, with what the wall stores, which fall in all frames, checked by Cholesky with "
+    "bounds on all errors; refuted by a pattern of frames, or a wall and a motion that repeats in frames of one length"
+)
 CONTACT_RECORD = record_type(
     *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
     ("settled", "?"),
@@ -36,15 +45,18 @@ CONTACT_RECORD = record_type(
 
 @dataclass(frozen=True, slots=True)
 class ContactGuarantee(Guarantee):
-    """Every wall that pushes and never pulls, as `IntervalQuery.guarantee`."""
+    """Every wall that pushes and never pulls, as `IntervalQuery.guarantee`; rules: of frames that
+    vary, and of values of numbers, or None for a spec without these."""
 
+    rules: Any = None
     kind = "contact"
     dtype = CONTACT_RECORD
     status = Status.PROVED
-    method = (
-        "multipliers of Zames and Falb, by linear programmes, checked on arcs of the unit circle "
-        "with bounds on all errors; refuted by a wall and a motion that repeats"
-    )
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        return IN_FRAMES if self.rules else ON_CIRCLE
 
     @property
     def what(self) -> Property:
@@ -52,11 +64,13 @@ class ContactGuarantee(Guarantee):
         return AT_REST
 
     def scope(self, spec: Spec) -> Scope:
-        """The spec's own numbers and frames, with every wall."""
-        return replace(own_scope(spec), walls=PUSHES)
+        """The loops that its rows are of, with every wall."""
+        return replace(scope_of(spec, self.rules), walls=PUSHES)
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop."""
+        if self.rules:
+            return records_in_frames(self.rules, loop, along, span)
         return records_through_contact(loop, along, span)
 
 
@@ -79,7 +93,12 @@ def refuse(spec: Spec, along: str) -> None:
         names = " or ".join(map(name_of, spec.wall))
         found = f"{name_of(along)}; --set for_all.contact=false leaves contact out"
         raise UsageError(f"[for_all] contact: expected intervals along {names}, found {found}")
-    if wall_cut(own_loop(spec, along)) is None:
+    rules = rules_of(spec)
+    if rules:
+        acts_once = in_frames(rules, dict(spec.values), list(spec.wall)) is not None
+    else:
+        acts_once = wall_cut(own_loop(spec, along)) is not None
+    if not acts_once:
         expected = "a wall whose force is computed once a frame"
         found = "one that acts several times in it, as where rates do not divide"
         raise UsageError(f"[for_all] contact: expected {expected}, found {found}")
@@ -115,6 +134,58 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
     rows = [row for interval in intervals if (row := _row(line, interval, span))]
     nowhere = not intervals and bool((linear.doubt == Doubt.NONE).all())
     return _recorded(rows, span, none=nowhere)
+
+
+def rules_of(spec: Spec) -> Any:
+    """The rules of frames that vary, and of values of numbers; None without [for_all]."""
+    return offered("switched").Rules.of(spec) if spec.for_all else None
+
+
+def scope_of(spec: Spec, rules: Any) -> Scope:
+    """The loops that a proof by some rules is about, with the linear wall; rules: None for the
+    spec's own numbers and frames."""
+    if not rules:
+        return own_scope(spec)
+    switched = offered("switched")
+    own = Loops(own_loop(spec).drawing, dict(spec.values))
+    return switched.scope_of(spec, rules, switched.cases_of(rules, "", (0.0, 0.0), own))
+
+
+def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+    """`records_through_contact` for all frames, and all values of numbers, of some rules."""
+    rows = []
+    none = False
+    for case in offered("switched").cases_of(rules, along, span, loop):
+        walls = along_of(rules, dict(case.values), [*loop.drawing.wall], along)
+        if walls is None:
+            return _recorded([], span, none=False)
+        if walls.is_unstable_without:
+            return _recorded([], span, none=True)
+        row = _row_in_frames(rules, dict(case.values), walls, along, span)
+        if row is None:
+            return _recorded([], span, none=none)
+        rows.append(row)
+    low = max(rows, key=lambda row: row.low)
+    high = min(rows, key=lambda row: row.high)
+    refuted = [row for row in rows if not np.isnan(row.fails_from)]
+    beyond = min(refuted, key=lambda row: row.fails_from, default=high)
+    if low.low >= high.high:
+        return _recorded([], span, none=False)
+    text = beyond.refuters.high
+    common = Row(low.low, high.high, np.nan, beyond.fails_from, Refuters("", text))
+    return _recorded([common], span, none=False)
+
+
+def _row_in_frames(rules, values, walls: Along, along, span) -> Row | None:
+    """What is proved of one case; None if nothing is."""
+    proved = walls.proved(*span)
+    if proved is None:
+        return None
+    low, high = proved
+    beyond, text = walls.motion(high, span[1])
+    if not text:
+        beyond, text = linear_pattern(rules, values, along, high, span[1])
+    return Row(low, high, np.nan, beyond, Refuters("", text))
 
 
 def _row(line, interval, span) -> Row | None:

@@ -3,13 +3,18 @@ to 1."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_at
-from wavesweep.contact.rows import FREE, LINEAR, wall_cut
+from wavesweep.contact.rows import LINEAR, wall_cut
+from wavesweep.contact.rows_in_frames import FREE, verdict_in_frames
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import GAIN, Drawing
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import LinearFractional, open_loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import radius_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -33,15 +38,31 @@ def refuse(spec: Spec) -> None:
         raise UsageError(f"[for_all] contact: expected {expected}, found neither")
 
 
-def of_wall(spec: Spec) -> dict[str, str]:
+def of_wall(spec: Spec, rules: Any = None) -> dict[str, str]:
     """What is known of the spec's own stiffness and damping, in words.
 
-    verdict: "proved", "refuted" or "unknown"; counterexample: what refutes it, else empty.
+    rules: of frames that vary, and of values of numbers, if there are any. verdict: "proved",
+    "refuted" or "unknown"; counterexample: what refutes it, else empty.
     """
+    if rules:
+        return _in_all_cases(spec, rules)
     wall = [float(spec.values[path]) for path in spec.wall]
     stiffness, damping = (*wall, 0.0)[:2]
     cut = wall_cut(own_loop(spec, spec.wall[0]))
     return _verdict(cut, stiffness, damping, LINEAR, FREE)
+
+
+def _in_all_cases(spec, rules):
+    """The verdict for all frames, and all values of numbers, of some rules."""
+    own = Loops(own_loop(spec).drawing, dict(spec.values))
+    worst = {"verdict": "proved", "counterexample": ""}
+    for case in offered("switched").cases_of(rules, "", (0.0, 0.0), own):
+        found = verdict_in_frames(rules, dict(case.values), list(spec.wall))
+        if found["verdict"] == "refuted":
+            return found
+        if found["verdict"] == "unknown":
+            worst = found
+    return worst
 
 
 def of_saturation(spec: Spec, block: str) -> dict[str, str]:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._loops.definitions import Rows, continuous, running
     from wavesweep.engine._loops.device import impulse_and_step, motion
     from wavesweep.engine._loops.from_drawing import (
+        BESIDE,
         FACTOR,
         OUTPUT,
         POSITION,
@@ -32,6 +33,7 @@ else:
             "_loops.definitions": ("Rows", "continuous", "running"),
             "_loops.device": ("impulse_and_step", "motion"),
             "_loops.from_drawing": (
+                "BESIDE",
                 "FACTOR",
                 "OUTPUT",
                 "POSITION",

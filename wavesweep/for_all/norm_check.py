@@ -82,7 +82,7 @@ def shrink_along(
     of_rounding = UNIT * (2 * n + 2 + joined) * (across @ size + P_i)
     R = BOUNDS_OF_DOUBLES * (of_entries + of_rounding)
     # "Frames in any order": Cholesky decompositions with all rounding taken off.
-    return definite(*_in_its_units(F, np.broadcast_to(R, F.shape)))
+    return definite(*in_its_units(F, np.broadcast_to(R, F.shape)))
 
 
 def _bezier(P, A, graph):
@@ -103,8 +103,8 @@ def _bezier(P, A, graph):
     return F
 
 
-def _in_its_units(F, R):
-    """The matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a
+def in_its_units(F: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a
     factor W is not found.
 
     Slow and fast states make F nearly singular in every other basis, and errors of its entries

@@ -147,7 +147,7 @@ class Plan:
             )
             return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
 
-        maps, _, index = self._kinds(ticks_at)
+        maps, _, index = self.different_ticks(ticks_at)
         drift = self._drift(varied)
         ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
         return LoopFrames.of(
@@ -171,7 +171,7 @@ class Plan:
             loop = Loops(drawn_at(step), with_numbers(points)).drawn()
             return Ticks.of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
-        _, picked, index = self._kinds(ticks_at)
+        _, picked, index = self.different_ticks(ticks_at)
         drift = self._drift(with_numbers(inside))
 
         def counted_at(points):
@@ -205,7 +205,7 @@ class Plan:
             ).drawn()
             return Ticks.of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
-        _, picked, index = self._kinds(ticks_at)
+        _, picked, index = self.different_ticks(ticks_at)
         drift = self._drift(with_numbers(inside))
         rows, samples, symbols, follows = self.written(index)
 
@@ -224,8 +224,8 @@ class Plan:
 
         return Members(frames_at, len(drift.remaining), symbols, follows)
 
-    def _kinds(self, ticks_at):
-        """The different maps of ticks, the step and the place that each is from, and the index
+    def different_ticks(self, ticks_at):
+        """Return the different maps of ticks, the step and the place that each is from, and the index
         of each kind at each step."""
         maps = []
         picked = []

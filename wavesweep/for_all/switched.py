@@ -1,13 +1,17 @@
 """What other capabilities ask of switched systems: matrices in any order that a graph allows,
 and norms in which all shrink."""
 
+from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
+from wavesweep.for_all.norm_check import Norms, definite, in_its_units, shrink, shrink_along
 from wavesweep.for_all.norms import Centre, advanced, recentred, rough_basis
 from wavesweep.for_all.patterns import is_refuted, refuted_beyond
-from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, recorded
+from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
+from wavesweep.for_all.varying import Rules, decided, text_of_pattern
+from wavesweep.for_all.wall_frames import WallFrames, wall_frames
 
 __all__ = [
     "FOR_ALL_RECORD",
@@ -17,12 +21,22 @@ __all__ = [
     "Norms",
     "Part",
     "Row",
+    "Rules",
+    "WallFrames",
     "advanced",
+    "cases_of",
+    "decided",
+    "definite",
+    "in_its_units",
     "is_refuted",
+    "nearest_refuted",
     "recentred",
     "recorded",
     "refuted_beyond",
     "rough_basis",
+    "scope_of",
     "shrink",
     "shrink_along",
+    "text_of_pattern",
+    "wall_frames",
 ]

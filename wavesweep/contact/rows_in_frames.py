@@ -1,0 +1,313 @@
+"""Walls that push and never pull while frames vary: the numbers of a wall for which every motion is
+proved to come to rest, whatever frames come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from wavesweep.capabilities import offered
+from wavesweep.contact.coming_rests import edges_of
+from wavesweep.contact.motions import motion_at, motion_beyond
+from wavesweep.contact.stored_check import Conditions, falls
+from wavesweep.contact.stored_search import Found, find_stored
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong
+from wavesweep.engine.drawing import path_of
+from wavesweep.engine.poles import count_outside
+
+FRAMES_AHEAD = (1, 2)  # that a node knows: more where that helps, and there are few conditions
+MOST_CONDITIONS = 600
+HALVINGS = 14  # of the range, down to where a first proof is tried
+BISECTIONS = 7  # of the end of a proof
+BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
+# Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
+# tried; times the share after a piece that is proved, or is not.
+FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.02
+LONGER, SHORTER = 1.5, 0.4
+FROM_ZERO = 1e-3  # of the high end, from which on is proved what begins at 0
+MOST_PIECES, LEAST_PIECES = 60, 8  # of a proof
+CONDITIONS_OF_PIECES = 3000  # that all pieces of a proof may have together
+GRAMIAN_FRAMES = 200  # of whose sum units follow
+FREE = "no contact at all, the loop without a wall"
+REFUTED_TOLERANCE = 0.01  # of a number that patterns of frames refute
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InFrames:
+    """A loop without its wall in all frames that may come.
+
+    frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
+    wall's position in these.
+    """
+
+    frames: Any
+    conditions: Conditions
+    unit: float
+
+    @staticmethod
+    def of(frames: Any) -> InFrames | None:
+        """Return the loop; None if there is no bound on where it comes to rest."""
+        frames, unit = _in_units(frames)
+        conditions = None
+        for ahead in FRAMES_AHEAD:
+            edges = edges_of(frames, ahead)
+            if edges is None:
+                return None
+            finer = Conditions.of(frames, edges)
+            if conditions and finer.R.size > MOST_CONDITIONS:
+                break
+            conditions = finer
+            if conditions.exact:
+                break
+        return InFrames(frames, conditions, unit)
+
+    def wall(self, K: float, B: float) -> tuple[float, float, float]:
+        """A wall as the conditions have it."""
+        if self.conditions.drifts:
+            return 1.0, B / K, 1 / (K * self.unit)
+        return K, B, 1.0
+
+    def found(
+        self, wall: tuple[float, float], *, best: bool = False, near: Found | None = None
+    ) -> Found | None:
+        """Forms for a wall (K, B), in doubles; see `find_stored`."""
+        K, B = wall
+        if self.conditions.drifts and not K > 0:
+            return None
+        terms = self.conditions.terms(self.wall(K, B))
+        return find_stored(self.conditions, terms, best=best, near=near)
+
+    def proved(self, *ends: tuple[Found, tuple[float, float]]) -> bool:
+        """Whether forms are proved to serve at a wall (K, B), or at two and at all between them."""
+        return falls(self.conditions, [(each.stored, self.wall(*wall)) for each, wall in ends])
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the loop without its wall is proved to be unstable in frames of one length."""
+        return any(each.unstable for _, each in self.constant())
+
+    def constant(self) -> list[tuple[int, WallLoop]]:
+        """The loop in frames of one length for ever, with these lengths."""
+        found = []
+        own = np.flatnonzero(np.diagonal(self.frames.follows))
+        for i in own.tolist():
+            n = self.frames.changes.shape[-1] - 1
+            E = self.frames.changes[i, :n, :n]
+            dE = self.frames.of_changes[i, :n, :n]
+            omega = np.zeros(n)
+            residue = 0.0
+            if self.frames.drifts:
+                omega = np.linalg.solve(-E.T, self.frames.changes[i, n, :n])
+                residue = self.frames.changes[i, n, n] + omega @ self.frames.changes[i, :n, n]
+            rows = self.frames.rows[i].copy()
+            rows[0, :n] -= omega
+            rows = rows * self.unit
+            count, clear = count_outside(E[None], dE[None])
+            loop = WallLoop(
+                E,
+                self.frames.changes[i, :n, n],
+                rows[:, :n],
+                rows[:, n],
+                residue * self.unit,
+                dE,
+                self.frames.of_changes[i, :n, n],
+                self.frames.of_rows[i, :, :n],
+                self.frames.of_rows[i, :, n],
+                0.0,
+                bool(clear[0] and count[0] == 0),
+                bool(clear[0] and count[0] > 0),
+            )
+            found.append((self.frames.ticks[i], loop))
+        return found
+
+
+def in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames | None:
+    """Return a loop of some rules in its frames; None if its wall is not one scalar of each, or it
+    drifts otherwise than by a position that the wall reads."""
+    switched = offered("switched")
+    frames = switched.wall_frames(rules.plan(values, tuple(wall)), wall)
+    return frames and InFrames.of(frames)
+
+
+def _in_units(frames):
+    """The frames in units, powers of two, in which all that a force of 1 moves is about 1."""
+    n = frames.changes.shape[-1] - 1
+    A = np.eye(n) + frames.changes[:, :n, :n]
+    b = frames.changes[:, :n, n]
+    gramian = np.zeros((n, n))
+    with np.errstate(all="ignore"):
+        for _ in range(GRAMIAN_FRAMES):
+            gramian = (A @ gramian @ A.mT + b[:, :, None] * b[:, None]).mean(0)
+    size = np.sqrt(np.diagonal(gramian))
+    known = np.isfinite(size) & (size > 0)
+    units = np.exp2(np.round(np.log2(np.where(known, size, 1.0))))
+    unit = 1.0
+    if frames.drifts:
+        with np.errstate(all="ignore"):
+            omega = np.linalg.pinv(np.eye(n) - A.mean(0).T) @ frames.changes[:, n, :n].mean(0)
+        moved = float(np.abs(frames.changes[:, n, n] + b @ omega).mean())
+        unit = 2.0 ** round(np.log2(moved)) if moved > 0 else 1.0
+    column = np.append(units, 1.0)
+    row = np.append(1 / units, 1 / unit)
+    scaled = replace(
+        frames,
+        changes=frames.changes * row[:, None] * column,
+        of_changes=frames.of_changes * row[:, None] * column,
+        rows=frames.rows * column / unit,
+        of_rows=frames.of_rows * column / unit,
+    )
+    return scaled, unit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Along:
+    """Walls of a loop along one of their numbers: index 0 is K, with B `fixed`; 1 is B, K fixed."""
+
+    loop: InFrames
+    index: int
+    fixed: float
+
+    @property
+    def is_unstable_without(self) -> bool:
+        """Whether the loop is unstable without its wall, as it is where that is never touched."""
+        return self.loop.is_unstable
+
+    def wall(self, value: float) -> tuple[float, float]:
+        """The wall of a value."""
+        return (value, self.fixed) if self.index == 0 else (self.fixed, value)
+
+    def proved(self, low: float, high: float) -> tuple[float, float] | None:
+        """What is proved in an interval, from near its low end on; None if nothing is.
+
+        Nothing is beyond a motion that goes on in frames of one length, and most proofs end near
+        the first of these.
+        """
+        ceiling, _ = self.motion(low, high)
+        ceiling = high if np.isnan(ceiling) else ceiling
+        way = ceiling - low
+        for share in (0.0, *BEFORE_END) if ceiling == high else BEFORE_END[:1]:
+            found = self._proved_at(ceiling - share * way)
+            if found:
+                return self._down(found, ceiling - share * way, low), ceiling - share * way
+        start = 0.0
+        above = ceiling
+        for halved in range(1, HALVINGS):
+            start = low + way / 2**halved
+            if self.loop.found(self.wall(start)):
+                break
+            above = start
+        else:
+            return None
+        for _ in range(BISECTIONS):
+            middle = (start + above) / 2
+            if self.loop.found(self.wall(middle)):
+                start = middle
+            else:
+                above = middle
+        for share in BEFORE_END:
+            top = start - share * (start - low)
+            found = self._proved_at(top)
+            if found:
+                return self._down(found, top, low), top
+        return None
+
+    def _proved_at(self, value: float) -> Found | None:
+        """Forms that are proved for a value; None if none are found."""
+        found = self.loop.found(self.wall(value), best=True)
+        return found if found and self.loop.proved((found, self.wall(value))) else None
+
+    def _down(self, found: Found, top: float, low: float) -> float:
+        """How far down from `top` walls are proved without a gap."""
+        goal = max(low, FROM_ZERO * top) if low >= 0 else low
+        reached = top
+        share = FIRST_SHARE
+        affordable = CONDITIONS_OF_PIECES // self.loop.conditions.R.size
+        for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
+            if reached <= goal or share < LEAST_SHARE:
+                break
+            below = max(goal, reached - share * max(abs(reached), goal))
+            following = self._following(found, reached, below)
+            if following:
+                reached = below
+                found = following
+                share = min(MOST_SHARE, share * LONGER)
+            else:
+                share *= SHORTER
+        return reached
+
+    def _following(self, found: Found, reached: float, below: float) -> Found | None:
+        """Forms for a value below one that is reached, with which all between are proved."""
+        for search in ({"near": found}, {"best": True}):
+            following = self.loop.found(self.wall(below), **search)
+            if following and self.loop.proved(
+                (found, self.wall(reached)), (following, self.wall(below))
+            ):
+                return following
+        return None
+
+    def motion(self, end: float, limit: float) -> tuple[float, str]:
+        """The nearest value beyond an end that a motion refutes in frames of one length, and what
+        it is; NaN and nothing if none is found."""
+        best = np.nan, ""
+        for ticks, loop in self.loop.constant():
+            motion = motion_beyond(WallsAlong(loop, self.index, self.fixed), end, limit)
+            if motion and not abs(motion.value - end) >= abs(best[0] - end):
+                best = motion.value, _in_words(motion, ticks)
+        return best
+
+
+def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: str) -> Along | None:
+    """Return the walls of a loop along a number of its wall; None if the proof is not about it."""
+    wall = [path_of(name) for name in wall_names]
+    loop = in_frames(rules, values, wall)
+    if loop is None:
+        return None
+    index = wall.index(along)
+    fixed = float(values[wall[1 - index]]) if len(wall) > 1 else 0.0
+    return Along(loop, index, fixed)
+
+
+def linear_pattern(
+    rules: Any, values: dict[str, Any], along: str, start: float, limit: float
+) -> tuple[float, str]:
+    """The nearest value beyond a start at which a pattern of frames is proved to grow with the
+    linear wall, and the pattern; NaN and nothing if none is found."""
+    switched = offered("switched")
+    family = rules.family(values, along)
+    if family.drift is not None:
+        return np.nan, ""
+    fails, word = switched.nearest_refuted(family, start, limit, REFUTED_TOLERANCE)
+    if not word:
+        return np.nan, ""
+    return float(fails), f"the linear wall, {switched.text_of_pattern(family, word)}"
+
+
+def _in_words(motion, ticks):
+    return str(motion).replace("a wall through", f"a wall, in frames of {ticks} ticks, through", 1)
+
+
+def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> dict[str, str]:
+    """What is known of a wall itself in all frames: verdict and counterexample, as
+    `verdict.of_wall`."""
+    numbers = [float(values[path]) for path in wall]
+    K, B = (*numbers, 0.0)[:2]
+    loop = in_frames(rules, values, wall)
+    if loop is None:
+        return {"verdict": "unknown", "counterexample": ""}
+    if loop.is_unstable:
+        return {"verdict": "refuted", "counterexample": FREE}
+    found = loop.found((K, B), best=True)
+    if found and loop.proved((found, (K, B))):
+        return {"verdict": "proved", "counterexample": ""}
+    switched = offered("switched")
+    said, pattern = switched.decided(rules.family(values, ""))
+    if said == "refuted":
+        return {"verdict": "refuted", "counterexample": f"the linear wall, {pattern}"}
+    for ticks, constant in loop.constant():
+        motion = motion_at(WallsAlong(constant, 0, B), K)
+        if motion:
+            text = _in_words(motion, ticks)
+            return {"verdict": "refuted", "counterexample": text}
+    return {"verdict": "unknown", "counterexample": ""}

@@ -1,0 +1,230 @@
+"""The check of a proof through contact while frames vary: what a wall stores never grows.
+
+Nothing here depends on how the forms were found, and nothing is sampled.
+
+Between samples of the wall the loop moves as `WallFrames` has it. With omega as in `coming_rests`,
+the place `q = p + omega' eta` where the device would come to rest without its wall moves by the
+wall's force alone, whatever frames come:
+
+    q+ = q + R u,   R = r + omega+' b,   x = q + (o - omega)' eta + d_x u.
+
+With y = K x + B v, u = phi(y), and f = (y - u)/K = q + c' eta + d u, slopes of phi from 0 to 1 make
+u a rising function of f. It is the slope of a convex function Phi of f, with Phi >= 0 and Phi = 0
+where u = 0: what the wall stores. So, for any two samples in a row, and with R < 0,
+
+    u f >= Phi(f) >= 0,   u (f - f_before) >= Phi(f) - Phi(f_before).
+
+Let m = f_before - q, z = (eta, m), and a form P_i at each node. On an edge from i to j, with
+`m+ = c' eta + (d - R) u`, the sum `V = g q^2 + z' P z + 2 h Phi(f_before)` falls by at least w' F w,
+
+    w = (z, u),   w' F w = z' P_i z - z+' P_j z+ - g R^2 u^2 + 2 g R u (c' eta + d u)
+                           - 2 h u (c' eta + d u - m),
+
+where the term of u f with the weight -g R has taken away q u: nothing of F depends on q. If all P_i
+and F are positive definite, g > 0 and h >= 0, the squares of eta, m and u have finite sums; so they decay,
+Phi(f) <= u f does, q^2 converges, and q with it, since its steps decay. `F` is positive definite
+only if 1 > K d_x + B d_v, so that every sample has one force.
+
+If no position drifts there is no q, f = y - u, R = 0, and the term of u f has the weight g.
+
+Omega and R lie in hulls. F is concave in omega for each R, and in R for each omega, since z+ is
+linear in them: so F is positive definite in the hulls if it is so at all pairs of their vertices.
+
+Source: the function Phi is that of A. I. Lur'e and V. N. Postnikov (1944), in discrete time that of
+E. I. Jury and B. W. Lee, On the absolute stability of multinonlinear systems, Automation and Remote
+Control 26 (1965).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from wavesweep.capabilities import offered
+from wavesweep.contact.coming_rests import Edge
+from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, OPERATION_ROUNDING
+
+POINT = 1e-9  # of R, up to which its interval counts as a value with an error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conditions:
+    """What has to hold on the edges of a graph, at the vertices of the hulls.
+
+    moved `(conditions, n, n + 1)`: A and b; read `(conditions, 2, n + 1)`: (o - omega, d_x) and
+    (c, d_v); R `(conditions,)`; of_...: bounds on their errors. exact: whether all
+    rests are points, up to such errors. drifts: whether a position does.
+    """
+
+    source: np.ndarray
+    target: np.ndarray
+    moved: np.ndarray
+    read: np.ndarray
+    R: np.ndarray
+    of_moved: np.ndarray
+    of_read: np.ndarray
+    of_R: np.ndarray
+    drifts: bool
+    exact: bool
+
+    @staticmethod
+    def of(frames: Any, edges: Sequence[Edge]) -> Conditions:
+        """The conditions of frames, see `WallFrames`, on these edges."""
+        n = frames.changes.shape[-1] - 1
+        eye = np.eye(n, n + 1)
+        columns: list[tuple] = []
+        exact = True
+        for edge in edges:
+            i = edge.frame
+            moved = eye + frames.changes[i, :n]
+            of_moved = frames.of_changes[i, :n] + OPERATION_ROUNDING * np.abs(moved)
+            least, most = edge.turned
+            middle = (least + most) / 2
+            of_R = (most - least) / 2 + OPERATION_ROUNDING * abs(middle)
+            turns = [middle]
+            if of_R > POINT * abs(middle):
+                turns = [least, most]
+                of_R = 0.0
+            exact &= len(turns) == len(edge.vertices) == 1
+            for R, omega in product(turns, edge.vertices):
+                read = frames.rows[i].copy()
+                of_read = frames.of_rows[i].copy()
+                read[0, :n] -= omega
+                of_read[0, :n] += edge.errors + OPERATION_ROUNDING * np.abs(omega)
+                of_read += OPERATION_ROUNDING * np.abs(read)
+                columns.append((edge.source, edge.target, moved, read, R, of_moved, of_read, of_R))
+        return Conditions(*map(np.array, zip(*columns, strict=True)), frames.drifts, exact)
+
+    def terms(self, wall: tuple[float, float, float]) -> Terms:
+        """The parts of F at a wall: f is a_x of the first row that is read, a_v of the second,
+        less a_u of the force."""
+        a_x, a_v, a_u = wall
+        n = self.moved.shape[1]
+        f = a_x * self.read[:, 0] + a_v * self.read[:, 1]
+        of_f = abs(a_x) * self.of_read[:, 0] + abs(a_v) * self.of_read[:, 1]
+        size = np.abs(a_x * self.read[:, 0]) + np.abs(a_v * self.read[:, 1])
+        size[:, n] += a_u
+        of_f = of_f + 8 * OPERATION_ROUNDING * size
+        f[:, n] -= a_u
+        count = len(f)
+        G = np.zeros((count, n + 1, n + 2))
+        dG = np.zeros_like(G)
+        force = n + 1
+        state = [*range(n), force]
+        G[:, :n, state] = self.moved
+        dG[:, :n, state] = self.of_moved
+        G[:, n, state] = f
+        dG[:, n, state] = of_f
+        G[:, n, force] -= self.R
+        dG[:, n, force] += OPERATION_ROUNDING * (np.abs(self.R) + np.abs(G[:, n, force]))
+        dG[:, n, force] += self.of_R
+        weight = -self.R if self.drifts else np.ones(count)
+        own = np.zeros((count, n + 2, n + 2))
+        of_own = np.zeros_like(own)
+        own[:, force, force] = -(self.R**2) - 2 * weight * f[:, n]
+        own[:, force, :n] = own[:, :n, force] = -weight[:, None] * f[:, :n]
+        of_own[:, force, force] = 2 * np.abs(weight) * of_f[:, n]
+        of_own[:, force, :n] = of_own[:, :n, force] = np.abs(weight)[:, None] * of_f[:, :n]
+        of_own[:, force, force] += 4 * OPERATION_ROUNDING * self.R**2
+        of_weight = self.of_R[:, None] * (np.abs(f) + of_f)
+        of_own[:, force, :n] += of_weight[:, :n]
+        of_own[:, :n, force] += of_weight[:, :n]
+        of_own[:, force, force] += 2 * of_weight[:, n]
+        of_own[:, force, force] += self.of_R * (2 * np.abs(self.R) + self.of_R)
+        of_own += 4 * OPERATION_ROUNDING * np.abs(own)
+        stored = np.zeros_like(own)
+        of_stored = np.zeros_like(own)
+        stored[:, force, force] = -2 * f[:, n]
+        stored[:, force, :n] = stored[:, :n, force] = -f[:, :n]
+        stored[:, force, n] = stored[:, n, force] = 1.0
+        of_stored[:, force, force] = 2 * of_f[:, n]
+        of_stored[:, force, :n] = of_stored[:, :n, force] = of_f[:, :n]
+        return Terms(G, own, stored, dG, of_own, of_stored)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Terms:
+    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0); of_...: bounds
+    on the errors of the entries."""
+
+    G: np.ndarray
+    own: np.ndarray
+    stored: np.ndarray
+    of_G: np.ndarray
+    of_own: np.ndarray
+    of_stored: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stored:
+    """Forms P `(nodes, n + 1, n + 1)` at the nodes, symmetric, and the weights g of the rest and
+    h of what the wall stores."""
+
+    P: np.ndarray
+    g: float
+    h: float
+
+
+def falls(
+    conditions: Conditions,
+    ends: Sequence[tuple[Stored, tuple[float, float, float]]],
+) -> bool:
+    """Return whether V is proved to fall in all frames at a wall, or at two and at all between
+    them.
+
+    ends: one or two walls, each with its forms and weights. walls: as in `Conditions.terms`, (1,
+    B/K, 1/K) or, without a drift, (K, B, 1).
+
+    Between two walls, with s from 0 to 1, the walls, forms and weights are linear in s. So F is a
+    polynomial of degree three, and positive definite if its Bernstein coefficients are. The k-th one
+    is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c` over the ends a, b, c of
+    which k are the second.
+    """
+    switched = offered("switched")
+    forms = [stored for stored, _ in ends]
+    for each in forms:
+        P = each.P
+        if not (np.isfinite(P).all() and (P.mT == P).all() and each.g > 0 and each.h >= 0):
+            return False
+        if not switched.definite(P, np.zeros_like(P)):
+            return False
+    if conditions.drifts and not (conditions.R + conditions.of_R < 0).all():
+        return False
+    n = forms[0].P.shape[-1]
+    terms = [conditions.terms(wall) for _, wall in ends]
+    last = len(ends) - 1
+    P_i = [each.P[conditions.source] for each in forms]
+    P_j = [each.P[conditions.target] for each in forms]
+    # Bounds on all terms and on their errors, at both ends.
+    size = np.max([np.abs(each.G) for each in terms], axis=0)
+    of_G = np.max([each.of_G for each in terms], axis=0)
+    size_of_P_j = np.max(np.abs(P_j), axis=0)
+    g = max(each.g for each in forms)
+    h = max(each.h for each in forms)
+    own = np.max([np.abs(each.own) for each in terms], axis=0)
+    on_wall = np.max([np.abs(each.stored) for each in terms], axis=0)
+    across = size.mT @ size_of_P_j
+    of_entries = of_G.mT @ size_of_P_j @ (size + of_G) + across @ of_G
+    added = across @ size + g * own + h * on_wall
+    added[:, :n, :n] += np.max(np.abs(P_i), axis=0)
+    of_rounding = OPERATION_ROUNDING * (2 * n + 16) * added
+    of_own = np.max([each.of_own for each in terms], axis=0)
+    of_stored = np.max([each.of_stored for each in terms], axis=0)
+    error = BOUNDS_OF_DOUBLES * (of_entries + of_rounding + g * of_own + h * of_stored)
+    for k in range(3 * last + 1):
+        coefficients = []
+        for a, b, c in product(range(last + 1), repeat=3):
+            if a + b + c != k:
+                continue
+            F = forms[a].g * terms[b].own + forms[a].h * terms[b].stored
+            moved = terms[b].G.mT @ P_j[a] @ terms[c].G
+            F = F - (moved + moved.mT) / 2
+            F[:, :n, :n] += P_i[a]
+            coefficients.append(F)
+        if not switched.definite(*switched.in_its_units(np.mean(coefficients, axis=0), error)):
+            return False
+    return True

@@ -1,0 +1,210 @@
+"""The search for forms in which what a wall stores falls, by an interior-point method: the finder,
+whose finds are checked.
+
+The largest t is looked for with which all matrices `F - t I` and P_i, g and h are positive, with
+g + h < 1 for the weights: the barrier `-s t - sum log det (F - t I) - sum log det P_i - log g h (1 -
+g - h)` is minimised while s grows. See S. Boyd, L. Vandenberghe, Convex Optimization (2004), chapter
+11.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.contact.stored_check import Conditions, Stored, Terms
+
+STEPS = 90  # of Newton
+ENOUGH = 1e-7  # t with which a search ends; forces are of size 1
+BOUNDED = 1.0  # weight of the trace of all forms, which keeps those bounded that F does not bound
+CENTRED_DECREMENT = 0.1  # of Newton, squared, below which s grows
+SHARPER = 8.0  # times s
+FIRST_FORMS, FIRST_WEIGHT = 0.1, 0.3
+LEAST_LENGTH = 1e-8  # of a step
+SUFFICIENT = 0.05  # share of the predicted descent that a step has to bring
+ROUNDED = 1e-12  # of the barrier, which rounding may add to it
+SINGULAR = 1e-13  # added to the diagonal of the Hessian, in units in which that is 1
+NO_ROOM = 1e-7  # of t, to which its maximum is known when a search ends without a find
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Programme:
+    """Conditions at a wall as a linear matrix inequality in the packed forms, g, h and t.
+
+    basis `(m, n, n)`: of symmetric matrices. slopes `(conditions, 2 m + 3, N, N)`: of F - t I in the
+    unknowns `index` of each condition.
+    """
+
+    slopes: np.ndarray
+    index: np.ndarray
+    basis: np.ndarray
+    nodes: int
+
+    @staticmethod
+    def of(conditions: Conditions, terms: Terms) -> Programme:
+        """The inequality of conditions at one wall."""
+        n = terms.G.shape[1]
+        row, column = np.triu_indices(n)
+        m = row.size
+        basis = np.zeros((m, n, n))
+        basis[np.arange(m), row, column] = 1.0
+        basis[np.arange(m), column, row] = 1.0
+        count, N = terms.own.shape[:2]
+        slopes = np.zeros((count, 2 * m + 3, N, N))
+        slopes[:, :m, :n, :n] = basis
+        G = terms.G[:, None]
+        slopes[:, m : 2 * m] = -(G.mT @ basis @ G)
+        slopes[:, 2 * m] = terms.own
+        slopes[:, 2 * m + 1] = terms.stored
+        slopes[:, 2 * m + 2] = -np.eye(N)
+        nodes = 1 + int(max(conditions.source.max(), conditions.target.max()))
+        own = np.arange(m)
+        last = np.broadcast_to(nodes * m + np.arange(3), (count, 3))
+        index = np.concatenate(
+            [conditions.source[:, None] * m + own, conditions.target[:, None] * m + own, last], 1
+        )
+        return Programme(slopes, index, basis, nodes)
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.nodes * len(self.basis) + 3
+
+    def slack(self, x: np.ndarray) -> np.ndarray:
+        """F - t I."""
+        count, _, N, _ = self.slopes.shape
+        flat = self.slopes.reshape(count, -1, N * N)
+        return (x[self.index][:, None] @ flat).reshape(count, N, N)
+
+    def forms(self, x: np.ndarray) -> np.ndarray:
+        """P at each node."""
+        packed = x[:-3].reshape(self.nodes, -1)
+        return np.tensordot(packed, self.basis, (1, 0))
+
+    def start(self) -> np.ndarray:
+        """Unknowns that begin a search."""
+        x = np.zeros(self.size)
+        x[:-3] = np.tile(FIRST_FORMS * (np.trace(self.basis, axis1=1, axis2=2) > 0), self.nodes)
+        x[-3:-1] = FIRST_WEIGHT
+        return x
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Forms that a search found, its unknowns x, and the weight s at which it ended."""
+
+    stored: Stored
+    x: np.ndarray
+    s: float
+
+
+def find_stored(
+    conditions: Conditions, terms: Terms, *, best: bool = False, near: Found | None = None
+) -> Found | None:
+    """Return forms with which V falls at a wall; None if none are found.
+
+    best: whether t has to be near its largest value, so that there is room for errors and for other
+    walls. near: forms of a similar wall, to which those that are returned are similar.
+    """
+    programme = Programme.of(conditions, terms)
+    x = programme.start() if near is None else near.x.copy()
+    x[-1] = 0.0
+    least = float(np.linalg.eigvalsh(programme.slack(x)).min())
+    if near is not None and least > 0:
+        x[-1] = least / 2
+    else:
+        x[-1] = least - 0.1 * abs(least) - (near is None) * max(0.0, 0.1 - 0.1 * abs(least))
+    count, N = terms.own.shape[:2]
+    barriers = count * N + programme.nodes * programme.basis.shape[-1] + 3
+    s = barriers / max(1.0, abs(x[-1])) if near is None else near.s
+    bounded = np.zeros(programme.size)
+    bounded[:-3] = np.tile(
+        BOUNDED * (np.trace(programme.basis, axis1=1, axis2=2) > 0), programme.nodes
+    )
+    factors = _factors(programme, x)
+    if factors is None:
+        return None
+    for _ in range(STEPS):
+        gradient, hessian = _derivatives(programme, x, factors)
+        gradient += bounded
+        gradient[-1] -= s
+        units = 1 / np.sqrt(np.diagonal(hessian))
+        scaled = hessian * units[:, None] * units + SINGULAR * np.eye(units.size)
+        step = -units * np.linalg.solve(scaled, units * gradient)
+        descent = float(-gradient @ step)
+        before = _barrier(x, factors, s, bounded)
+        length = 1.0
+        while True:
+            tried = x + length * step
+            tried_factors = _factors(programme, tried)
+            if tried_factors is not None:
+                after = _barrier(tried, tried_factors, s, bounded)
+                if after <= before - SUFFICIENT * length * descent + ROUNDED * abs(before):
+                    break
+            length /= 2
+            if length < LEAST_LENGTH:
+                return None
+        x = tried
+        factors = tried_factors
+        gap = barriers / s
+        is_centre = descent < CENTRED_DECREMENT
+        if x[-1] > ENOUGH and (is_centre or not (best or near)):
+            enough = near is not None or not best or gap <= x[-1]
+            if enough:
+                P = programme.forms(x)
+                stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
+                return Found(stored, x, s)
+        if is_centre:
+            if near is not None or gap < max(-x[-1], NO_ROOM):
+                break
+            s *= SHARPER
+    return None
+
+
+def _factors(programme, x):
+    """Cholesky factors of all matrices that have to be positive; None if some are not."""
+    if min(_scalars(x)) <= 0:
+        return None
+    try:
+        return np.linalg.cholesky(programme.slack(x)), np.linalg.cholesky(programme.forms(x))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _scalars(x):
+    """What has to be positive beside the matrices: g, h, and what is left of their sum to 1."""
+    g, h = x[-3:-1]
+    return np.array([g, h, 1 - g - h])
+
+
+def _barrier(x, factors, s, bounded):
+    logs = [np.log(np.diagonal(each, axis1=-2, axis2=-1)).sum() for each in factors]
+    return float(bounded @ x - s * x[-1] - 2 * sum(logs) - np.log(_scalars(x)).sum())
+
+
+def _derivatives(programme, x, factors):
+    """Gradient and Hessian of the barrier without its linear terms."""
+    of_slack, of_forms = factors
+    inverse = np.linalg.inv(of_slack)[:, None]
+    seen = inverse @ programme.slopes @ inverse.mT
+    flat = seen.reshape(*seen.shape[:2], -1)
+    index = programme.index
+    size = programme.size
+    of_each = -np.trace(seen, axis1=2, axis2=3)
+    gradient = np.bincount(index.ravel(), of_each.ravel(), size)
+    places = (index[:, :, None] * size + index[:, None]).ravel()
+    hessian = np.bincount(places, (flat @ flat.mT).ravel(), size**2).reshape(size, size)
+    inverse = np.linalg.inv(of_forms)[:, None]
+    seen = inverse @ programme.basis @ inverse.mT
+    flat = seen.reshape(*seen.shape[:2], -1)
+    m = len(programme.basis)
+    of_nodes = flat @ flat.mT
+    gradient[:-3] -= np.trace(seen, axis1=2, axis2=3).ravel()
+    for node in range(programme.nodes):
+        own = slice(node * m, (node + 1) * m)
+        hessian[own, own] += of_nodes[node]
+    g, h, left = 1 / _scalars(x)
+    gradient[-3:-1] += left - np.array([g, h])
+    hessian[-3:-1, -3:-1] += left**2 + np.diag([g**2, h**2])
+    return gradient, hessian

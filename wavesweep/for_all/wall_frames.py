@@ -1,0 +1,152 @@
+"""Frames of a loop without its wall: what the wall reads once a frame, and what its force moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.engine.blocks import BESIDE, FACTOR, PRODUCT, scalar_place
+from wavesweep.engine.drawing import name_of
+from wavesweep.engine.frames import (
+    ENTRY_ROUNDING,
+    MarginalModes,
+    Ticks,
+    both,
+    pattern_of,
+    products_of_rows,
+)
+from wavesweep.engine.loop import Loops
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from wavesweep.for_all.plan import Plan
+
+READ = (FACTOR, BESIDE)
+ROUNDINGS = 8.0  # of the terms of a product of a row and a matrix, for each of these
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallFrames:
+    """Frames of each kind from one sample of the wall to the next, without the wall:
+
+        eta+ = A eta + b u,   p+ = p + l' eta + r u,
+        x = p + o' eta + d_x u,   v = c' eta + d_v u.
+
+    x, v: what stiffness and damping of the wall multiply at the sample that ends the frame; u: the
+    wall's force from then on. p: the position that nothing opposes, as that of a device which floats
+    freely; drifts: whether there is one, or else l, r and p are 0. changes `(frames, n + 1, n + 1)`:
+    A less the identity and b, with the row (l, r) below; rows `(frames, 2, n + 1)`: (o, d_x) and
+    (c, d_v). of_changes, of_rows: bounds on the errors of their entries. follows: which frame
+    (column) may come after which (row). ticks: the length of each.
+    """
+
+    changes: np.ndarray
+    rows: np.ndarray
+    of_changes: np.ndarray
+    of_rows: np.ndarray
+    drifts: bool
+    follows: np.ndarray
+    ticks: tuple[int, ...]
+
+
+def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
+    """Return the frames of a plan without the numbers of its wall; None if these are not one scalar
+    of a frame, or the loop without them drifts otherwise than by a position that the wall reads.
+
+    wall: the paths of stiffness and damping.
+    """
+    names = [name_of(path) for path in wall]
+    if not all(scalar_place(plan.drawing, name) for name in names):
+        return None
+    open_values = {**plan.values, **dict.fromkeys(wall, 0.0)}
+
+    def loops_at(step):
+        return Loops(plan.schedule.with_period(plan.drawing, step), open_values)
+
+    def ticks_at(step):
+        drawn = plan.schedule.scheduled(loops_at(step).drawn(*names))
+        held = drawn.held(READ[: len(names)])
+        return Ticks.of(
+            drawn, READ[: len(names)], alone=True, through=PRODUCT, held=held, terms=True
+        )
+
+    twins = map(plan.schedule.scheduled, loops_at(plan.schedule.nominal).twins(*names))
+    drift = MarginalModes.of(*twins, READ[: len(names)])
+    maps, _, index = plan.different_ticks(ticks_at)
+    if drift.varying or maps[0].states != drift.states:
+        return None
+    ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
+    befores, samples, symbols, follows = plan.written(index)
+    acts = [bool(tick.inputs) for tick in ticks.maps]
+    if not all(acts[sample] for sample in samples) or any(acts[i] for row in befores for i in row):
+        return None
+    found = list(_frames(ticks, befores, samples))
+    lengths = tuple(symbol.ticks for symbol in symbols)
+    return _without_drift(found, drift, follows, lengths)
+
+
+def _frames(ticks: Ticks, befores, samples):
+    """The frames with the columns of the force behind their matrices: changes and rows of each, with
+    bounds on their errors."""
+    n = len(ticks.states)
+    identity = np.eye(n)
+    nothing = np.zeros((1, n, n))
+    square = [each.E for each in ticks.maps]
+    changes = np.concatenate([square, nothing])
+    sizes = np.concatenate([[each.terms[0] for each in ticks.maps], nothing])
+    still = (len(ticks.maps),)  # a row in which nothing happens
+    rows = [tuple(row) or still for row in befores]
+    E, dE = products_of_rows(rows, (changes, ENTRY_ROUNDING * sizes), both)
+    for i, (row, sample) in enumerate(zip(rows, samples, strict=True)):
+        tick = ticks.maps[sample]
+        acts = pattern_of(np.array(row), list(changes))
+        first = np.where(acts, E[i], -identity), np.where(acts, dE[i], 0.0)
+        whole, of_whole = both(first, (tick.E, ENTRY_ROUNDING * tick.terms[0]))
+        acts = pattern_of(np.array([*row, sample]), list(changes))
+        whole, of_whole = np.where(acts, whole, -identity), np.where(acts, of_whole, 0.0)
+        moved = identity + first[0]
+        of_C = ENTRY_ROUNDING * tick.terms[2]
+        of_read = np.abs(tick.C) @ first[1] + of_C @ (np.abs(moved) + first[1])
+        of_read = of_read + ROUNDINGS * n * ENTRY_ROUNDING * (np.abs(tick.C) @ np.abs(moved))
+        yield (
+            np.concatenate([whole, tick.B], axis=1),
+            np.concatenate([tick.C @ moved, tick.D], axis=1),
+            np.concatenate([of_whole, ENTRY_ROUNDING * tick.terms[1]], axis=1),
+            np.concatenate([of_read, ENTRY_ROUNDING * tick.terms[3]], axis=1),
+        )
+
+
+def _without_drift(found, drift, follows, lengths) -> WallFrames | None:
+    """The frames with the drift that the wall reads as their last state, and without states that
+    nothing reads."""
+    changes, rows, of_changes, of_rows = map(np.array, zip(*found, strict=True))
+    if rows.shape[1] == 1:  # no damping
+        rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
+        of_rows = np.concatenate([of_rows, np.zeros_like(of_rows)], axis=1)
+    share = rows[:, 0, drift.leads]
+    moving = [lead for lead, each in zip(drift.leads, share.T, strict=True) if each.any()]
+    if len(moving) > 1 or rows[:, 1, drift.leads].any():
+        return None
+    if moving and not (rows[:, 0, moving[0]] == 1).all():
+        return None
+    kept = list(drift.remaining)
+    force = changes.shape[-1] - 1
+    while True:
+        read = (changes[:, [*kept, *moving]] != 0).any(0)
+        # The change of a state that each frame sets anew is its own value, which it does not read.
+        for at, state in enumerate(kept):
+            read[at, state] = (changes[:, state, state] != -1).any()
+        is_read = read.any(0) | (rows != 0).any((0, 1))
+        if is_read[kept].all():
+            break
+        kept = [state for state in kept if is_read[state]]
+    columns = [*kept, force]
+    at = np.ix_(range(len(changes)), [*kept, *moving], columns)
+    picked = [changes[at], rows[..., columns], of_changes[at], of_rows[..., columns]]
+    if not moving:
+        picked[0] = np.concatenate([picked[0], np.zeros_like(picked[0][:, :1])], axis=1)
+        picked[2] = np.concatenate([picked[2], np.zeros_like(picked[2][:, :1])], axis=1)
+    return WallFrames(*picked, bool(moving), follows, lengths)
