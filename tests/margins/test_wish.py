@@ -74,3 +74,14 @@ def test_a_wish_of_a_margin_needs_a_cut_of_the_loop(wish, said):
     with pytest.raises(SpecError) as raised:
         load(TABLES | {"design": TABLES["design"] | {"wish": {"Ms": wish}}})
     assert said in str(raised.value)
+
+
+@pytest.mark.asks("require")
+def test_margins_are_those_of_the_cut_that_the_spec_asks_for():
+    loop = {name: table for name, table in TABLES.items() if name != "design"}
+    assert margins(load(loop)).columns["cut"][0] == "c.y"
+    sweep = {"along": "K", "K": {"start": 1, "stop": 250}}
+    required = sweep | {"require": {"margins": {"cut": "p.y", "Ms": 2.0}}}
+    assert margins(load(loop | {"sweep": required})).columns["cut"][0] == "p.y"
+    wished = TABLES["design"] | {"wish": {"Ms": {"at_most": 2, "cut": "p.y"}}}
+    assert margins(load(loop | {"design": wished})).columns["cut"][0] == "p.y"

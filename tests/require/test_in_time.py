@@ -6,8 +6,8 @@ import pytest
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import load
+from wavesweep.require import enclosed
 from wavesweep.require.disc_panels import HALF_RIM
-from wavesweep.require.enclosed import mean_square, peak_to_peak, step
 from wavesweep.require.gain_bound import IN_TIME
 
 T = 0.01  # s
@@ -86,35 +86,36 @@ def test_ends_of_several_rates_are_those_of_marches(measure, level):
         assert values(row.low * (1 - 1e-6), 3, 1)[measure] > level
 
 
-def of_ratio(ratio):
-    """E, G, O and T of a lag of second order with 10 rad/s, for complex damping ratios."""
+def of_ratio(ratio, rate):
+    """E, G, O and T of a lag of second order with this rate (rad/s), for complex damping ratios."""
     from scipy.linalg import expm
 
     matrices = []
     for each in ratio:
-        flow = np.array([[0, 1, 0], [-100, -20 * each, 100], [0, 0, 0]])
+        flow = np.array([[0, 1, 0], [-(rate**2), -2 * rate * each, rate**2], [0, 0, 0]])
         A = expm(T * flow)
         matrices.append((A[:2, :2] - np.eye(2), A[:2, 2:], np.array([[1.0, 0]]), np.zeros((1, 1))))
     return [(np.array(each)[None], 1e-16 * np.abs(each)[None]) for each in zip(*matrices, strict=True)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.02])
-def test_what_is_known_on_a_panel_holds_for_all_of_it(radius):
-    """Against sums of the response at damping ratios on the panel."""
-    panel = of_ratio(0.3 + radius * np.append(0.0, HALF_RIM))
+@pytest.mark.parametrize(("radius", "rate", "doublings"), [(0.02, 10.0, 48), (0.02, 0.3, 48), (1e-7, 10.0, 7)])
+def test_what_is_known_on_a_panel_holds_for_all_of_it(radius, rate, doublings, monkeypatch):
+    """Against sums of the response at damping ratios on the panel, by its two modes; the peak at 0.3 rad/s comes late."""
+    monkeypatch.setattr(enclosed, "MOST_DOUBLINGS", doublings)
+    panel = of_ratio(0.3 + radius * np.append(0.0, HALF_RIM), rate)
     found = {
-        "overshoot": step(panel),
-        "settling": step(panel, settling=True),
-        "peak": peak_to_peak(panel),
-        "noise": mean_square(panel),
+        "overshoot": enclosed.step(panel),
+        "settling": enclosed.step(panel, settling=True),
+        "peak": enclosed.peak_to_peak(panel),
+        "noise": enclosed.mean_square(panel),
     }
-    for ratio in 0.3 + radius / 2 * np.linspace(-1, 1, 7):
-        (E,), (G,), (O,), _ = (matrix[0] for matrix, _ in of_ratio([ratio]))
-        states = [G]
-        for _ in range(1500):
-            states.append(states[-1] + E @ states[-1])
-        impulse = (O @ np.array(states))[:, 0, 0]
+    times = np.arange(round(150 / rate / T))
+    for ratio in 0.3 + radius / 2 * np.linspace(-1, 1, 5):
+        (E,), (G,), (O,), _ = (matrix[0] for matrix, _ in of_ratio([ratio], rate))
+        modes, vectors = np.linalg.eig(E)
+        shares = (O @ vectors)[0] * np.linalg.solve(vectors, G + 0j)[:, 0]
+        impulse = ((1 + modes) ** times[:, None] @ shares).real
         response = np.append(0.0, np.cumsum(impulse))
         true = {
             "overshoot": response.max() - 1,
@@ -125,7 +126,8 @@ def test_what_is_known_on_a_panel_holds_for_all_of_it(radius):
         for name, value in true.items():
             assert found[name].low[0] <= value * (1 + 1e-9)
             assert value <= found[name].high[0] * (1 + 1e-9)
-    assert found["noise"].high[0] - found["noise"].low[0] < 10 * radius * true["noise"]
+    if doublings == 48:
+        assert found["noise"].high[0] - found["noise"].low[0] < 10 * radius * true["noise"]
 
 
 def wished(tables, K, **wishes):

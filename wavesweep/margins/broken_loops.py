@@ -152,6 +152,17 @@ def _block_of(port: str) -> str:
     return port.rpartition(".")[0]
 
 
+def default_cut(spec: Spec) -> str:
+    """The signal at which the spec asks for margins, in [sweep] require, or else in a wish; or else
+    the first of `cuts_of`. Empty without one."""
+    asked = []
+    if required := spec.asked.get("require"):
+        asked += [required["margins.cut"]] if "margins.cut" in required else []
+    if design := spec.asked.get("design"):
+        asked += [wish.options["cut"] for wish in design.wishes if "cut" in wish.options]
+    return next(iter(asked or cuts_of(spec)), "")
+
+
 def cuts_of(spec: Spec) -> list[str]:
     """The signals at which the spec's own loop can be broken.
 

@@ -13,7 +13,7 @@ from wavesweep.program.cli.study_commands import one_spec
     metavar="SIGNAL",
     default="",
     help="The signal at which the loop is broken: an output of a block that a wire reads, BLOCK.PORT, or a name in [signals] "
-    "[default: the only one that acts on the plant, the actuator's].",
+    "[default: the cut of the spec's require.margins, or of a wish, else the one that acts on the plant, the actuator's].",
 )
 @run_options()
 def margins(spec: str, options: Options, cut: str) -> None:

@@ -26,8 +26,8 @@ class LoopMargins(api.Loop):
         Parameters
         ----------
         cut : str, optional
-            An output of a block that a wire reads, "block.port"; by default the only one that acts
-            on the plant.
+            An output of a block that a wire reads, "block.port"; by default the cut of
+            the spec's `require.margins`, or of a wish, else the one that acts on the plant.
 
         Returns
         -------

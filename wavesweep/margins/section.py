@@ -11,10 +11,10 @@ KNOWN = "Certified, to a relative 1e-6 or better, unless a line says that it is 
 
 
 def section(spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:
-    """The command of the table, with {} for the spec, and what makes it; cut: by default the
-    signal that acts on the plant."""
-    from wavesweep.margins.broken_loops import cuts_of
+    """The command of the table, with {} for the spec, and what makes it; cut: by default that
+    of the spec, see `default_cut`."""
+    from wavesweep.margins.broken_loops import default_cut
     from wavesweep.margins.table import margins
 
-    cut = cut or next(iter(cuts_of(spec)), "")
+    cut = cut or default_cut(spec)
     return f"margins {{}} --cut {quote(cut)}", lambda: margins(spec, cut)

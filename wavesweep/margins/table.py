@@ -62,17 +62,17 @@ def margins(spec: Spec, cut: str = "") -> Table:
     several times in a frame.
 
     With unknown numbers in [for_all] there are rows of the margins that hold for all of them as
-    well. cut: the signal, "block.port" or a name in [signals]; by default the first of `cuts_of`,
-    an actuator's. Errors: UsageError for a signal at which the loop cannot be broken, or a loop
+    well. cut: the signal, "block.port" or a name in [signals]; by default that at
+    which the spec asks for margins, or else an actuator's. Errors: UsageError for a signal at which the loop cannot be broken, or a loop
     that is not known to be stable.
     """
-    from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
+    from wavesweep.margins.broken_loops import broken_at, default_cut, lines_at
     from wavesweep.margins.dead_time_margin import in_seconds
     from wavesweep.margins.lifted_margins import margins_of
     from wavesweep.program.analyses.assumptions import over_preset
 
     started = time.perf_counter()
-    cut = cut or next(iter(cuts_of(spec)), "")
+    cut = cut or default_cut(spec)
     loop = broken_at(spec, cut)
     margins_found, doubt = margins_of(loop)
     margins_found = in_seconds(spec, cut, margins_found)

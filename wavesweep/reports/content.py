@@ -47,7 +47,7 @@ SAME = (
 class ReportRequest:
     """What is asked of a report in addition to the spec.
 
-    cut: the signal for the margins, by default the one that acts on the plant. hands: words for
+    cut: the signal for the margins, by default the one at which the spec asks for them. hands: words for
     guarantees, see `hands_of`. overrides: the texts of --set that the spec was loaded with.
     at_work: gives a context, for what is done in it, with a function of (done, total) or None.
     """
