@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         read_drawing,
     )
     from wavesweep.engine._drawing.drawn_block import DELTA, PORT, DrawnBlock, Plant, keys_of_block
-    from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN
+    from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN, with_late_signal
 else:
     __getattr__ = on_demand(
         {
@@ -66,6 +66,6 @@ else:
             "_drawing.drawing_ports": ("NAMED", "OPTIONAL", "PORTS"),
             "_drawing.drawing_tables": ("NUMBER_PARTS", "Surroundings", "TABLES", "read_drawing"),
             "_drawing.drawn_block": ("DELTA", "DrawnBlock", "PORT", "Plant", "keys_of_block"),
-            "_drawing.gain_at_signal": ("BLOCK", "GAIN"),
+            "_drawing.gain_at_signal": ("BLOCK", "GAIN", "with_late_signal"),
         }
     )

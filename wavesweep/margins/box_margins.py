@@ -6,11 +6,12 @@ A factor k of the signal is one more number of the loop, and a margin is a path 
 psi))/(1 - p exp(j psi))`. [for_all] proves that all loops along the path are stable, for all
 numbers of the box; one with complex k is a real loop of twice the size. Where frames are
 polynomials in k, a disk is proved on its rim alone, as the spectral radius of a frame that is
-analytic in k has no peak inside. Delays are no factors of a frame: they are checked with bounds
-that are sampled, see `Arc`.
+analytic in k has no peak inside. A delay is in whole frames, each of which is proved as a loop of
+its own; if no loop of the box has a limit, all factors `|k| <= 1` are: an eigenvalue `|z| >= 1`
+with n frames of delay is one with the factor `z^-n`.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import chain, product
@@ -19,10 +20,17 @@ import numpy as np
 
 from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing import GAIN, TWIN, name_of, path_of, with_complex_factor
+from wavesweep.engine.drawing import (
+    GAIN,
+    TWIN,
+    name_of,
+    path_of,
+    with_complex_factor,
+    with_late_signal,
+)
 from wavesweep.engine.expressions import parse, with_trees
-from wavesweep.engine.frames import Frames, balance, inverse, on_circle
-from wavesweep.engine.intervals import Cover, FunctionValues, Resolution, any_positive
+from wavesweep.engine.frames import Frames
+from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import Side
@@ -44,21 +52,25 @@ TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proo
 SETTLED_WITHIN = 1e-2  # of a margin, how far proof and refutation may be apart
 STEP_HALVINGS = 6  # of the steps of the search for the worst numbers
 SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
-FRAMES = 200_000  # that the check of a delay may take
 PROOF_ROUNDS = 6  # of search and proof
-SWEEPS = 12  # of balancing
-ENTRY_ROUNDINGS = 16.0  # errors of the entries of a frame, in roundings of their sizes
+MOST_FRAMES = 32  # of delay that are proved one by one
 INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
 LOGARITHM = Side(path_of(GAIN), 0.0)
-DISK = tuple(
+FACTORS = tuple(
     with_trees(parse(text), {"p": ("name", SIZE, 0), "psi": ("name", ANGLE, 0)})
-    for text in ("(1 - p*p)/(1 - 2*p*cos(psi) + p*p)", "2*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)")
+    for text in (
+        "(1 - p*p)/(1 - 2*p*cos(psi) + p*p)",
+        "2*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)",
+        "p*cos(psi)",
+        "p*sin(psi)",
+    )
 )
 # real and imaginary part of a factor, and the sides of a proof along it
 TURNED = {
     "phase": (("cos", ("name", SIZE, 0), 0), ("sin", ("name", SIZE, 0), 0), [Side(path_of(SIZE))]),
-    "disk": (*DISK, [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
+    "disk": (*FACTORS[:2], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
+    "delay_frames": (*FACTORS[2:], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
 }
 OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
 ENDS = {
@@ -71,9 +83,8 @@ ENDS = {
 
 
 METHOD_FOR_ALL = (
-    "gains, phase and disk proved along their factors of the signal by forms that decrease, over Taylor models of ticks; "
-    "the delay checked: functions of L beside its arc, interpolated over all numbers with sampled bounds, positive by "
-    "Bernstein coefficients; refuted by the worst numbers found"
+    "gains, phase and disk proved along their factors of the signal by forms that decrease, over Taylor models of ticks, the "
+    "delay frame by frame; refuted by the worst numbers found"
 )
 
 
@@ -81,7 +92,7 @@ METHOD_FOR_ALL = (
 class BoxMargin:
     """A margin of all loops of a box.
 
-    value: what is proved, of a delay what is checked, NaN if nothing is. refuted: the least that a
+    value: what is proved, NaN if nothing is. refuted: the least that a
     loop of the box was seen to have, NaN without; omega: its frequency, rad/s; counterexample: the
     numbers of that loop. settled: whether both are within SETTLED_WITHIN of each other. limited:
     whether there is a limit. doubt: why nothing is proved, a code.
@@ -139,8 +150,7 @@ def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
         rows += _with_gain_and_phase(margin) if margin.name == "disk" else [margin]
     known = any(not np.isnan(margin.value) for margin in rows)
     status = Status.PROVED if known else Status.UNKNOWN
-    checked = "the delay margin checked" if "delay_frames" in cases[0].names else ""
-    return rows, Claim(Property("margins", "figures"), scope, status, checked)
+    return rows, Claim(Property("margins", "figures"), scope, status)
 
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
@@ -244,15 +254,9 @@ class _Case:
         self.names = [
             name for name in ENDS if name != "delay_frames" or isinstance(broken, BrokenLoop)
         ]
-        self.rated = any(name_of(path) in loop.drawing.rating for path in self.ranged)
         if not ranges:
             return
         paths = [path_of(GAIN), *self.ranged]
-        limits = [
-            self.loop.domain(path, tuple(ends))
-            for path, ends in zip(self.ranged, self.box.T, strict=True)
-        ]
-        self.limits = np.array(limits).T
         drift = self.boxes.drift_over(self.loop, paths, np.column_stack([OTHER_GAINS, self.box]))
         self.frames_at = partial(self.boxes.frames_over, self.loop, paths, drift)
 
@@ -292,16 +296,19 @@ class _Case:
         point, worst = self._worst(name, [])
         if not self.ranged:
             return (0.0 if worst.doubt else size_of(worst)), point, worst
-        if worst.doubt or (name == "delay_frames" and self.rated):
+        if worst.doubt:
             return 0.0, point, worst
         shares, proved = [*SHARES], 0.0
         for _ in range(PROOF_ROUNDS):
             size = min(size_of(worst), ENDS[name])
-            end = 1.0 if size == ENDS[name] and name != "disk" else 1 - TRIED_NEAR_REFUTED
-            proved, met = self._proved(name, shares[0] * end * size)
+            aim = size
+            if name != "delay_frames":
+                whole = size == ENDS[name] and name != "disk"
+                aim *= shares[0] * (1.0 if whole else 1 - TRIED_NEAR_REFUTED)
+            proved, met = self._proved(name, aim)
             point, worst = self._worst(name, met)
             if size_of(worst) >= size:
-                if proved > 0 or not shares[1:]:
+                if proved > 0 or name == "delay_frames" or not shares[1:]:
                     break
                 shares.pop(0)
         return proved, point, worst
@@ -326,14 +333,14 @@ class _Case:
     def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
         """The size of a margin, up to this one, that is proved, and points next to which it may
         be smaller."""
-        if name == "delay_frames":
-            covered = self._delay(size)
-            met = np.concatenate([covered.unstable[:, 1:], covered.open[-1:, :, 1:].mean(1)])
-            return (0.0 if len(covered.open) else size), [tuple(pair) for pair in met.tolist()]
-        found = self._stable(name, size)
+        if name == "delay_frames" and np.isfinite(size):
+            return self._late(size)
+        found = self._stable(name, min(size, ENDS["disk"]) if name == "delay_frames" else size)
         proved = abs(found.end)
         if name == "disk" and self._delayed and not found.whole:
             proved = 0.0
+        if name == "delay_frames":
+            proved = size if found.whole else 0.0
         if proved < ENDS[name]:
             proved *= 1 - INWARD
         return proved, [] if found.met is None else [found.met[-len(self.ranged) :]]
@@ -359,114 +366,29 @@ class _Case:
             drawing = with_complex_factor(self.loop.drawing, re, im)
             built = {path: self.loop.values[path.replace(TWIN, "")] for path in drawing.building}
             ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
-            ends[0, 0] = size if name == "disk" and self._delayed else 0.0
+            ends[0, 0] = size if name != "phase" and self._delayed else 0.0
             return self.boxes.proved_stable(
                 Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest
             )
         ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
         return self.boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
-    def _delay(self, frames) -> Cover:
-        """The check that so many frames of delay, and fewer, leave the loop stable."""
-        half = min(
-            np.pi / frames, np.pi
-        )  # the angle up to which the arc is less than half a circle
-        edge = min(2 * np.pi / frames, np.pi)  # and a whole one
-        stretches = [(edge, np.pi, ("below",))]
-        if half < edge:
-            stretches.append((half, edge, ("below", "above", "beyond")))
-        if half > 0:
-            stretches.append((0.0, half, ("below", "above", "past", "before")))
-        for low, high, ways in stretches:
-            arcs = [Arc(self.closed, frames, arc_way) for arc_way in ways]
-            box = np.column_stack([[low, high], self.box])
-            limits = np.column_stack([[-np.inf, np.inf], self.limits])
-            resolution = Resolution(*self.loop, [Expressed(), *map(Expressed, self.ranged)])
-            covered = any_positive(arcs, box, limits, FRAMES, resolution)
-            if len(covered.open):
-                break
-        return covered
+    def _late(self, size) -> tuple[float, list[tuple[float, ...]]]:
+        """What is proved of delays of fewer whole frames than `size`, see `_proved`: that many, if
+        all are."""
+        for frames in range(min(int(np.ceil(size)), MOST_FRAMES)):
+            drawing = self.loop.drawing
+            if frames:
+                drawing = with_late_signal(drawing, frames)
+            none = np.zeros((2, 0))
+            found = self.boxes.proved_stable(
+                Loops(drawing, self.loop.values), [], none, self.ranged, self.box, up=True
+            )
+            if not found.whole:
+                return float(frames), [found.met]
+        return min(size, float(MOST_FRAMES)), []
 
     def closed(self, k, x) -> Frames:
         """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal,
         `(n,)`."""
         return self.frames_at(np.column_stack([k, x]))
-
-
-def _units(frames):
-    return balance(np.abs(frames.E), SWEEPS)[1][0]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Arc:
-    """Functions of angle (rad per frame) and numbers that are positive where L stays away from an
-    arc: see `Functions`.
-
-    With s frames of delay the loop has an eigenvalue on the unit circle where `-L = exp(j s
-    theta)`. For all s from 0 to `frames` this is an arc of the unit circle from 1 on. No value of
-    -L on the arc lies inside of the circle ("below"), outside of it ("above"), beyond the arc's
-    chord ("beyond") or, if the arc is less than half a circle, on the other side of the line
-    through 0 and its end ("past") or its begin ("before"). If one of these holds at every angle,
-    and L is inside of the circle at pi, no delay up to `frames` moves an eigenvalue across the
-    circle. At angles whose arc is a whole circle "below" has to hold. With `det(z - A) = D` without
-    the signal and `D + N` with it, L is N/D.
-    """
-
-    WAYS = "below", "above"
-    closed: Callable[[np.ndarray, np.ndarray], Frames]
-    frames: float
-    way: str
-
-    def units(self, middle) -> np.ndarray:
-        """The units in which the states have similar sizes, `(n,)`."""
-        return _units(self.closed(np.ones(1), middle[None, 1:]))
-
-    def values(self, x, units):
-        """Phase, logarithm, error and pivots at points `(n, 1 + numbers)`."""
-        closed = self.closed(np.repeat([0.0, 1.0], len(x)), np.concatenate([x[:, 1:]] * 2))
-        E = (closed.E * (units / units[:, None])).reshape(2, 1, len(x), units.size, units.size)
-        w = on_circle(np.stack([x[:, 0], -x[:, 0]]))[..., None, None] * np.eye(units.size)
-        phase, log = np.linalg.slogdet(w - E)
-        # to first order, the relative change of a determinant is the trace of the inverse times the
-        # change of the matrix
-        change = ENTRY_ROUNDINGS * (np.abs(E) + np.abs(w))
-        relative = (np.abs(inverse(w - E).mT) * change).sum((-1, -2))
-        pivots = closed.pivots.reshape(2, len(x), -1)
-        scale = log.max((0, 1))
-        determinants = phase * pivots[:, None, :, 0] * np.exp(log - scale)
-        errors = np.abs(determinants) * relative
-        # each at the angle and its negative, whose product is that with the conjugate
-        D = determinants[0]
-        N = determinants[1] - determinants[0]
-        dD = errors[0]
-        dN = errors[1] + errors[0]
-        size_of_D = D[0] * D[1]
-        error_of_D = (dD * np.abs(D[::-1])).sum(0)
-        if self.way in self.WAYS:
-            size_of_N = N[0] * N[1]
-            error_of_N = (dN * np.abs(N[::-1])).sum(0)
-            sign = 1 if self.way == "below" else -1
-            value = (size_of_D - size_of_N) * sign
-            error = error_of_D + error_of_N
-        else:
-            level, angle = self._line(self.frames * x[:, 0])
-            turn = np.exp(np.multiply.outer([-1j, 1j], angle)) / 2
-            value = level * size_of_D + (N * D[::-1] * turn).sum(0)
-            error_across = np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])
-            error = np.abs(level) * error_of_D + error_across.sum(0)
-        size = np.abs(value)
-        return FunctionValues(
-            (value / size)[None],
-            (np.log(size) + 2 * scale)[None],
-            (error / size)[None],
-            pivots.prod(0),
-        )
-
-    def _line(self, end):
-        """The line that values of -L do not reach, by its level and its angle; end: the angle of
-        the arc's end."""
-        if self.way == "beyond":
-            return np.cos(end / 2), end / 2
-        if self.way == "past":
-            return 0.0, end - np.pi / 2
-        return 0.0, np.full_like(end, np.pi / 2)

@@ -199,8 +199,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         if claim.status is Status.REFUTED:
             yield f"{claim.words()} (for_all)", True
             return
-        checked = f", {claim.reason}" if claim.reason else ""
-        yield f"{claim.words()} (for_all){checked}:", False
+        yield f"{claim.words()} (for_all):", False
         for name, margin in of_all.items():
             below = margin["fails_below"]
             end = margin["fails_from"]

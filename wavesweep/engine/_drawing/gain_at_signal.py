@@ -5,20 +5,31 @@ from dataclasses import replace
 from wavesweep.engine._drawing.drawing import Drawing
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
 
-BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
+# No block and no number of a spec can be called so.
+BLOCK, LATE = "the cut", "later than the cut"
+GAIN = "gain of the cut"
 
 
 def with_gain(drawing: Drawing, signal: str) -> Drawing:
     """The drawing with a gain behind a signal, which runs when its block does; all wires read
     the signal behind it."""
+    return _with_block(drawing, signal, BLOCK, "gain", ("k", ("name", GAIN, 0)))
+
+
+def with_late_signal(drawing: Drawing, runs: int) -> Drawing:
+    """The drawing, one with a gain behind a signal, in which all wires read the signal behind it so
+    many runs of its block later."""
+    return _with_block(drawing, f"{BLOCK}.y", LATE, "delay", ("steps", ("number", float(runs), 0)))
+
+
+def _with_block(drawing, signal, name, kind, key):
+    """The drawing with a block behind a signal, which runs when that of the signal does."""
     source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
-    gain = DrawnBlock(
-        BLOCK, "gain", (("k", ("name", GAIN, 0)),), source.every, source.phase, source.phases
-    )
-    behind = {signal: f"{BLOCK}.y"}
+    added = DrawnBlock(name, kind, (key,), source.every, source.phase, source.phases)
+    behind = {signal: f"{name}.y"}
     wires = tuple(
         (port, tuple((behind.get(name, name), factor) for name, factor in terms))
         for port, terms in drawing.wires
     )
-    wires += ((f"{BLOCK}.u", ((signal, ("number", 1.0, 0)),)),)
-    return replace(drawing, blocks=(*drawing.blocks, gain), wires=wires)
+    wires += ((f"{name}.u", ((signal, ("number", 1.0, 0)),)),)
+    return replace(drawing, blocks=(*drawing.blocks, added), wires=wires)

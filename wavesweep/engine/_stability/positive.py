@@ -5,7 +5,6 @@ the error between these. If the Bernstein coefficients of the interpolant do not
 positive, the box is divided.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -33,7 +32,6 @@ LOG_LEBESGUE = 0.7
 SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
 HALVES = 9  # halvings of an interpolant, for each number
 MOST_PIECES = 4096
-NARROWEST_PART = 1e-5  # of each side of a box, below which a part is not divided
 LOG_STEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
 EPS = np.finfo(float).eps
 
@@ -108,46 +106,6 @@ def positive(
             negative, open_ = proof.judged(piece)
         queue += open_
     return Cover(np.array(queue).reshape(-1, *box.shape), negative, proof.used)
-
-
-def any_positive(
-    alternatives: Sequence[Functions],
-    box: Box,
-    bounds: Box,
-    most: int,
-    resolution: Resolved | None = None,
-) -> Cover:
-    """Prove that at every point of a box one of these is positive, except in the parts that are
-    left open; see `positive`."""
-    box, bounds = np.asarray(box, float), np.asarray(bounds, float)
-    proofs = [_BoxProof(functions, box, bounds, resolution) for functions in alternatives]
-    queue = [box]
-    while (
-        queue
-        and sum(proof.used for proof in proofs) < most
-        and (np.ptp(queue[-1], 0) > NARROWEST_PART * np.ptp(box, 0)).any()
-    ):
-        piece, negatives, rest = queue.pop(), [], None
-        for proof in proofs:
-            with np.errstate(all="ignore"):
-                negative, open_ = proof.judged(piece)
-            if not len(negative):
-                rest = open_
-                break
-            negatives.append(negative)
-        if rest is None:  # divide between the points at which the alternatives are negative
-            wide = np.flatnonzero(piece[0] < piece[1])
-            away = [
-                np.abs(points.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide]
-                for points in negatives
-            ]
-            rest = _divided(piece, wide, np.max(away, 0))
-        queue += rest
-    return Cover(
-        np.array(queue).reshape(-1, *box.shape),
-        np.zeros((0, box.shape[1])),
-        sum(proof.used for proof in proofs),
-    )
 
 
 class _BoxProof:
