@@ -48,6 +48,24 @@ def test_products_and_parts_of_polynomials_enclose_what_they_stand_for():
         assert (np.abs(np.linalg.solve(basis, at(one, s) @ basis) - at(seen, s)) <= seen.rest).all()
 
 
+@pytest.mark.parametrize("moved", [1.0, 1e-6])
+def test_units_follow_the_frames_along_each_side_that_moves_them(moved):
+    """Turned frames of two states, whose second one has the unit exp(s) along the first side; the other moves less, or nothing."""
+    one = 0.9 * np.array([[0.8, 0.6], [-0.6, 0.8]])
+
+    class Turned:
+        def over(self, boxes):
+            assert len(boxes) == 1  # places differ along sides that are not wide
+            first, second = boxes[0].mean(0)
+            unit = np.diag(np.exp([0.0, 1.0 * first + 0.5 * moved * second]))
+            matrix = unit @ one @ np.linalg.inv(unit)
+            return [ranges.Enclosed(boxes[0], Polynomials(matrix[None, None], np.zeros((1, 2, 2)), 0, 5), np.zeros(0))]
+
+    units = ranges.units_of(Turned(), np.array([[0.0, -1.0], [2.0, 1.0]]), np.ones((1, 1), bool))
+    assert np.diff(units[0]) == pytest.approx(-1.0, abs=0.02)
+    assert np.diff(units[1]) == pytest.approx(-0.5 if moved == 1.0 else 0.0, abs=0.02)
+
+
 def scalar(*terms, rest=0.0):
     """A polynomial of one number and 1 by 1 matrices, at one node or for one symbol."""
     return Polynomials(np.array([*terms, *[0.0] * (4 - len(terms))]).reshape(4, 1, 1, 1), np.full((1, 1, 1), rest), 1, 3)

@@ -45,7 +45,8 @@ HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
-# of the largest entry of frames: if they change by less along a side, norms hardly do
+# of what the entries of frames change along the side that moves them most: norms hardly change along
+# one that moves them less
 UNITS_KEPT = 1e-2
 # parts that are enclosed together: fewer take longer each, and of more the arrays do not fit the
 # cache
@@ -61,8 +62,9 @@ class Frames(Protocol):
     """The frames of loops over boxes."""
 
     def over(self, boxes: np.ndarray) -> list[Enclosed | int]:
-        """Return what encloses the frames in boxes that are wide along the same sides, `(boxes,
-        2, sides)`; for those without a bound the side along which they have to be divided first."""
+        """Return what encloses the frames in boxes that are wide along the same sides and the same
+        along all others, `(boxes, 2, sides)`; for those without a bound the side along which they
+        have to be divided first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -391,17 +393,22 @@ def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.nd
     form has on its diagonal.
     """
     wide = np.flatnonzero(box[0] < box[1])
-    places = np.repeat(box.mean(0)[None], 2 * wide.size, 0)
-    for i, side in enumerate(wide):
-        places[2 * i : 2 * i + 2, side] = box[:, side]
-    found = frames.over(np.stack([places, places], 1)) if wide.size else []
-    if not found or any(isinstance(each, int) for each in found):
+    A = []
+    for side in wide:
+        for end in box[:, side]:
+            place = box.mean(0)
+            place[side] = end
+            enclosed = frames.over(np.stack([place, place])[None])[0]
+            if isinstance(enclosed, int):
+                return None
+            A.append(enclosed.matrices)
+    if not A:
         return None
-    A = [each.matrices for each in found]
     units = np.zeros((box.shape[1], A[0].terms.shape[-1]))
-    for side, low, high in zip(wide, A[::2], A[1::2], strict=True):
-        change = np.abs(high.terms[0] - low.terms[0]).max()
-        if change < UNITS_KEPT * np.abs(low.terms[0]).max():
+    ends = list(zip(A[::2], A[1::2], strict=True))
+    moves = [np.abs(high.terms[0] - low.terms[0]).max() for low, high in ends]
+    for side, move, (low, high) in zip(wide, moves, ends, strict=True):
+        if move < UNITS_KEPT * max(moves):
             continue
         before, after = (_log_of_forms(end, follows) for end in (low, high))
         if before is not None and after is not None:

@@ -109,8 +109,8 @@ class EnclosedLoop:
         self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
 
     def over(self, cells: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
-        """Return the blocks and the gains of the wires in cells that are wide along the same sides,
-        `(*cells, 2, sides)`.
+        """Return the blocks and the gains of the wires in cells that are wide along the same sides
+        and the same along all others, `(*cells, 2, sides)`.
 
         known: blocks in these cells, of loops with the same values and sides; those that are the
         same here are taken from there. Errors: UnresolvedError if a cell is too wide for a bound;
