@@ -50,7 +50,7 @@ def test_products_and_parts_of_polynomials_enclose_what_they_stand_for():
 
 @pytest.mark.parametrize("moved", [1.0, 1e-6])
 def test_units_follow_the_frames_along_each_side_that_moves_them(moved):
-    """Turned frames of two states, whose second one has the unit exp(s) along the first side; the other moves less, or nothing."""
+    """Turned frames of two states, whose second one has the unit exp(s) along the first side; the other moves less."""
     one = 0.9 * np.array([[0.8, 0.6], [-0.6, 0.8]])
 
     class Turned:
