@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._stability.along_any import END_ROUNDING, stable_along_any
     from wavesweep.engine._stability.boundary import terms_of, times
     from wavesweep.engine._stability.intervals import Intervals
-    from wavesweep.engine._stability.positive import Cover, FunctionValues, positive
+    from wavesweep.engine._stability.positive import FunctionValues, positive
     from wavesweep.engine._stability.regions import SHARE_OF_SPAN
     from wavesweep.engine._stability.stable import stable_intervals
 else:
@@ -32,7 +32,7 @@ else:
             "_stability.along_any": ("END_ROUNDING", "stable_along_any"),
             "_stability.boundary": ("terms_of", "times"),
             "_stability.intervals": ("Intervals",),
-            "_stability.positive": ("Cover", "FunctionValues", "positive"),
+            "_stability.positive": ("FunctionValues", "positive"),
             "_stability.regions": ("SHARE_OF_SPAN",),
             "_stability.stable": ("stable_intervals",),
         }
