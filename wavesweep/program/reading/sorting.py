@@ -66,132 +66,135 @@ def normal_path(path: Path) -> Path:
 def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Sorted:
     """Return every leaf under the key or axis that it belongs to; of a drawn loop those of the
     studies only."""
-    result = Sorted()
+    sorter = _Sorter(names, mistakes)
     for path, leaf in leaves.items():
+        sorter.put(path, leaf)
+    return sorter.result
+
+
+@dataclass(frozen=True, slots=True)
+class _Sorter:
+    """What puts leaves under their keys and axes. names: of the loop's keys."""
+
+    names: Names
+    mistakes: Mistakes
+    result: Sorted = field(default_factory=Sorted)
+
+    def put(self, path: Path, leaf: Leaf) -> None:
+        """Put a leaf under the key or axis that it belongs to, or add its mistake."""
         section = section_of(path)
-        result.leaves[".".join(path)] = leaf
+        self.result.leaves[".".join(path)] = leaf
         if section == path:
-            if leaf.value != {}:
-                mistakes.refuse(leaf, ".".join(path), "a table", show(leaf.value), of_key=False)
+            self._refuse_filled(leaf, ".".join(path))
         elif section:
-            _sort_section(section, path[len(section) :], leaf, result, mistakes, names)
-        elif names is BUILT_IN or path[0] in study_tables():
-            _sort_key(path, leaf, result, mistakes)
-    return result
+            self._put_in_section(section, path[len(section) :], leaf)
+        elif self.names is BUILT_IN or path[0] in study_tables():
+            self._put_under_key(path, leaf)
 
+    def _refuse_filled(self, leaf: Leaf, name: str) -> None:
+        """Add the mistake of a value where a table is expected; an empty table is none."""
+        if leaf.value != {}:
+            self.mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
 
-def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> None:
-    """Put a leaf under its key."""
-    table_of_path = tables().get(path[0])
-    for length in range(1, len(path) + 1):
-        name = _join(path[:length])
-        rest = path[length:]
-        leaf_here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
-        if table_of_path and name in table_of_path.spans:
-            return _add_part(result, path[0], path[1], rest, leaf, mistakes)
-        if table_of_path and name in table_of_path.named:
-            result.keys[".".join(path)] = leaf
-            return None
-        if name in flat_keys():
-            result.keys[name] = leaf_here
-            return None
-        if name not in TABLES and not (table_of_path and name == table_of_path.path):
-            break
-    else:
-        return (
-            None
-            if leaf.value == {}
-            else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
-        )
-    return _refuse_unknown_key(path[:length], leaf_here, mistakes)
+    def _put_under_key(self, path: Path, leaf: Leaf) -> None:
+        """Put a leaf under its key."""
+        table = tables().get(path[0])
+        for length in range(1, len(path) + 1):
+            name = _join(path[:length])
+            rest = path[length:]
+            leaf_here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
+            if table and name in table.spans:
+                self._put_part(path[0], path[1], rest, leaf, SPAN)
+                return
+            if table and name in table.named:
+                self.result.keys[".".join(path)] = leaf
+                return
+            if name in flat_keys():
+                self.result.keys[name] = leaf_here
+                return
+            if name not in TABLES and not (table and name == table.path):
+                self._refuse_unknown_key(path[:length], leaf_here)
+                return
+        self._refuse_filled(leaf, name)
 
+    def _refuse_unknown_key(self, path: Path, leaf: Leaf) -> None:
+        """Add the mistake of a key or table that is unknown, with the names that it could have
+        been."""
+        outer = tables().get(path[0])
+        table = _join(path[:-1])
+        known = top_tables()
+        if table:
+            paths = (*(outer.sections if outer else ()), *flat_keys())
+            inside = [at.removeprefix(f"{table}.") for at in paths if at.startswith(f"{table}.")]
+            known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
+        near = nearest(path[-1], known)
+        if table and near:
+            near = f"{table}.{near}"
+        near = near or nearest(path[-1], flat_keys())
+        problem = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
+        expected = f"one of {'' if table else 'the tables '}{', '.join(known)}"
+        self.mistakes.refuse(leaf, _join(path), expected, problem, near)
 
-def _refuse_unknown_key(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
-    """Add the mistake of a key or table that is unknown, with the names that it could have been."""
-    table_of_path = tables().get(path[0])
-    table = _join(path[:-1])
-    names_known = top_tables()
-    if table:
-        inside = (*(table_of_path.sections if table_of_path else ()), *flat_keys())
-        inside = (name.removeprefix(f"{table}.") for name in inside if name.startswith(f"{table}."))
-        names_known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
-    near = nearest(path[-1], names_known)
-    near = f"{table}.{near}" if table and near else near or nearest(path[-1], flat_keys())
-    problem = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
-    expected = f"one of {'' if table else 'the tables '}{', '.join(names_known)}"
-    mistakes.refuse(leaf, _join(path), expected, problem, near)
-
-
-def _sort_section(
-    path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names
-) -> None:
-    """Put a leaf of a section under its key, or with the parts of its axis. path: of the
-    section; rest: the leaf's in it."""
-    table = ".".join(path)
-    section = sections()[path]
-    first = rest[0]
-    rest_of_path = ".".join(rest)
-    if section.takes and section.takes(rest, leaf, result, names):
-        return
-    if _is_key(table, first, section, names):
-        alone = f"{table}.{first}" in tables() or len(rest) == 1
-        key = f"{table}.{rest_of_path if alone else first}"
-        place = leaf.place
-        result.keys[key] = leaf if alone else Leaf({}, place.under(place.path[: 1 - len(rest)]))
-        return
-    for length in range(1, len(rest) + 1):
-        name = ".".join(rest[:length])
-        if names.find(name) or (table == "bode" and name == "frequency_hz"):
-            _add_part(result, table, name, rest[length:], leaf, mistakes, section)
+    def _put_in_section(self, path: Path, rest: Path, leaf: Leaf) -> None:
+        """Put a leaf of a section under its key, or with the parts of its axis. path: of the
+        section; rest: the leaf's in it."""
+        table = ".".join(path)
+        section = sections()[path]
+        if section.takes and section.takes(rest, leaf, self.result, self.names):
             return
-    _refuse_unknown_axis(path, rest, leaf, mistakes, names)
+        if self._is_key(table, rest[0], section):
+            self._put_under_key_of_section(table, rest, leaf)
+            return
+        for length in range(1, len(rest) + 1):
+            name = ".".join(rest[:length])
+            if self.names.find(name) or (table == "bode" and name == "frequency_hz"):
+                self._put_part(table, name, rest[length:], leaf, section)
+                return
+        self._refuse_unknown_axis(path, rest, leaf)
 
+    def _is_key(self, table: str, name: str, section: Section) -> bool:
+        """Whether a name in a section is that of a key: a number of a drawn loop may have the
+        same name, and comes first."""
+        if table == "bode" and self.names is BUILT_IN:
+            return False
+        return name in section.own and (name == "along" or not self.names.find(name))
 
-def _is_key(table: str, name: str, section: Section, names: Names) -> bool:
-    """Whether a name in a section is that of a key: a number of a drawn loop may have the same
-    name, and comes first."""
-    if table == "bode" and names is BUILT_IN:
-        return False
-    return name in section.own and (name == "along" or not names.find(name))
+    def _put_under_key_of_section(self, table: str, rest: Path, leaf: Leaf) -> None:
+        """Put a leaf under its key in a section, which may be a table of keys by itself; of any
+        other key that is given as a table, the table."""
+        first = f"{table}.{rest[0]}"
+        if first in tables() or len(rest) == 1:
+            self.result.keys[f"{table}.{'.'.join(rest)}"] = leaf
+        else:
+            place = leaf.place
+            self.result.keys[first] = Leaf({}, place.under(place.path[: 1 - len(rest)]))
 
+    def _refuse_unknown_axis(self, path: Path, rest: Path, leaf: Leaf) -> None:
+        """Add the mistake of an axis that is unknown, with the names that it could have been;
+        path, rest: as in `_put_in_section`."""
+        table = ".".join(path)
+        names = self.names
+        parts = {part for section in sections().values() for part in section.parts}
+        is_part = len(rest) > 1 and rest[-1] in parts
+        name = ".".join(rest[:-1] if is_part else rest)
+        if any(mistake.key == f"{table}.{name}" for mistake in self.mistakes):
+            return  # start and stop are of one axis
+        known = ("frequency_hz",) if table == "bode" else sections()[path].own
+        numbers = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
+        symbols = f"one of {', '.join(names.symbols)} " if names.symbols else ""
+        expected = ", ".join((*known, f"{symbols}or {numbers}"))
+        problem = "an unknown axis"
+        if name in names.following:
+            problem = "a number that follows from others"
+        near = nearest(name, (*known, *names.symbols)) or nearest(name, names.numeric)
+        self.mistakes.refuse(leaf, f"{table}.{name}", expected, problem, near)
 
-def _refuse_unknown_axis(
-    path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names
-) -> None:
-    """Add the mistake of an axis that is unknown, with the names that it could have been; path,
-    rest: as in `_sort_section`."""
-    table = ".".join(path)
-    is_part = len(rest) > 1 and any(
-        rest[-1] in a_section.parts for a_section in sections().values()
-    )
-    name = ".".join(rest[:-1] if is_part else rest)
-    if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
-        return  # start and stop are of one axis
-    keys_known = ("frequency_hz",) if table == "bode" else sections()[path].own
-    any_path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    numbers = (
-        f"one of {', '.join(names.symbols)} or {any_path}" if names.symbols else f"or {any_path}"
-    )
-    expected = ", ".join((*keys_known, numbers))
-    problem = "a number that follows from others" if name in names.following else "an unknown axis"
-    near = nearest(name, (*keys_known, *names.symbols)) or nearest(name, names.numeric)
-    mistakes.refuse(leaf, f"{table}.{name}", expected, problem, near)
-
-
-def _add_part(
-    result: Sorted,
-    table: str,
-    name: str,
-    rest: Path,
-    leaf: Leaf,
-    mistakes: Mistakes,
-    section: Section = SPAN,
-) -> None:
-    """Put a leaf with the parts of its axis."""
-    axis_part = ".".join(rest)
-    if axis_part:
-        mistakes.is_known(axis_part, section.parts, leaf, f"{table}.{name}.{axis_part}")
-    result.axes[table][name][axis_part] = leaf
+    def _put_part(self, table: str, name: str, rest: Path, leaf: Leaf, section: Section) -> None:
+        """Put a leaf with the parts of its axis."""
+        part = ".".join(rest)
+        if part:
+            self.mistakes.is_known(part, section.parts, leaf, f"{table}.{name}.{part}")
+        self.result.axes[table][name][part] = leaf
 
 
 def _join(path: Path) -> str:
