@@ -289,7 +289,7 @@ def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str
         if value is None:
             said.append(f"{name} unstable, or not known")
         else:
-            said.append(f"{name} {value:.5g} {units[name]}".removesuffix(" 1"))
+            said.append(f"{name} {value:.5g} {units[name]}".removesuffix(" 1").rstrip())
     return ", ".join(said)
 
 

@@ -76,13 +76,13 @@ WISHES = {
     ),
     PEAK: _wish(
         PEAK,
-        "of to over from",
+        "",
         "peak-to-peak gain",
         "largest output for an input between -1 and 1 in every tick, from rest: the l1 norm",
     ),
     RMS: _wish(
         RMS,
-        "of to over from",
+        "",
         "output under white noise",
         "root mean square of the output under white noise of a root mean square of 1, new in every tick: the H2 norm",
     ),
