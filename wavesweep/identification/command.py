@@ -165,41 +165,25 @@ def identify(
     started = time.perf_counter()
     named = {"columns": pairs(columns, "--column"), "scales": factors(pairs(scales, "--scale"))}
     if frames is not None:
-        source, find, text = frames, *_of_frames(frames, log, given, named)
+        source, product = frames, "frames"
+        find, text = _of_frames(frames, log, given, named)
     else:
-        if log is None or any(given[name] is not None for name in ("fast_hz", "spec", "every")):
-            expected = (
-                "LOG, or --frames TIMES"
-                if log is None
-                else "--frames with --fast-hz, --spec or --every"
-            )
-            raise click.UsageError(f"identify: expected {expected}, found none")
-        requested = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
-        requested |= {
-            name: given[name]
-            for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
-        }
-        source = log
-        find = partial(identify, log, **requested)
-        text = spec_text
+        source, product, text = _log_alone(log, given), "device", spec_text
+        find = partial(identify, source, **named, **_fit_options(given, motor_constant))
     directory = Path("results", Path(source).stem)
-    target = Path(out) if out else directory / ("device.toml" if frames is None else "frames.toml")
+    target = Path(out) if out else directory / f"{product}.toml"
     results.refuse_unusable(directory)
     if out:
         refuse_no_folder(target)
     refuse_other_things(target)
-    tables = (
-        directory / name
-        for kind in ("identify", "identify-response", "identify-frames")
-        for name in results.names_of(kind)
-    )
+    kinds = ("identify", "identify-response", "identify-frames")
+    tables = [directory / name for kind in kinds for name in results.names_of(kind)]
     refuse_inputs([source], target, *tables)
     _refuse_foreign(target, given["overwrite"])
     with progress(verbosity().quiet, "fitting"):
         table = find()
-    table = replace(
-        table, facts={**table.facts, "spec_place": results.place_of([source], directory)}
-    )
+    place = results.place_of([source], directory)
+    table = replace(table, facts={**table.facts, "spec_place": place})
     if given["plot"]:
         from wavesweep.program import plots
 
@@ -209,30 +193,39 @@ def identify(
     tally = kind.tally(table)
     paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
     write_whole((target, text(table.facts)))
-    paths = [*paths, target]
     seconds = time.perf_counter() - started
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
+    notices = table.facts["notices"]
     if verbosity().as_json:
-        origin = {
-            "command": "identify",
-            "log": Path(source).name,
-            "notices": table.facts["notices"],
-        }
-        show_json(
-            {
-                **origin,
-                **numbers,
-                "files": [str(path) for path in paths],
-                "seconds": round(seconds, 3),
-            }
-        )
+        summary = {"command": "identify", "log": Path(source).name, "notices": notices, **numbers}
+        files = [str(path) for path in (*paths, target)]
+        show_json({**summary, "files": files, "seconds": round(seconds, 3)})
     elif not verbosity().quiet:
-        for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
+        for notice in notices:
+            say(notice, False)
+        for line, warning in lines:
             say(line, warning)
-        say(
-            f"{where(paths[:-1], seconds)}; the {'device' if frames is None else 'frames'}: {target}"
-        )
+        say(f"{where(paths, seconds)}; the {product}: {target}")
+
+
+def _log_alone(log: str | None, given: dict[str, Any]) -> str:
+    """The log, beside which there are no options of --frames. Errors: UsageError."""
+    if log is None:
+        raise click.UsageError("identify: expected LOG, or --frames TIMES, found none")
+    if any(given[name] is not None for name in ("fast_hz", "spec", "every")):
+        expected = "--frames with --fast-hz, --spec or --every"
+        raise click.UsageError(f"identify: expected {expected}, found none")
+    return log
+
+
+def _fit_options(given: dict[str, Any], motor_constant: str | None) -> dict[str, Any]:
+    """What a fit of a log is asked for."""
+    names = ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")
+    options = {name: given[name] for name in names}
+    if motor_constant:
+        options["motor_constant"] = _bounds(motor_constant)
+    return options
 
 
 def _of_frames(
