@@ -134,7 +134,11 @@ def test_an_order_that_is_forbidden_may_be_what_grows():
 def test_stretches_of_a_proof_join_and_hold_between_their_ends():
     A, B = (np.random.default_rng(seed).normal(size=(2, 3, 3)) for seed in (7, 8))
     family = Affine.of(0.3 * A / np.abs(A).max(), B)
-    found = bracket(family, 0.0, (-5.0, 5.0))
+    told = []
+    found = bracket(family, 0.0, (-5.0, 5.0), report=lambda *each: told.append(each))
+    assert all(found.low <= low <= high <= found.high for low, high, _ in told)
+    assert all(0 <= share <= 100 for *_, share in told)
+    assert {low == 0.0 for low, *_ in told} == {True, False}  # up, then down
     ends = [(each.low, each.high) for each in found.stretches]
     assert (ends[0][0], ends[-1][1]) == (found.low, found.high)
     assert all(one[1] == other[0] for one, other in pairwise(ends))

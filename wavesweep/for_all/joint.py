@@ -1,6 +1,7 @@
 """Whether all products of matrices in any allowed order decay, and the interval of a number for
 which they do."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,13 +135,15 @@ def bracket(
     limits: tuple[float, float],
     tolerance: float = 0.01,
     work: float = OPERATIONS_OF_SEARCH,
+    report: Callable[[float, float, float], None] = lambda *_: None,
 ) -> Bracket:
     """Return the numbers around a start, within limits, for which a family decays in every order
     that is allowed.
 
     tolerance: the distance between proof and refutation that is aimed at, relative to the refuted
     number, or to NEAR_START of its distance from the start if that is larger. work: operations for
-    each end after which the search for norms ends.
+    each end after which the search for norms ends. report: is called with the lowest and the highest
+    number that are proved so far, and the percentage of the way up or down at which the proof is.
 
     The proof holds for every number from `low` to `high`, not only for those that were computed,
     see `shrink_along`. A refuted number says nothing about numbers beyond it.
@@ -154,9 +157,16 @@ def bracket(
     first, factor = find_norms(A, family.follows, work=work)
     if factor < 1:
         return unknown
-    above = _side(_Way(family, start, limits[1], tolerance), first, work)
+
+    def up(reached, share):
+        report(start, reached, share)
+
+    def down(reached, share):
+        report(reached, above.end, share)
+
+    above = _side(_Way(family, start, limits[1], tolerance, report=up), first, work)
     near = tolerance**2 * abs(above.end - start)
-    below = _side(_Way(family, start, limits[0], tolerance, near), first, work)
+    below = _side(_Way(family, start, limits[0], tolerance, near, down), first, work)
     stretches = sorted((*below.stretches, *above.stretches), key=lambda stretch: stretch.low)
     return Bracket(
         float(below.end),
@@ -172,13 +182,20 @@ def bracket(
 @dataclass(frozen=True, slots=True, eq=False)
 class _Way:
     """The way of a family from a start to a limit, which counts as reached from the distance
-    `near` on. tolerance: see `bracket`."""
+    `near` on. tolerance: see `bracket`. report: is called with the number that is reached, and the
+    percentage of the way to the goal."""
 
     family: Family
     start: float
     limit: float
     tolerance: float
     near: float = 0.0
+    report: Callable[[float, float], None] = lambda *_: None
+
+    def tell(self, reached: float, goal: float) -> None:
+        """Report what is reached on the way to a goal."""
+        if goal != self.start:
+            self.report(reached, 100 * (reached - self.start) / (goal - self.start))
 
     def size(self, end: float) -> float:
         """The size of a number, to which distances from it are compared."""
@@ -248,6 +265,7 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
     goal = way.short_of(fails) if word else way.limit
     begun = replace(first, work=0.0)
     stretches, reached, climbed = _covered(family, begun, way.start, goal, LEAST_CLIMB, work)
+    way.tell(reached, goal)
     spent = climbed.work
     centre = first
     ceiling = None  # a number for which no norms were found
@@ -270,6 +288,7 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
             if further:
                 stretches = (*stretches, *further)
                 reached = aim
+                way.tell(reached, goal)
                 continue
             nearer = way.grown(aim, centre, word, MORE)
             if nearer is None and word:

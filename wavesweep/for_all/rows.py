@@ -342,7 +342,7 @@ class _Loop:
         family = None if case.ranges else self.rules.family(case.values, self.along)
         if family is None or family.drift is not None:
             return self._over_ranges(case, about)
-        bracket = bracketed(family, self.span, about)
+        bracket = bracketed(family, self.along, self.span, about)
         return bracket and self._row(case, family, bracket)
 
     def _on_average(self) -> list[Row]:
@@ -617,7 +617,9 @@ def _decided(spec, rules, number, case):
         return decided(family)
     for interval in searched([along], span):
         said, pattern = decided_along(
-            family_along, value, bracketed(family_along, span, (interval.low, interval.high))
+            family_along,
+            value,
+            bracketed(family_along, path, span, (interval.low, interval.high)),
         )
         if said != UNKNOWN:
             break

@@ -64,6 +64,7 @@ STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, wh
 KIND = "controller.kind"
 # what a proof has reached, which a command shows
 PROOF_LOGGER = logging.getLogger("wavesweep.proof")
+ON_THE_WAY = "%s proved from %.4g to %.4g so far (%.0f %% of the way)"
 GROW = "second moments that grow"  # of what happens at random, in place of a pattern
 
 
@@ -231,13 +232,14 @@ def placed(spec: Spec) -> Iterator[None]:
 
 
 def bracketed(
-    family: LoopFrames, span: tuple[float, float], about: tuple[float, float]
+    family: LoopFrames, along: str, span: tuple[float, float], about: tuple[float, float]
 ) -> Bracket | None:
-    """What is proved and refuted about an interval of the nominal loop; None if no start of a
-    proof is found."""
+    """What is proved and refuted about an interval of the nominal loop along a number; None if no
+    start of a proof is found."""
     low, high = about
+    report = partial(PROOF_LOGGER.info, ON_THE_WAY, name_of(along))
     for share in STARTS:
-        found = bracket(family, low + share * (high - low), span)
+        found = bracket(family, low + share * (high - low), span, report=report)
         if np.isfinite(found.low):
             return found
     return None
