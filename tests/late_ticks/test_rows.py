@@ -77,6 +77,16 @@ def test_what_is_not_proved_is_refused_at_reading(for_all, words):
         wavesweep.load(changed(for_all=for_all))
 
 
+def test_what_is_required_beside_stability_is_refused():
+    """Of a spec at reading, of a call before anything is computed."""
+    sweep = {"K_VE": {"start": 0, "stop": 100}, "require": {"radius": 0.99}}
+    with pytest.raises(SpecError, match="stability alone beside tick, found"):
+        wavesweep.load(changed(sweep=sweep))
+    loop = wavesweep.compile(changed())
+    with pytest.raises(UsageError, match="tick: expected no requirement"):
+        loop.stable_intervals("K_VE", (0, 100), require={"radius": 0.99})
+
+
 def test_rates_that_do_not_divide_and_numbers_inside_the_device_are_refused():
     with pytest.raises(SpecError, match="a whole number of ticks in a frame"):
         wavesweep.load(changed(rates={"fast_hz": 1000.0, "slow_hz": 60.0}))

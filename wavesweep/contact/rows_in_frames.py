@@ -17,8 +17,11 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
 from wavesweep.engine.poles import count_outside
 
-FRAMES_AHEAD = (1, 2)  # that a node knows: more where that helps, and there are few conditions
-MOST_CONDITIONS = 600
+FRAMES_AHEAD = (
+    1,
+    2,
+)  # that a node knows: more where that makes few conditions, or nothing else proves
+FEW_CONDITIONS, MOST_CONDITIONS = 300, 600
 HALVINGS = 14  # of the range, down to where a first proof is tried
 BISECTIONS = 7  # of the end of a proof
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
@@ -39,29 +42,33 @@ class InFrames:
     """A loop without its wall in all frames that may come.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these.
+    wall's position in these. finer: the same with nodes that know more frames, for what is not
+    proved otherwise.
     """
 
     frames: Any
     conditions: Conditions
     unit: float
+    finer: InFrames | None = None
 
     @staticmethod
     def of(frames: Any) -> InFrames | None:
         """Return the loop; None if there is no bound on where it comes to rest."""
         frames, unit = _in_units(frames)
-        conditions = None
+        coarse = None
         for ahead in FRAMES_AHEAD:
             edges = edges_of(frames, ahead)
             if edges is None:
                 return None
-            finer = Conditions.of(frames, edges)
-            if conditions and finer.R.size > MOST_CONDITIONS:
-                break
-            conditions = finer
+            conditions = Conditions.of(frames, edges)
+            loop = InFrames(frames, conditions, unit)
+            if coarse and conditions.R.size > FEW_CONDITIONS:
+                finer = loop if conditions.R.size <= MOST_CONDITIONS else None
+                return replace(coarse, finer=finer)
+            coarse = loop
             if conditions.exact:
                 break
-        return InFrames(frames, conditions, unit)
+        return coarse
 
     def wall(self, K: float, B: float) -> tuple[float, float, float]:
         """A wall as the conditions have it."""
@@ -184,6 +191,12 @@ class Along:
         Nothing is beyond a motion that goes on in frames of one length, and most proofs end near
         the first of these.
         """
+        found = self._proved(low, high)
+        if found or not self.loop.finer:
+            return found
+        return replace(self, loop=self.loop.finer).proved(low, high)
+
+    def _proved(self, low, high):
         ceiling, _ = self.motion(low, high)
         ceiling = high if np.isnan(ceiling) else ceiling
         way = ceiling - low
@@ -298,9 +311,10 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
         return {"verdict": "unknown", "counterexample": ""}
     if loop.is_unstable:
         return {"verdict": "refuted", "counterexample": FREE}
-    found = loop.found((K, B), best=True)
-    if found and loop.proved((found, (K, B))):
-        return {"verdict": "proved", "counterexample": ""}
+    for each in filter(None, (loop, loop.finer)):
+        found = each.found((K, B), best=True)
+        if found and each.proved((found, (K, B))):
+            return {"verdict": "proved", "counterexample": ""}
     switched = offered("switched")
     said, pattern = switched.decided(rules.family(values, ""))
     if said == "refuted":

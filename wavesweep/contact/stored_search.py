@@ -19,12 +19,16 @@ STEPS = 90  # of Newton
 ENOUGH = 1e-7  # t with which a search ends; forces are of size 1
 BOUNDED = 1.0  # weight of the trace of all forms, which keeps those bounded that F does not bound
 CENTRED_DECREMENT = 0.1  # of Newton, squared, below which s grows
+FEW_BARRIERS = 400  # conditions times their size, up to which each centre is waited for
+# Steps in which t has to change by such a share of itself; otherwise the point counts as the centre,
+# since directions in which nothing is bounded can take hundreds of steps.
+SLOW_STEPS, SLOW_SHARE = 5, 0.02
 SHARPER = 8.0  # times s
 FIRST_FORMS, FIRST_WEIGHT = 0.1, 0.3
 LEAST_LENGTH = 1e-8  # of a step
 SUFFICIENT = 0.05  # share of the predicted descent that a step has to bring
 ROUNDED = 1e-12  # of the barrier, which rounding may add to it
-SINGULAR = 1e-13  # added to the diagonal of the Hessian, in units in which that is 1
+SINGULAR = 1e-14  # added to the diagonal of the Hessian, in units in which that is 1
 NO_ROOM = 1e-7  # of t, to which its maximum is known when a search ends without a find
 
 
@@ -125,6 +129,7 @@ def find_stored(
     factors = _factors(programme, x)
     if factors is None:
         return None
+    before_now: list[float] = []  # t, since s was changed
     for _ in range(STEPS):
         gradient, hessian = _derivatives(programme, x, factors)
         gradient += bounded
@@ -148,7 +153,11 @@ def find_stored(
         x = tried
         factors = tried_factors
         gap = barriers / s
-        is_centre = descent < CENTRED_DECREMENT
+        before_now.append(x[-1])
+        slow = len(before_now) > SLOW_STEPS and abs(x[-1] - before_now[-1 - SLOW_STEPS]) <= (
+            SLOW_SHARE * abs(x[-1])
+        )
+        is_centre = descent < CENTRED_DECREMENT or (slow and barriers > FEW_BARRIERS)
         if x[-1] > ENOUGH and (is_centre or not (best or near)):
             enough = near is not None or not best or gap <= x[-1]
             if enough:
@@ -159,6 +168,7 @@ def find_stored(
             if near is not None or gap < max(-x[-1], NO_ROOM):
                 break
             s *= SHARPER
+            before_now = []
     return None
 
 

@@ -33,6 +33,8 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     if hands := [each.word for each in asked if each.word]:
         expected = "no --for-hands, since its rows are of the spec's own hand"
         raise UsageError(f"[for_all] tick: expected {expected}, found {', '.join(hands)}")
-    spec.refuse_require("[for_all] tick")
+    if own.asked.require:
+        expected = "no requirement, since its rows are about stability alone"
+        raise UsageError(f"[for_all] tick: expected {expected}, found require")
     refuse(spec, own.asked.axis.path)
     return [*asked, LateTicksGuarantee(spec.tick.interval(spec.tick_hz))]

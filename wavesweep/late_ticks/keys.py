@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.tick"
+REQUIRE = "sweep.require"
 COMMANDS = ("zwidth", "stability-region", "check", "report")
 LONGEST_TICK_S = 10.0  # s
 NOMINAL = "nominal"
@@ -116,6 +117,8 @@ def _beside(request: Request) -> Iterator[tuple[str, str]]:
         yield "tick alone in [for_all]", ", ".join(names)
     if request.asked.get("contact"):
         yield "tick alone in [for_all]", "contact"
+    if request.belongs.below(REQUIRE):
+        yield "stability alone beside tick", "[sweep] require"
     drawing = request.drawing
     if drawing and drawing.channels:
         yield "a loop without channels", ", ".join(each.name for each in drawing.channels)
