@@ -91,8 +91,7 @@ def own(run):
 
 
 @shape(r"(?:Wrote|assumes: linear|assumes: kept|still at work|at work on).*|.* after \d+ s(?:[;,].*)?")
-@shape(r".* is of the linear loop; check looks at s at its limits, or any curve of slopes from 0 to 1")
-@shape(r"  assumes: linear while \|s.u\| <= 5; simulate goes beyond")
+@shape(r"  assumes: linear while \|s.u\| <= 5; simulate keeps to these limits")
 @shape(rf"{N} curves? of {N} frequencies", "bode")
 def nothing(run, *_):
     """Times, files and counts of what was asked."""
@@ -266,7 +265,7 @@ def mode_of(z, seconds, tau, ratio, hz):
 # The table of intervals.
 
 
-@shape(r"  stable for .* \((\w+)\):|stable for .* \((\w+)\):", "stability-region")
+@shape(r"(?:stable|as required, .*|comes to rest) (?:for|with) .* \(\w+\):", "stability-region")
 def head(run, *_):
     return True
 
@@ -340,13 +339,9 @@ def decide(run, some, others, share):
     return not whole or abs(greatest(whole) - greatest(part)) <= share / 100 * greatest(part) + 1e-9
 
 
-@shape(r"\[sweep\] require: .*", "stability-region")
-def requires(run):
-    return bool(run.case.level)
-
-
-@shape(r"\s*assumes: ((?:n|c) (?:of|is|from) .*)")
-@shape(r"\s*assumes: (messages of h .*)")
+@shape(r"mine: ((?:modes|responses|limits|margins|a run) with .*)")
+@shape(r"    (.* (?:see|and) .*|stability-region.*|check.*|zwidth.*)")
+@shape(r"margins proved (for .*) \(for_all\)(?:, the delay margin checked)?:", "margins")
 def assumed(run, said):
     for name, values in re.findall(r"(n|c) (?:of|is) ([\d., -]+)", said):
         assert {float(each) for each in values.strip(" ,").split(", ")} == {*run.case.members[name]}
@@ -487,7 +482,7 @@ def doubted(run, some, count):
     return 0 < some <= count
 
 
-@shape(r"(?:nothing|.*): not stable with (.*)", "margins")
+@shape(r"no(?:thing|t stable) for .*: (.*) \(for_all\)", "margins")
 def no_margin(run, refuter):
     return fails(run, refuter, run.case.tables["numbers"]["K"])
 

@@ -16,7 +16,7 @@ from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
 from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.row_kinds import COMPUTED
+from wavesweep.program.row_kinds import row_kind
 
 if TYPE_CHECKING:
     from wavesweep.engine.drawing import Drawing
@@ -599,7 +599,7 @@ def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) 
     written = facts.get("claims", {}).get(word or "spec", {})
     if "property" not in written:
         status = Status.CERTIFIED
-        if word not in ("", *COMPUTED) and "settled" in columns:
+        if row_kind(word).unsettled and "settled" in columns:
             status = Status.PROVED if "fails_from" in columns else Status.SEARCHED
         return Claim(STABLE, Scope(), status)
     return Claim.read(written)
