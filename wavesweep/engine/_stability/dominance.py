@@ -102,8 +102,8 @@ def _dependent(X, Z):
 
 
 def _with_block(E):
-    """Eigenvectors of the eigenvalues beyond the widest gap in their sizes, and a basis of what the
-    left ones do not see.
+    """Eigenvectors of the eigenvalues beyond the widest gap, and a basis of what the left ones do
+    not see; gaps are ratios of what eigenvalues lose in a frame, the logarithms of their sizes.
 
     In that basis the block N shortens every vector: its unit is P with `P = 1 + N'PN/r^2`, r being
     between its spectral radius and 1.
