@@ -238,11 +238,14 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     If many matrices are nearly alike, this finds words that `growing` drops. A: `(symbols, n, n)`.
     """
     rate = _rate(A, word)
+    in_any_order = follows.all()
     while len(word) < LONGEST_IMPROVED:
         words, products = _neighbours(A, word)
-        allowed = [i for i, each in enumerate(words) if _allowed(follows, each)]
+        allowed = range(len(words))
+        if not in_any_order:
+            allowed = [i for i in allowed if _allowed(follows, words[i])]
         lengths = np.array([len(words[i]) for i in allowed])
-        best, found = _fastest(products[allowed], lengths, 1)
+        best, found = _fastest(products[list(allowed)], lengths, 1)
         if not best.size or found[0] <= rate * (1 + 1e-12):
             break
         word = words[allowed[best[0]]]
