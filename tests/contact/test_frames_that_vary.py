@@ -118,25 +118,22 @@ def left_over(stiffness, delay, seeds):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [1, 16])
-def test_a_march_of_its_own_comes_to_rest_where_it_is_proved(delay):
-    """And does not where the linear wall, one of the class, is refuted by a pattern of frames."""
+@pytest.mark.parametrize(("delay", "high", "refuted"), [(1, 138.47, 143.80), (16, 73.58, 77.35)])
+def test_a_march_of_its_own_comes_to_rest_where_it_is_proved(delay, high, refuted):
+    """And does not where the linear wall, one of the class, is refuted by a pattern of frames.
+
+    Most of the linear wall is proved, 146.9 N/m with a delay of a tick, and a motion refutes more.
+    """
     (row,) = rows_of(slow(delay))
     assert row["certified"]
-    assert row["high"] < row["fails_from"] < 1.08 * row["high"]
-    assert left_over(0.99 * row["high"], delay, range(8)) < 0.05
+    assert row["high"] == pytest.approx(high, rel=5e-3)
+    assert row["low"] < 1
+    assert row["fails_from"] == pytest.approx(refuted, rel=1e-2)
+    assert row["counterexample"].startswith("a wall, in frames of 33 ticks, through (")
+    assert left_over(0.99 * row["high"], delay, range(4)) < 0.05
     linear = np.array([-1e9, 1e9]), np.array([-1e9, 1e9])
     beyond = [forces(1.2 * row["high"], [n] * 400, linear, delay, (1, 0, 1)) for n in LENGTHS]
     assert max(np.ptp(force[-40:]) / np.ptp(force[:40]) for force in beyond) > 1
-
-
-def test_most_of_what_is_stable_with_the_linear_wall_is_proved_through_contact():
-    """138.5 of 146.9 N/m; a motion at 143.8 N/m in frames of 33 ticks refutes more."""
-    (row,) = rows_of(slow())
-    assert row["high"] == pytest.approx(138.47, rel=5e-3)
-    assert row["low"] < 1
-    assert row["fails_from"] == pytest.approx(143.80, rel=1e-3)
-    assert row["counterexample"].startswith("a wall, in frames of 33 ticks, through (")
 
 
 @pytest.mark.parametrize("lengths", [LENGTHS, [19, 20, 21]])
@@ -181,6 +178,7 @@ def test_waves_are_proved_while_frames_vary():
     assert of_wall(spec, rules_of(spec))["verdict"] == "proved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "status", "said"),
     [
