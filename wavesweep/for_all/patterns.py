@@ -212,13 +212,14 @@ def _fastest(products, lengths, most):
     """
     power = products
     log = np.zeros(len(products))
-    for squaring in range(1 + SQUARINGS):
-        size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
-        log += np.log(size) / 2**squaring
-        if squaring < SQUARINGS:
-            power = power / size[:, None, None]
-            power = power @ power
-    bounds = np.exp(log / lengths)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no bound
+        for squaring in range(1 + SQUARINGS):
+            size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
+            log += np.log(size) / 2**squaring
+            if squaring < SQUARINGS:
+                power = power / size[:, None, None]
+                power = power @ power
+        bounds = np.nan_to_num(np.exp(log / lengths), nan=np.inf)
     order = np.argsort(-bounds)
     rates = np.zeros(0)
     for first in range(0, len(order), EIGENVALUES_AT_ONCE):
