@@ -145,7 +145,9 @@ def fails(run, refuter, K):
         return fails_by_losses(run, refuter, K, numbers)
     if run.case.asks in ("frames", "both", "losses", "numbers", "nothing", "contact"):
         return prod(abs(pole(run, n, numbers["c"], K)) for n in frames) >= 1 - 1e-9
-    return not within(K, K, run.case.inside({"n": frames, "c": [numbers["c"]]}))
+    intervals = run.case.inside({"n": frames, "c": [numbers["c"]]})
+    # At an end the loop is just no longer as required.
+    return not any(low * (1 + OUTWARDS) < K < high * (1 - OUTWARDS) for low, high in intervals)
 
 
 def fails_by_losses(run, refuter, K, numbers):
