@@ -41,8 +41,7 @@ def ball_prover(
         proof = None
         with suppress(IllPosedLoopError):
             drift = loop.changed({along: np.array(span)}).drift()
-            integrators = len(drift.states) - len(drift.remaining)
-            proof = prove_column(*loop, along, span, integrators, operations=budget)
+            proof = prove_column(*loop, along, span, drift, operations=budget)
         if not proof:
             return None
         asked = dict(zip(span, (low, high), strict=True))

@@ -81,9 +81,11 @@ def joint(torque):
 def test_a_torque_with_the_velocity_before_the_step_is_explicit(torque, sign):
     """kp < (4 I + 2 h kd)/h^2 if the damping is implicit, and with the other sign if it is explicit."""
     spec, limit = wavesweep.load(joint(torque)), (4 * I + sign * 2 * T * 0.5) / T**2
+    from wavesweep.engine.frames import MarginalModes
     from wavesweep.prove import columns as prove
 
-    ((low, high, *_),) = prove.prove_column(spec.drawing, spec.values, "numbers.kp", (0.0, 1e6), 0).intervals
+    nothing_drifts = MarginalModes((), (), (), ())
+    ((low, high, *_),) = prove.prove_column(spec.drawing, spec.values, "numbers.kp", (0.0, 1e6), nothing_drifts).intervals
     found = wavesweep.compile(joint(torque)).stable_intervals("kp", (0.0, 1e6))
     assert found.certified.all()
     assert (low, high) == pytest.approx((0.0, limit), rel=1e-12)
