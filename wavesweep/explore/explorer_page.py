@@ -368,7 +368,7 @@ def _table(title, table):
 def page_text(data: Mapping[str, object]) -> str:
     """The text of a page with data in it; a policy in it lets its own script run, and nothing be
     fetched from elsewhere."""
-    text, style, *scripts = (
+    page, style, *scripts = (
         (files(__package__) / name).read_text(encoding="utf-8")
         for name in ("page.html", "page.css", *SCRIPTS)
     )
@@ -377,7 +377,8 @@ def page_text(data: Mapping[str, object]) -> str:
     policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
     policy += "base-uri 'none'; form-action 'none'"
     inside = as_json(data).replace("<", "\\u003c")
-    text = (
-        text.replace("{{style}}", style).replace("{{script}}", script).replace("{{policy}}", policy)
-    )
-    return text.replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)
+    page = page.replace("{{style}}", style)
+    page = page.replace("{{script}}", script)
+    page = page.replace("{{policy}}", policy)
+    page = page.replace("{{title}}", escape(str(data["name"])))
+    return page.replace("{{data}}", inside)

@@ -481,16 +481,17 @@ def _lines(found: Numbers) -> Iterator[Line]:
         False,
     )
     yield from _spoken(found)
-    # of predictions, which follow a constant force as any other
+    # whether the residual is that of predictions, which follow a constant force as any other
     followed = found["residual"].get("walked", 0.0) > 0
     if "offset" not in found["parameters"] and found["measured"] != "acceleration" and not followed:
         yield (
             "no constant force was fitted: the device moves one way only, where it and friction are the same",
             True,
         )
-    unit = READ[found["measured"]]
     left = found["residual"]
-    unit = turned(unit) if found["turns"] else unit
+    unit = READ[found["measured"]]
+    if found["turns"]:
+        unit = turned(unit)
     against = ""
     if found["resolution"]:
         against = f", {left['rms'] / left['rms_of_encoder']:.3g} times what its steps of {found['resolution']:.3g} {unit} leave"

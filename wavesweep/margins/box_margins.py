@@ -335,6 +335,7 @@ class _Case:
         be smaller."""
         if name == "delay_frames" and np.isfinite(size):
             return self._late(size)
+        # any delay is of the factors p e^(i psi), p <= 1
         found = self._stable(name, min(size, ENDS["disk"]) if name == "delay_frames" else size)
         proved = abs(found.end)
         if name == "disk" and self._delayed and not found.whole:

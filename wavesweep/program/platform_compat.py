@@ -54,9 +54,8 @@ def keep_memory() -> None:
     Otherwise it gives that memory back to the system, which clears it before it is used again: a
     fifth of the time of a sweep. It is for processes that are of this program alone.
     """
-    with suppress(
-        ImportError, AttributeError, OSError, TypeError
-    ):  # no glibc, or no library of this process
+    # no glibc, or no library of this process
+    with suppress(ImportError, AttributeError, OSError, TypeError):
         import ctypes
 
         mallopt = ctypes.CDLL(None).mallopt

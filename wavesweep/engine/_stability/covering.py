@@ -627,6 +627,7 @@ def _in_doubt(joined, outer, attached):
     sure = np.flatnonzero(joined.is_counted)
     first = sure[:-1]
     last = sure[1:]
+    # 0 stable, 1 not
     label_before = np.minimum(joined.outside[first], 1)
     label_after = np.minimum(joined.outside[last], 1)
     window = joined.is_window
@@ -641,8 +642,10 @@ def _in_doubt(joined, outer, attached):
     low = joined.high[first]
     high = joined.low[last]
     at_end = outer[first] | outer[last]
-    slack = 4 * EPS * np.abs(high) + np.where(outer[first], *attached) * at_end
-    open_ = high - low - between(joined.high - joined.low) > slack
+    attached_there = np.where(outer[first], *attached) * at_end  # at the low end, or the high one
+    slack = 4 * EPS * np.abs(high) + attached_there
+    uncovered = high - low - between(joined.high - joined.low)
+    open_ = uncovered > slack
     doubtful = open_ | (between(plain & rough) > 0)
     one_stable = label_before * label_after == 0
     doubtful |= one_stable & (between(rough) > 0)

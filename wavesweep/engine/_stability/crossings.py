@@ -159,10 +159,11 @@ def _sines(samples, size, transform, degree):
 
 
 def _scaled(cut, zeta, scale, along):
-    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2,
-    loops, points)` each.
+    """Return the characteristic terms `solved`, `fixed` and `unit` times the warped pole polynomial:
+    polynomials in zeta, `(2, loops, points)` each; and `w = z - 1`, `(loops, points)`.
 
-    They are computed a second time with the states in reverse order, since an orthogonal reduction
+    The warp is `z = (zeta + a) / (1 + a zeta)` with `a = (1 - r) / (1 + r)`, r the scale. The terms
+    are computed a second time with the states in reverse order, since an orthogonal reduction
     leaves errors that no polynomial shows by itself.
     """
     r = np.asarray(scale)[:, None]
@@ -170,12 +171,13 @@ def _scaled(cut, zeta, scale, along):
     bottom = 1 + a * zeta
     w = (1 - a) * (zeta - 1) / bottom
     n = cut.E.shape[-1]
-    loops = (
+    matrices = (
         np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
         for matrix in (cut.E, cut.B, cut.C)
     )
-    system = in_even_units(*loops)
-    reverse = np.concatenate([system[n - 1 :: -1], system[n:]])[:, [0, *range(n, 0, -1)]]
+    system = in_even_units(*matrices)  # [[B, E], [0, C]]
+    reverse = np.concatenate([system[n - 1 :: -1], system[n:]])
+    reverse = reverse[:, [0, *range(n, 0, -1)]]
     both = reduced(np.concatenate([system, reverse], axis=-1))
     pole, over = polynomials(both, np.concatenate([w, w]))
     pole = pole.reshape(2, *w.shape)

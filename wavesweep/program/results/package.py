@@ -78,7 +78,8 @@ def package_text(
 
 def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
-    # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
+    # No "tabular-data-resource": frictionless would then look for the bytes of a text stream and
+    # find none.
     parquet = {
         "profile": "data-resource",
         "type": "file",
