@@ -87,7 +87,7 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True) -> list[Found
     drift = drift_of(tables)
     why = left_out(tables, drift)
     if why:
-        return [Found(f"left out: {why}", True, None, None)]
+        return [Found(f"left out: {why}", True, None, None), *(judge_intervals(tables, drift, loop) if whole else [])]
     machine = machine_of(tables)
     monodromy = machine.monodromy()
     mine = radius(monodromy, drift)

@@ -69,7 +69,7 @@ def spec_text(number: int, quick: bool = False) -> str:
 
 
 def left_out(tables: dict, drift: int) -> str:
-    """Why a spec is not asked about: faults of the package that are known and not mended. Empty if it is."""
+    """Why a spec is asked for certified rows alone: faults of the package that are known. Empty if for all."""
     blocks = tables.get("block", {}).values()
     of_changes = any(
         block["type"] == "difference" or (block["type"] == "impulse" and block.get("every", 1) > 1) for block in blocks

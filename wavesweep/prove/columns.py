@@ -61,10 +61,10 @@ def prove_column(
     drawing, values: of one loop, the values flat. drift: what drifts in it for every value of the
     number by its structure, which does not decide stability. If digits show more eigenvalues that
     are 1 for every value, no value is stable. But beside a drift of a sum of which changes alone
-    are read, as of an `impulse` or before a `difference`, these may be a drift too, and values at which
-    all others are inside the circle stay in doubt. precisions: bits, tried one after the other.
-    operations: at most, of all precisions together, or what is left of them. Errors: ValueError for
-    a loop with dead times in seconds.
+    are read, as of an `impulse` or before a `difference`, these may be a drift too, and values at
+    which all others are inside the circle stay in doubt. precisions: bits, tried one after the
+    other. operations: at most, of all precisions together, or what is left of them. Errors:
+    ValueError for a loop with dead times in seconds.
     """
     budget = operations if isinstance(operations, Budget) else Budget(operations)
     loop = None
