@@ -322,7 +322,7 @@ def slices(run, c, said):
 
 
 @shape(r"\s*nowhere stable in the swept range: .*", "stability-region")
-@shape(r"\s*(?:no K|nowhere) .*", "stability-region")
+@shape(r"\s*(?:no K|no stable K|nowhere) .*", "stability-region")
 def nowhere(run):
     return any(not each or greatest(each) < START * 1.01 for each in run.sets())
 
