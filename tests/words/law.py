@@ -80,7 +80,7 @@ def hold_spec(seed, others=OTHERS):
         code, _, lines = said_by(command, "mine.toml", *QUIET)
         if code == 0:
             for line in lines:
-                run.word = "for_all" if "(for_all)" in line else run.word
+                run.word = "for_all" if "(for_all):" in line else run.word
                 if re.search(r"\d", line):
                     hold(run, line)
         else:

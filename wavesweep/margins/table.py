@@ -172,6 +172,14 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
+    of_all = found.get("for_all", {})
+    said = ""
+    if of_all:
+        claim = Claim.read(found["claim"])
+        said = f"{claim.words()} (for_all)"
+        if claim.status is Status.REFUTED:  # what is refuted comes first
+            yield said, True
+            of_all = {}
     times = found["times"]
     period = f"{1e3 * found['period_s']:.6g} ms"
     if times == 1:
@@ -194,12 +202,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
             at = f", at {hz:.4g} Hz within the frame (once a frame {omega / (2 * pi):.4g} Hz)"
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
-    if of_all := found.get("for_all"):
-        claim = Claim.read(found["claim"])
-        if claim.status is Status.REFUTED:
-            yield f"{claim.words()} (for_all)", True
-            return
-        yield f"{claim.words()} (for_all):", False
+    if of_all:
+        yield f"{said}:", False
         for name, margin in of_all.items():
             below = margin["fails_below"]
             end = margin["fails_from"]
