@@ -320,7 +320,10 @@ def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
         return
     tau = _text(mode["time_constant_s"], 4)
     ratio = _text(mode["damping_ratio"], 3)
-    text = f"{name}: falls to 1/e in {tau} s, damping ratio {ratio}"
+    if mode["time_constant_s"] == 0:
+        text = f"{name}: over within a frame"
+    else:
+        text = f"{name}: falls to 1/e in {tau} s, damping ratio {ratio}"
     if mode["omega"]:
         text += f", {mode['omega'] / (2 * pi):.4g} Hz"
     if mode["second_hz"]:
