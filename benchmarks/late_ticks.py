@@ -2,18 +2,41 @@
 
 python benchmarks/late_ticks.py            the table of docs/timing.md
 python benchmarks/late_ticks.py fig4       all walls of the paper's Fig. 4, a line for each damping
+python benchmarks/late_ticks.py devices    how late the ticks of the specs that `init` writes may be, the second table
 """
 
 import sys
 import time
+import tomllib
+from contextlib import redirect_stdout
+from io import StringIO
 
 import numpy as np
 
-from wavesweep.late_ticks.rows import records_for_ticks
+from wavesweep.late_ticks.rows import claim, records_for_ticks
+from wavesweep.program.analyses.claims import Status
+from wavesweep.program.cli import main as command_line
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
 WALL = "environment.K_VE"
+SHIPPED = (
+    ("pmw", "paper"),
+    ("pmw", "touch"),
+    ("pmw", "omni"),
+    ("pmw", "falcon"),
+    ("dc-slow", "paper"),
+    ("dc-slow", "touch"),
+    ("dc-slow", "falcon"),
+    ("pmw-mean", ""),
+    ("dc-lm", ""),
+    ("pmw-lm", ""),
+    ("haptic", ""),
+    ("drive", ""),
+    ("two-mass", ""),
+    ("position-loop", ""),
+    ("bus-joint", ""),
+)
 LATE = (5e-5, 1e-4, 2e-4)
 SPAN = (0.0, 20000.0)
 ENGINE = {"B_VE": 1.0, "integration": "explicit", "delay": "frame"}
@@ -86,8 +109,47 @@ def on_time(tables, tick=None):
     return low
 
 
+def written(template, device=""):
+    """The tables of a spec as `wavesweep init TEMPLATE --device DEVICE` writes it."""
+    words = ["init", template, "--out", "-", *(["--device", device] if device else [])]
+    with redirect_stdout(StringIO()) as text:
+        command_line(words)
+    return tomllib.loads(text.getvalue())
+
+
+def lateness_borne(tables):
+    """The largest lateness (s) that is proved and the least that is refuted, in steps of a tenth; and CPU seconds."""
+    begin = time.process_time()
+    tick = 1 / load(tables).tick_hz
+    shares = np.geomspace(1e-3, 1.0, 73)  # of a tick
+
+    def status(index):
+        late = {"tick": {"late": float(shares[index] * tick)}}
+        return claim(load(tables | {"for_all": late})).status
+
+    def last(holds):
+        """The last share of which it holds, -1 if of none."""
+        low, high = -1, shares.size
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if holds(status(middle)) else (low, middle)
+        return low
+
+    proved = last(lambda found: found is Status.PROVED)
+    refuted = last(lambda found: found is not Status.REFUTED) + 1
+    most = shares[proved] * tick if proved >= 0 else 0.0
+    least = shares[refuted] * tick if refuted < shares.size else np.inf
+    return most, least, time.process_time() - begin
+
+
 def main():
     """Print the table."""
+    if "devices" in sys.argv:
+        for template, device in SHIPPED:
+            most, least, seconds = lateness_borne(written(template, device))
+            name = f"`{template}`" + f", {device}" * bool(device)
+            print(f"| {name} | {1e3 * most:.3g} | {1e3 * least:.3g} | {seconds:.2g} |", flush=True)
+        return
     if "fig4" in sys.argv:
         tables = LOOPS["Fig. 4 of the paper, waves, a result one tick late"]
         for damping in range(16):

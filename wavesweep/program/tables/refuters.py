@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 LONGEST_REFUTER_TEXT = 60  # letters of a pattern in a sentence; the table has all of it
 COUNTED = 3  # equal frames in a row that a pattern counts; two are written
+_FRAME = r"\d+(?: \([^)]*\))?"  # ticks of a frame, and what else is said of it
 BELOW, FROM = "below: ", "; from: "  # before what refutes each end, if both are refuted
 
 
@@ -35,10 +36,11 @@ class Refuters(NamedTuple):
 
 def in_a_sentence(refuter: str) -> str:
     """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST_REFUTER_TEXT."""
-    before, of_frames, frames = refuter.partition("frames ")
-    if of_frames:
-        pattern, rest = _split(frames)
-        return f"{before}frames {_shown(pattern)}{rest}"
+    before, _, text = refuter.partition("frames ")
+    frames = re.match(rf"{_FRAME}(?:, {_FRAME})*", text)
+    if frames:
+        pattern = re.findall(_FRAME, frames[0])
+        return f"{before}frames {_shown(pattern)}{text[frames.end() :]}"
     numbers, of_messages, messages = refuter.partition("messages ")
     if not of_messages:
         return refuter
@@ -48,15 +50,6 @@ def in_a_sentence(refuter: str) -> str:
         for name, _, pattern in channels
     ]
     return f"{numbers}messages of {'; of '.join(patterns)}"
-
-
-def _split(text: str) -> tuple[list[str], str]:
-    """The frames that a text begins with, and what follows them."""
-    frames = re.match(r"\d+(?: \([^)]*\))?(?:, \d+(?: \([^)]*\))?)*", text)
-    if not frames:
-        return [text], ""
-    pattern = re.findall(r"\d+(?: \([^)]*\))?", frames[0])
-    return pattern, text[frames.end() :]
 
 
 def _shown(pattern: list[str]) -> str:
