@@ -26,16 +26,11 @@ SHIPPED = (
     ("pmw", "omni"),
     ("pmw", "falcon"),
     ("dc-slow", "paper"),
-    ("dc-slow", "touch"),
     ("dc-slow", "falcon"),
-    ("pmw-mean", ""),
     ("dc-lm", ""),
-    ("pmw-lm", ""),
-    ("haptic", ""),
+    ("dc-vc", ""),
     ("drive", ""),
-    ("two-mass", ""),
     ("position-loop", ""),
-    ("bus-joint", ""),
 )
 LATE = (5e-5, 1e-4, 2e-4)
 SPAN = (0.0, 20000.0)
