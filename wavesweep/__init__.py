@@ -1,4 +1,4 @@
-"""Stability, rendering range and transparency of multirate wave-variable haptic loops.
+"""Stability, rendering range and transparency of haptic and other linear loops of several rates.
 
 Importing the package costs nothing; a name is loaded when it is first touched. `__init__.pyi` says
 the same names, with those of capabilities, to editors and type checkers.

@@ -203,7 +203,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 )
 @click.pass_context
 def group(context: click.Context) -> None:
-    """Stability, rendering range and transparency of multirate wave-variable haptic loops.
+    """Stability, rendering range and transparency of haptic and other linear loops of several rates.
 
     A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr. The options
     below belong to every command, and may stand anywhere in the line. Exit codes: 0 done, 1 failed,
