@@ -47,7 +47,7 @@ def monodromy(drawing, values):
     for program in programs:
         run(program.first, z, {})
         if program.wall:
-            depth, speed, force = (ticks.at(name) for name in (DEPTH, SPEED, FORCE))
+            depth, speed, force = (ticks.place(name) for name in (DEPTH, SPEED, FORCE))
             z[force] = program.wall.force(z[depth], z[speed])[0]
             run(program.second, z, {})
         keep(program, z)

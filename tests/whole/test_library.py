@@ -315,6 +315,7 @@ def test_loops_are_told_in_a_line():
 
 
 def test_what_was_computed_is_kept_for_the_next_question(monkeypatch):
+    monkeypatch.setattr(api, "MOST_ANSWERS", 16)  # benchmarks keep none
     loop = wavesweep.compile({"controller": {"kind": "dc-slow"}})
     first = loop.stable_intervals(B_VE=[1.0, 2.0])
     first["low"] = -1.0  # what a caller does to a table is his own

@@ -100,7 +100,7 @@ def refuse(spec: Spec, along: str) -> None:
         acts_once = wall_cut(own_loop(spec, along)) is not None
     if not acts_once:
         expected = "a wall whose force is computed once a frame"
-        found = "one that acts several times in it, as where rates do not divide"
+        found = "one that acts several times in it or not in each, as where rates do not divide or results are lost"
         raise UsageError(f"[for_all] contact: expected {expected}, found {found}")
 
 

@@ -218,7 +218,9 @@ class TickSums:
         first, met, second = self._ordered(running, sums, limits)
         limits = {self.place(name): pair for name, pair in limits.items()}
         stops = [
-            (line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops
+            (line, *map(self.place, stops[name]))
+            for line, name in enumerate(keeps)
+            if name in stops
         ]
         return Program(
             self.lines(first),

@@ -34,7 +34,7 @@ LINEAR_LOOP = (
 OWN_NUMBERS = "with the spec's own numbers"
 WITH_FRAME = "frame"  # as a delay: in place with the next frame
 # letters of a scope that is named in full; of a longer one the table that has it is named
-LONGEST_PATTERN_TEXT = 60
+LONGEST_SCOPE_TEXT = 76
 LENGTHS_LISTED = 6  # values
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of a line
@@ -422,7 +422,7 @@ class Scope:
     def _loops_of_a_line(self) -> str:
         """The same for a line, whose longest texts name the tables that have them."""
         loops = self.loops()
-        if len(loops) <= LONGEST_PATTERN_TEXT or self.run:
+        if len(loops) <= LONGEST_SCOPE_TEXT or self.run:
             return loops
         late = [each for each in self.messages if not each.in_time]
         at_random = self.frames.order is Order.AT_RANDOM or any(each.chances for each in late)
