@@ -95,8 +95,8 @@ class InFrames:
         """Whether the loop without its wall is proved to be unstable in frames of one length."""
         return any(each.unstable for _, each in self.constant())
 
-    def constant(self) -> list[tuple[int, WallLoop]]:
-        """The loop in frames of one length for ever, with these lengths."""
+    def constant(self) -> list[tuple[str, WallLoop]]:
+        """The loop in frames of one kind for ever, with the names of these."""
         found = []
         own = np.flatnonzero(np.diagonal(self.frames.follows))
         for i in own.tolist():
@@ -126,7 +126,7 @@ class InFrames:
                 bool(clear[0] and count[0] == 0),
                 bool(clear[0] and count[0] > 0),
             )
-            found.append((self.frames.ticks[i], loop))
+            found.append((self.frames.names[i], loop))
         return found
 
 
@@ -264,10 +264,10 @@ class Along:
         """The nearest value beyond an end that a motion refutes in frames of one length, and what
         it is; NaN and nothing if none is found."""
         best = np.nan, ""
-        for ticks, loop in self.loop.constant():
+        for frame, loop in self.loop.constant():
             motion = motion_beyond(WallsAlong(loop, self.index, self.fixed), end, limit)
             if motion and not abs(motion.value - end) >= abs(best[0] - end):
-                best = motion.value, _in_words(motion, ticks)
+                best = motion.value, _in_words(motion, frame)
         return best
 
 
@@ -297,8 +297,8 @@ def linear_pattern(
     return float(fails), f"the linear wall, {switched.text_of_pattern(family, word)}"
 
 
-def _in_words(motion, ticks):
-    return str(motion).replace("a wall through", f"a wall, in frames of {ticks} ticks, through", 1)
+def _in_words(motion, frame):
+    return str(motion).replace("a wall through", f"a wall, in frames of {frame}, through", 1)
 
 
 def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> dict[str, str]:
@@ -319,9 +319,9 @@ def verdict_in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> di
     said, pattern = switched.decided(rules.family(values, ""))
     if said == "refuted":
         return {"verdict": "refuted", "counterexample": f"the linear wall, {pattern}"}
-    for ticks, constant in loop.constant():
+    for frame, constant in loop.constant():
         motion = motion_at(WallsAlong(constant, 0, B), K)
         if motion:
-            text = _in_words(motion, ticks)
+            text = _in_words(motion, frame)
             return {"verdict": "refuted", "counterexample": text}
     return {"verdict": "unknown", "counterexample": ""}

@@ -40,7 +40,7 @@ class WallFrames:
     freely; drifts: whether there is one, or else l, r and p are 0. changes `(frames, n + 1, n + 1)`:
     A less the identity and b, with the row (l, r) below; rows `(frames, 2, n + 1)`: (o, d_x) and
     (c, d_v). of_changes, of_rows: bounds on the errors of their entries. follows: which frame
-    (column) may come after which (row). ticks: the length of each.
+    (column) may come after which (row). names: of each, its ticks and, where delays vary, its delay.
     """
 
     changes: np.ndarray
@@ -49,7 +49,7 @@ class WallFrames:
     of_rows: np.ndarray
     drifts: bool
     follows: np.ndarray
-    ticks: tuple[int, ...]
+    names: tuple[str, ...]
 
 
 def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
@@ -84,8 +84,12 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
     if not all(acts[sample] for sample in samples) or any(acts[i] for row in befores for i in row):
         return None
     found = list(_frames(ticks, befores, samples))
-    lengths = tuple(symbol.ticks for symbol in symbols)
-    return _without_drift(found, drift, follows, lengths)
+    delays_vary = len({symbol.delay for symbol in symbols}) > 1
+    names = tuple(
+        f"{symbol.ticks} ticks" + f" and a delay of {symbol.delay}" * delays_vary
+        for symbol in symbols
+    )
+    return _without_drift(found, drift, follows, names)
 
 
 def _frames(ticks: Ticks, befores, samples):
@@ -119,7 +123,7 @@ def _frames(ticks: Ticks, befores, samples):
         )
 
 
-def _without_drift(found, drift, follows, lengths) -> WallFrames | None:
+def _without_drift(found, drift, follows, names) -> WallFrames | None:
     """The frames with the drift that the wall reads as their last state, and without states that
     nothing reads."""
     changes, rows, of_changes, of_rows = map(np.array, zip(*found, strict=True))
@@ -149,4 +153,4 @@ def _without_drift(found, drift, follows, lengths) -> WallFrames | None:
     if not moving:
         picked[0] = np.concatenate([picked[0], np.zeros_like(picked[0][:, :1])], axis=1)
         picked[2] = np.concatenate([picked[2], np.zeros_like(picked[2][:, :1])], axis=1)
-    return WallFrames(*picked, bool(moving), follows, lengths)
+    return WallFrames(*picked, bool(moving), follows, names)
