@@ -8,7 +8,7 @@ from wavesweep.program.analyses.claims import of_rows
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.results import fields
-from wavesweep.program.row_kinds import row_kind
+from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.columns import at_port, unlike_units
 
 LONGEST_LEGEND_NAME = 48  # letters of a spec in a legend
@@ -128,7 +128,8 @@ def claimed(facts: Mapping[str, Any]) -> str:
     sentences = []
     for word, claim in claims.items():
         if claim["loops"] or several or of_rows(facts, word).what.required:
-            name = row_kind(word).legend if several else ""
+            kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
+            name = kind.legend if several and kind else ""
             sentences.append(f"{name}: {claim['said']}" if name else claim["said"])
     said = "; ".join(sentences)
     return as_it_stands(f"{said[:1].upper()}{said[1:]}." if said else "")
