@@ -197,6 +197,18 @@ def test_the_verdict_names_frames_and_walls(more, status, said):
     assert said in answer.words()
 
 
+def test_frames_are_named_with_their_delay_where_delays_vary():
+    tables = slow()
+    tables["for_all"] |= {
+        "rates.ratio": {"values": [16, 20], "varying": True},
+        "environment.delay": {"values": [1, 8], "varying": True},
+    }
+    spec = load(tables)
+    kinds = in_frames(rules_of(spec), dict(spec.values), [K, B]).constant()
+    ticks = ("16 ticks and a delay of 1", "16 ticks and a delay of 8", "20 ticks and a delay of 1", "20 ticks and a delay of 8")
+    assert sorted(name for name, _ in kinds) == list(ticks)
+
+
 @pytest.mark.slow
 def test_values_of_a_number_are_cases():
     """The row of two masses is the common part of the rows of each."""

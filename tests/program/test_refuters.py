@@ -24,3 +24,11 @@ def test_refuters_of_both_ends_are_cut_each():
 def test_a_pattern_of_messages_says_what_happens_to_them():
     said = in_a_sentence("K = 2, messages camera: 0, 1, lost; up: 12")
     assert said == ("K = 2, messages of camera: in time, 1 tick late, lost; of up: 12 ticks late")
+
+
+MOTION = "a wall, in frames of 21 ticks and a delay of 8, through (2.001, 1.988), (1.716, 1.705), (1.055, 1.049)"
+
+
+@pytest.mark.parametrize(("written", "said"), [(MOTION, MOTION), ("m = 2, frames 16, 16, 16, 33", "m = 2, frames 16 x 3, 33")])
+def test_frames_of_one_kind_are_no_pattern(written, said):
+    assert in_a_sentence(written) == said

@@ -23,6 +23,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program import api
 from wavesweep.program.platform_compat import one_thread
 from wavesweep.program.spec import load
+from wavesweep.program.sweep.progress_bar import reporting
 from wavesweep.program.tables import fields as tables_fields
 from wavesweep.program.tables import interval_table, kind_named
 from wavesweep.program.tables.fields import COLUMNS, Field
@@ -318,7 +319,7 @@ def test_what_was_computed_is_kept_for_the_next_question(monkeypatch):
     monkeypatch.setattr(api, "MOST_ANSWERS", 16)  # benchmarks keep none
     loop = wavesweep.compile({"controller": {"kind": "dc-slow"}})
     first = loop.stable_intervals(B_VE=[1.0, 2.0])
-    first["low"] = -1.0  # what a caller does to a table is his own
+    first.loc[:, "low"] = -1.0  # what a caller does to a table is his own
     monkeypatch.setattr(interval_table, "of_calls", None)
     assert loop.stable_intervals(B_VE=np.array([1.0, 2.0]))["low"].tolist() == [0.0, 0.0]
     with pytest.raises(TypeError):
@@ -353,3 +354,7 @@ def test_a_bar_shows_what_is_done(monkeypatch, installed):
     assert len(table) == 2
     assert moved == ([(0, 2), (2, 2), "closed"] if installed else [])
     assert said == (["0 certified", "2 certified"] if installed else [])
+    with reporting(True) as report:
+        report(1, 4, None)
+        report(3, 4, None)
+    assert moved[3:] == ([(1, 4), (3, 4), "closed"] if installed else [])
