@@ -258,7 +258,7 @@ def test_lengths_in_a_summary_are_the_most_frequent_and_all_others_are_named(wri
         "9",
         "10,",
     ]
-    assert said[9] == "  10, 11, 12 ticks: at most 8.33 % of frames each"
+    assert said[9] == "  10, 11, 12 ticks: at most 8.34 % of frames each"
 
 
 def test_a_chain_of_more_lengths_than_a_proof_takes_is_left_out(written):

@@ -90,7 +90,7 @@ def test_margins_along_a_number_are_those_of_the_table_of_margins():
     ("margins", "said"),
     [
         ({"cut": "c.y", "gain": 2, "Ms": 2}, "disk = 0.6667 holds a gain up and down by 2, and more, found gain"),
-        ({"cut": "c.y", "phase_deg": 40, "Ms": 2}, "disk = 0.7279 holds a phase of 40 deg, and more, found phase_deg"),
+        ({"cut": "c.y", "phase_deg": 40, "Ms": 2}, "disk = 0.728 holds a phase of 40 deg, and more, found phase_deg"),
         ({"cut": "c.y"}, "expected cut, and Ms or disk, found none of Ms and disk"),
         ({"Ms": 2}, "expected cut, and Ms or disk, found none of cut"),
         ({"cut": "d.y", "Ms": 2}, 'expected an output of a block that some wire reads (c.y, p.y), found "d.y"'),

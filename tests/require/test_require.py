@@ -398,7 +398,7 @@ CONSERVES = (
         ({"damping_ratio": 1}, "sweep.require.damping_ratio: expected a number <= 0.999, found 1"),
         ({"radius": 1}, "sweep.require.radius: expected a number <= 0.999999, found 1"),
         ({"settling": 0}, "sweep.require.settling: expected a number > 0, found 0"),
-        ({"settling": 1e-4}, "sweep.require.settling: expected at least 0.00566 s where a frame takes 0.02 s, found 0.0001"),
+        ({"settling": 1e-4}, "sweep.require.settling: expected at least 0.00567 s where a frame takes 0.02 s, found 0.0001"),
     ],
 )
 def test_what_cannot_be_required_is_one_clear_line(require, expected):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.check import room_of_numbers as ranges
 from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
+from wavesweep.program.analyses.own_design import is_an_end
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.tables.number_words import rounded_down, rounded_up, span_in_words
 
@@ -126,7 +127,8 @@ def _stable_where(limit: Facts, unit: str) -> str:
     if not limit["stable"]:
         if limit["intervals"]:
             spans = [f"{_span(limit, low, high)}{unit}" for low, high in limit["intervals"]]
-            return f"stable in {' and '.join(spans)}{proved}"
+            at_end = "on an end, " if is_an_end(limit["value"], limit["intervals"]) else ""
+            return f"{at_end}stable in {' and '.join(spans)}{proved}"
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
         if limit["certified"]:
             return f"nowhere stable in {searched}"
@@ -266,8 +268,10 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     if "chatter" in found:
         text = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
-            rounding = f"all rounding by at most {found['chatter']:.4g}"
-            text = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
+            rounding = f"all rounding by at most {rounded_up(found['chatter'], 4)}"
+            text = (
+                f"moves the force by up to {rounded_up(found['step_force'], 4)} {force}, {rounding}"
+            )
             if exact:
                 text += "; the velocity is taken as exact, without steps"
         if found["step_force"] == 0:
@@ -276,7 +280,7 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
                 text = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
         yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {text}"
         bounds = [(found.get("moves"), length), (found.get("speed"), f"{length}/s")]
-        said = [f"{value:.4g} {name}" for value, name in bounds if value]
+        said = [f"{rounded_up(value, 4)} {name}" for value, name in bounds if value]
         if said:
             yield DETAIL, f"  and rounding moves the device by at most {' and '.join(said)}"
     if "cycle_hz" in found:

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.designs.family import Scenario, described
 from wavesweep.designs.keys import Design
-from wavesweep.designs.table import wish_units
+from wavesweep.designs.table import wish_in_words, wish_units
 from wavesweep.engine.drawing import name_of
 from wavesweep.program.analyses.hardware_limits import GIVEN
 from wavesweep.program.reading.keys import BAND_EDGES
@@ -110,7 +110,7 @@ def _nearest(wish, record, scenarios, unit):
     if np.isnan(value):
         said = f"{wish.name} not known"
     else:
-        said = f"{wish.name} " + f"{value:.6g} {unit}".removesuffix(" 1").rstrip()
+        said = f"{wish.name} {wish_in_words(wish.name, value, unit, 6)}"
     if wish.bound is not None:
         said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
     if not np.isnan(value) and not record[f"{wish.name}_certified"]:
@@ -178,7 +178,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
                 edge: value for edge, value in keys.items() if edge in BAND_EDGES
             }
     wishes = [
-        f"{name} {row[name]:.6g} {unit}".removesuffix(" 1")
+        f"{name} {wish_in_words(name, row[name], unit, 6)}"
         for name, unit in wish_units(spec).items()
     ]
     text = f"{HEADER}{', '.join(wishes)}, at their worst.\n"

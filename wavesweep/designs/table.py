@@ -12,7 +12,9 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.tables.columns import fields
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, count, plain, whole_kind
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
+DIGITS = 5  # of a wish in a sentence
 THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end
 # Columns for the hands of a box.
 BOX = "z_width_box"
@@ -213,7 +215,7 @@ def _notes(found: Numbers) -> Iterator[Line]:
         said = f"every hand of the box: {box['kept']} of {count(found['designs'], 'design')} keep all walls"
         said += f", {box['settled']} of them proved"
         if box["kept"] < found["designs"]:
-            said += f"; the worst keeps {100 * box['least']:.3g} %"
+            said += f"; the worst keeps {rounded_down(100 * box['least'], 3)} %"
         yield said, False
     if found["certified"] < found["designs"]:
         yield (
@@ -273,7 +275,7 @@ def _bound_lines(found: Numbers) -> Iterator[Line]:
 
 
 def _shares(margins: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {100 * share:.3g} %" for name, share in margins.items())
+    return ", ".join(f"{name} {rounded_down(100 * share, 3)} %" for name, share in margins.items())
 
 
 def _design(
@@ -283,13 +285,19 @@ def _design(
     return f"{_wishes(wishes, units)}, with {said}"
 
 
+def wish_in_words(name: str, value: float, unit: str, digits: int = DIGITS) -> str:
+    """The value of a wish, rounded to the side that is worse."""
+    worse = rounded_down if WISHES[name].more else rounded_up
+    return f"{worse(value, digits)} {unit}".removesuffix(" 1").rstrip()
+
+
 def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:
     said = []
     for name, value in values.items():
         if value is None:
             said.append(f"{name} unstable, or not known")
         else:
-            said.append(f"{name} {value:.5g} {units[name]}".removesuffix(" 1").rstrip())
+            said.append(f"{name} {wish_in_words(name, value, units[name])}")
     return ", ".join(said)
 
 

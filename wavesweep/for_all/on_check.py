@@ -67,4 +67,4 @@ def _every_hand(spec: Spec, found: Mapping[str, Any]) -> str:
     enough = "no damping is proved to suffice"
     if needed is not None:
         enough = f"{rounded_up(needed, 4)} N*s/m of damping suffice"
-    return f"{claim.words()}; {enough}, the device has {device:.4g}"
+    return f"{claim.words()}; {enough}, the device has {device:g}"

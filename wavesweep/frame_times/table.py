@@ -18,6 +18,7 @@ from wavesweep.program.platform_compat import versions
 from wavesweep.program.reading.keys import HIGHEST_RATIO
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
+from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
@@ -148,8 +149,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         )
     if rare:
         most = max(shares[length] for length in rare)
-        at_most = "at most " if len(rare) > 1 else ""
-        yield f"  {', '.join(map(str, rare))} ticks: {at_most}{most:.3g} % of frames each", False
+        share = f"at most {rounded_up(most, 3)}" if len(rare) > 1 else f"{most:.3g}"
+        yield f"  {', '.join(map(str, rare))} ticks: {share} % of frames each", False
     yield from _caveats(found)
 
 

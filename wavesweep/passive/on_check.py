@@ -59,13 +59,14 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
     if spec.drawing or not (channel := _channel_of(_kept(spec))):
         return
     if channel.entries <= LARGEST_CHANNEL:
+        from wavesweep.program.tables.number_words import rounded_up
 
         def known():
             norm = _channel_norm(channel)
             return (
                 "wave channel: norm not known"
                 if norm is None
-                else f"wave channel: norm {norm:.7g} (passive up to 1)"
+                else f"wave channel: norm {rounded_up(norm, 7)} (passive up to 1)"
             )
 
         yield 5, known

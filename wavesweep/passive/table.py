@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from math import prod
@@ -21,6 +21,7 @@ from wavesweep.program.columns import Columns, joined
 from wavesweep.program.tables.columns import at_port
 from wavesweep.program.tables.interval_table import interval_kind
 from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, count, from_spec
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -270,13 +271,13 @@ def _lines(found: Numbers) -> Iterator[Line]:
     rows = count(found["rows"], "row")
     if found["channel_norm"]:
         within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
-        norm = _span(found["channel_norm"])
+        norm = _span(found["channel_norm"], rounded_up)
         yield (
             f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}",
             False,
         )
     reach = (
-        f"; margin {_span(found['port_margin'])} {found['units']['port_margin']}"
+        f"; margin {_span(found['port_margin'], rounded_down)} {found['units']['port_margin']}"
         if found["port_margin"]
         else ""
     )
@@ -288,7 +289,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
             True,
         )
     if found["damping_needed"]:
-        needed, unit = _span(found["damping_needed"], 3), found["units"]["damping_needed"]
+        needed, unit = (
+            _span(found["damping_needed"], rounded_up, 3),
+            found["units"]["damping_needed"],
+        )
         yield f"further damping of the device that makes it passive: {needed} {unit}", False
     if found["no_damping_is_enough"]:
         yield (
@@ -296,7 +300,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
             False,
         )
     if found["ports_margin"]:
-        margin, unit = _span(found["ports_margin"], 6), found["units"]["damping_needed"]
+        margin, unit = (
+            _span(found["ports_margin"], rounded_down, 6),
+            found["units"]["damping_needed"],
+        )
         yield (
             f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}",
             False,
@@ -326,7 +333,7 @@ def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:
 
 def _index_lines(found: Numbers) -> Iterator[Line]:
     yield (
-        f"Llewellyn's index: at least {found['llewellyn']:.6g} of those computed, at {found['frequency_hz']:.4g} Hz",
+        f"Llewellyn's index: at least {rounded_down(found['llewellyn'])} of those computed, at {found['frequency_hz']:.4g} Hz",
         False,
     )
 
@@ -379,8 +386,9 @@ def _range(values: np.ndarray) -> list[float] | None:
     return [float(finite.min()), float(finite.max())] if finite.size else None
 
 
-def _span(ends: list[float], digits: int = 7) -> str:
-    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
+def _span(ends: list[float], bound: Callable[[float, int], str], digits: int = 7) -> str:
+    """From the least to the largest of some bounds."""
+    return " to ".join(dict.fromkeys(bound(end, digits) for end in ends))
 
 
 KINDS = (

@@ -10,6 +10,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
 from wavesweep.program.reading.keys import ALL_MODES, SETTLED_TO
+from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import (
@@ -111,8 +112,8 @@ class Bound:
         }
         seconds = longest / np.log(LEAST_RADIUS)
         least = {
-            "settling": f"at least {np.log(SETTLED_TO) * seconds:.3g} s",
-            "time_constant": f"at least {-seconds:.3g} s",
+            "settling": f"at least {rounded_up(np.log(SETTLED_TO) * seconds, 3)} s",
+            "time_constant": f"at least {rounded_up(-seconds, 3)} s",
         }
         for key, radius in by_key.items():
             if (radius < LEAST_RADIUS).any():

@@ -9,6 +9,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
+from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
     BASE_BAND,
@@ -257,10 +258,12 @@ def _refuse_single(mistakes, leaves):
         value = leaf.value
         if isinstance(value, (int, float)) and name == "gain" and value > 1:
             disk = 2 * (value - 1) / (value + 1)
-            instead = f"; disk = {disk:.4g} holds a gain up and down by {value:g}, and more"
+            instead = (
+                f"; disk = {rounded_up(disk, 4)} holds a gain up and down by {value:g}, and more"
+            )
         elif isinstance(value, (int, float)) and name == "phase_deg" and 0 < value < 90:
             disk = 2 * tan(radians(value) / 2)
-            instead = f"; disk = {disk:.4g} holds a phase of {value:g} deg, and more"
+            instead = f"; disk = {rounded_up(disk, 4)} holds a phase of {value:g} deg, and more"
         expected = f"Ms or disk, which are proved along a number{instead}"
         mistakes.refuse(leaf, f"{PATH}.margins.{name}", expected, name, of_key=False)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.analyses.claims import Claim, Status, own_scope, required
 from wavesweep.program.analyses.interval_jobs import job_over
-from wavesweep.program.analyses.own_design import searched
+from wavesweep.program.analyses.own_design import is_an_end, searched
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import keys_of, make_grid
@@ -43,10 +44,12 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
         return {"required": found | {"certified": False}, "claims": [claim]}
     ends = [(float(a), float(b)) for a, b in zip(rows["low"], rows["high"], strict=True) if a <= b]
     found |= {"intervals": ends, "certified": bool(rows["certified"].all())}
-    status = _status(rows, float(spec.values[path]))
+    value = float(spec.values[path])
+    status = _status(rows, value, ends)
     where = " and ".join(span_in_words(*interval) for interval in ends)
     met = f"met in {where}" if where else f"met nowhere in {span_in_words(low, high)}"
-    reason = f"{name} = {spec.values[path]:g}, {met}"
+    at_end = " on an end" if is_an_end(value, ends) else ""
+    reason = f"{name} = {value:g}{at_end}, {met}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
     return {"required": found, "claims": [claim]}
 
@@ -64,13 +67,12 @@ def _along(spec: Spec) -> str:
     return ""
 
 
-def _status(rows: Columns, value: float) -> Status:
+def _status(rows: Columns, value: float, intervals: Sequence[tuple[float, float]]) -> Status:
     """What the rows of intervals say of a value; at an end of one, nothing."""
     inside = (rows["low"] < value) & (value < rows["high"])
     inside |= (rows["low"] == value) & np.isnan(rows["low_omega"])
     inside |= (rows["high"] == value) & np.isnan(rows["high_omega"])
-    outside = ~((rows["low"] <= value) & (value <= rows["high"]))
     known = bool(rows["certified"].all())
     if inside.any():
         return Status.CERTIFIED if known else Status.UNKNOWN
-    return Status.REFUTED if known and outside.all() else Status.UNKNOWN
+    return Status.REFUTED if known and not is_an_end(value, intervals) else Status.UNKNOWN

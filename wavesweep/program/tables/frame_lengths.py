@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.columns import Columns
+from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.program.tables.refuters import Refuters
 
 RATIO = "rates.ratio"
@@ -85,7 +86,7 @@ def lengths_in_words(numbers: Mapping[str, Any]) -> str:
     decide = _runs(numbers["decide"])
     left_out = _runs(numbers["left_out"])
     share = max(100 * numbers["moves_an_end_by"], 0.01)
-    return f"frames of {decide} ticks decide: without those of {left_out} no end moves by more than {share:.2g} %"
+    return f"frames of {decide} ticks decide: without those of {left_out} no end moves by more than {rounded_up(share, 2)} %"
 
 
 def _runs(lengths):
