@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from meaning import controllers, drawings
 from meaning.machine import Machine, at_one, radius
-from meaning.specs import PATHS, left_out
+from meaning.specs import PATHS
 
 SMALL = 0.02  # of a radius: eigenvalues next to 0 are the roots of rounding
 NEAR = 1e-6  # of an end: stable so near inside, unstable so near outside
@@ -85,9 +85,6 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True) -> list[Found
     """
     tables = tomllib.loads(text)
     drift = drift_of(tables)
-    why = left_out(tables, drift)
-    if why:
-        return [Found(f"left out: {why}", True, None, None), *(judge_intervals(tables, drift, loop) if whole else [])]
     machine = machine_of(tables)
     monodromy = machine.monodromy()
     mine = radius(monodromy, drift)
@@ -210,6 +207,9 @@ def judge_response(machine, loop, hand) -> list[Found]:
             grows = abs(value.imag) > 1e3 * abs(value.real) and abs(value) > moved
             if name == "admittance" and not frequency and grows:  # nothing holds it
                 found.append(Found(what, bool(np.isnan(theirs)), value, theirs))
+                continue
+            if not frequency and abs(value.imag) > 1e-4 * moved:  # far below any mode it would be real
+                found.append(Found("too slow to come to rest", True, value, theirs))
                 continue
             least = 1e-5 * moved if name == "admittance" else 0.0  # what is 0 at rest, before an integrator
             found.append(Found(what, close(value if frequency else value.real, theirs, 1e-6, least), value, theirs))

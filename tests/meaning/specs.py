@@ -68,17 +68,6 @@ def spec_text(number: int, quick: bool = False) -> str:
     return toml(drawing(number // 2) if number % 2 else controller(number // 2, quick))
 
 
-def left_out(tables: dict, drift: int) -> str:
-    """Why a spec is asked for certified rows alone: faults of the package that are known. Empty if for all."""
-    blocks = tables.get("block", {}).values()
-    of_changes = any(
-        block["type"] == "difference" or (block["type"] == "impulse" and block.get("every", 1) > 1) for block in blocks
-    )
-    if drift > 1 and of_changes:
-        return "of two drifts, one an integral of which changes alone are read, one is set aside"
-    return ""
-
-
 class Draw:
     """A generator of numbers with few digits, as people write them."""
 

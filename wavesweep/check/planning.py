@@ -59,7 +59,7 @@ def _loop_lines(spec):
     yield f"{spec.source or spec.name}: valid, controller {spec.kind}"
     loop = own_loop(spec)
     drawn = loop.drawn()
-    drift = loop.drift()
+    drift = loop.drift_of_frames()
     ticks = _count(drawn.ticks, "tick")
     ms = f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     if spec.uneven:
@@ -71,7 +71,7 @@ def _loop_lines(spec):
         yield f"  loop: frame of {ticks}, {ms}"
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
-    free = loop.changed({"environment.K_VE": 0.0}).drift()
+    free = loop.changed({"environment.K_VE": 0.0}).drift_of_frames()
     if len(free.constant) + len(free.varying) > len(drift.constant) + len(drift.varying):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
@@ -164,7 +164,7 @@ def _drawn_lines(spec):
     loop = Loops(spec.drawing, spec.values)
     drawing = loop.drawing
     drawn = loop.drawn()
-    drift = loop.drift()
+    drift = loop.drift_of_frames()
     period = 1e3 * float(drawn.period)
     labels = drawn.labels()
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"

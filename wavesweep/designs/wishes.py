@@ -383,7 +383,7 @@ def _modes(spec, points) -> BandModes:
     rate = np.empty(points.size)
     for members, loops in _batches(spec, points):
         drawn = loops.drawn()
-        E, _ = loops.read.frames_with_reliability(loops.read.drift(), drawn)
+        E, _ = loops.read.frames_with_reliability(loops.read.drift_of_frames(), drawn)
         rate[members] = 1 / np.real(drawn.period * drawn.ticks)
         delta, _ = eigenvalues(E)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -536,7 +536,7 @@ def _time_constant(spec, wish, loops, size):
 
 def _frames(loops, size):
     """Return the frames less identity, and whether their radius is known."""
-    E, hidden = loops.read.frames_with_reliability(loops.read.drift())
+    E, hidden = loops.read.frames_with_reliability(loops.read.drift_of_frames())
     E = np.broadcast_to(E, (size, *E.shape[-2:]))
     return E, np.isfinite(radius_of(E, hidden))
 

@@ -358,7 +358,7 @@ class ClosedLoop:
         keep all digits of their distance from 1.
         """
         loops = self._single(numbers).read
-        drawn, drift = loops.drawn(), loops.drift()
+        drawn, drift = loops.drawn(), loops.drift_of_frames()
         E, hidden = loops.frames_with_reliability(drift, drawn)
         if not np.isfinite(E).all():
             raise UsageError(

@@ -165,6 +165,12 @@ class Loops(NamedTuple):
         with np.errstate(all="ignore"):
             return _drift(*self.twins(out, second), tuple(watched))
 
+    def drift_of_frames(self) -> MarginalModes:
+        """`drift`, and with it what nothing opposes from frame to frame, whatever it does in
+        between."""
+        with np.errstate(all="ignore"):
+            return _drift_of_frames(*self.twins())
+
     def drift_at_hand(self) -> MarginalModes:
         """The drift as the hand's port sees it."""
         return self.drift(watched=hand_of(self.drawing).signals)
@@ -193,12 +199,16 @@ class Loops(NamedTuple):
         1.
         """
         radii = np.array(
-            np.broadcast_to(radius_of(*self.frames_with_reliability(self.drift())), (size,))
+            np.broadcast_to(
+                radius_of(*self.frames_with_reliability(self.drift_of_frames())), (size,)
+            )
         )
         if size > 1:
             for at in np.flatnonzero(np.isnan(radii)).tolist():
                 alone = self.one(at)
-                radii[at] = radius_of(*alone.frames_with_reliability(alone.drift())).item()
+                radii[at] = radius_of(
+                    *alone.frames_with_reliability(alone.drift_of_frames())
+                ).item()
         return radii
 
     def blocks_without_solution(self) -> list[str] | None:
@@ -206,7 +216,9 @@ class Loops(NamedTuple):
         return _blocks_without_solution(self.drawing, self.items)
 
 
-_drift = lru_cache(maxsize=256)(MarginalModes.of)  # twins of the same numbers are the same objects
+# twins of the same numbers are the same objects
+_drift = lru_cache(maxsize=256)(MarginalModes.of)
+_drift_of_frames = lru_cache(maxsize=256)(MarginalModes.of_frames)
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again

@@ -424,7 +424,7 @@ def drift_over(loop, paths, box):
     ends = zip(paths, box.T, strict=True)
     drift = loop.changed(
         {path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}
-    ).drift()
+    ).drift_of_frames()
     if len(drift.varying) != 1:
         return drift
     corners = np.array(list(product(*box.T)))

@@ -116,7 +116,7 @@ def counterexample(loop: HeldLoop) -> str:
         m, k, n, s = 10.0**logs.T
         numbers = dict(zip((*HAND, *ENVIRONMENT), (m, 0.0, k, n, 0.0, s), strict=True))
         loops = Loops(drawing, {**loop.values, **numbers})
-        z = 1 + eigenvalues(loops.frames(loops.drift()))[0]
+        z = 1 + eigenvalues(loops.frames(loops.drift_of_frames()))[0]
         poles = np.log(np.where(np.abs(z) > ZERO_EIGENVALUE, z, ZERO_EIGENVALUE))
         return (-poles.real / np.abs(poles)).min(-1)
 

@@ -125,7 +125,7 @@ class Loop:
             f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items()
         )
         loop = own_loop(self.spec)
-        drawn, drift = loop.drawn(), loop.drift()
+        drawn, drift = loop.drawn(), loop.drift_of_frames()
         of_what = (
             f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
         )

@@ -45,7 +45,7 @@ def prove_again(
         )
     least = AS_ZERO * (span[1] - span[0])
     try:
-        drift = loop.changed({search.along: np.array(span)}).drift()
+        drift = loop.changed({search.along: np.array(span)}).drift_of_frames()
     except IllPosedLoopError:
         return ProvedAgain(
             "unsettled", "a loop of direct terms has no solution at an end of the range"

@@ -40,7 +40,7 @@ def ball_prover(
         span = (low - REACH_BEYOND_END * abs(low), high + REACH_BEYOND_END * abs(high))
         proof = None
         with suppress(IllPosedLoopError):
-            drift = loop.changed({along: np.array(span)}).drift()
+            drift = loop.changed({along: np.array(span)}).drift_of_frames()
             proof = prove_column(*loop, along, span, drift, operations=budget)
         if not proof:
             return None

@@ -155,7 +155,7 @@ class _VariedLoops:
         varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
         return self.loops.changed(
             {**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}
-        ).drift()
+        ).drift_of_frames()
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and

@@ -98,11 +98,17 @@ class RestEquations:
     sum that is 0. rows: other sums that are 0: each port less the sum that is connected to it.
     outputs: each as a sum. states: each as the unknown that it is, or as a sum of input ports that
     it follows. A block may have more ports than its equations, behind theirs: those by which a
-    number is taken out of it.
+    number is taken out of it. wires: of each port, the outputs that it reads, with their gains.
+    sums: states that may count for ever if nothing reads them, each with the register that shows
+    it, or "". plants: names of the blocks that move by themselves; None if it is not known which
+    do.
     """
 
     def __init__(self) -> None:
         self.rows: list[Sum] = []
+        self.wires: dict[str, Sum] = {}
+        self.sums: dict[str, str] = {}
+        self.plants: set[str] | None = None
         self.changes: dict[str, Sum] = {}
         self.outputs: dict[str, Sum] = {}
         self.states: dict[str, Sum] = {}
@@ -138,27 +144,28 @@ class RestEquations:
                     dict(zip(inputs, row, strict=False)), {}
                 )
 
-    def connect(self, wires: Mapping[str, Sum]) -> None:
-        """Connect ports with sums of outputs."""
+    def connect(self) -> None:
+        """Connect ports with the outputs that they read, and let sums that nothing reads count for
+        ever: that these do not change is left out."""
         unit = decimal(1.0)
-        self.rows += [
+        for state, register in self.sums.items():
+            if register:
+                self._show(register, state)
+        self.rows = [
             _substituted({port: unit} | {s: -gain for s, gain in row.items()}, self.outputs)
-            for port, row in wires.items()
+            for port, row in self.wires.items()
         ]
+        for state in self.sums:
+            if not any(state in row for row in (*self.changes.values(), *self.rows)):
+                self.changes.pop(state, None)
 
-    def show(self, register: str, state: str) -> None:
+    def _show(self, register, state):
         """Let a register show a state, of which it is a copy, in place of its input."""
-        unit = decimal(1.0)
-        for sums in (self.states, self.outputs):
-            for name in sums:
+        self.wires.pop(f"{register}.u", None)
+        for shown in (self.states, self.outputs):
+            for name in shown:
                 if name.rpartition(".")[0] == register:
-                    sums[name] = {state: unit}
-
-    def let_count(self, state: str) -> None:
-        """Leave out that a state does not change, if nothing reads it, its own change included:
-        then it may count for ever."""
-        if not any(state in row for row in (*self.changes.values(), *self.rows)):
-            self.changes.pop(state, None)
+                    shown[name] = {state: decimal(1.0)}
 
     def null_space(self) -> list[Sum]:
         """Return independent solutions, of which all others are sums, ports being those of
@@ -249,6 +256,15 @@ def _led(by_lead: Mapping[str, Sum]) -> list[dict[str, float]]:
     ]
 
 
+def rest_of_blocks(drawn: MultirateLoop, names: Collection[str]) -> RestEquations:
+    """Return the equations at rest of blocks of these names.
+
+    Errors: ArithmeticError or ValueError where numbers are not known as fractions.
+    """
+    blocks = [scheduled.block for scheduled in drawn.placed if scheduled.block.name in names]
+    return drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
+
+
 def shifts(
     drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()
 ) -> list[dict[str, float]]:
@@ -260,8 +276,8 @@ def shifts(
     1; the other shifts do not move that state. names: of the blocks. leads: those of the shifts, if
     they are known. Errors: ArithmeticError or ValueError where numbers are not known as fractions.
     """
-    blocks = [scheduled.block for scheduled in drawn.placed if scheduled.block.name in names]
-    rest = drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
+    rest = rest_of_blocks(drawn, names)
+    rest.connect()
     moving = rest.moving()
     by_lead: dict[str, Sum] = {}
     while moving and not (leads and len(by_lead) == len(leads)):
@@ -368,7 +384,7 @@ def _of_entries(drawn, blocks) -> RestEquations:
         return terms
 
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    rest.connect({port: traced(port, decimal(1.0)) for port in ports})
+    rest.wires = {port: traced(port, decimal(1.0)) for port in ports}
     return rest
 
 
@@ -396,25 +412,19 @@ def equations_of(
         return value_in_fractions(tree, numbers, varied)
 
     plants = {plant.name: plant for plant in drawing.plants}
-    sums = []
+    rest.plants = {block.name for block in drawing.cores if block.plant} | plants.keys()
     for block in blocks:
         if block.name in plants:
             _add_plant(rest, plants[block.name], value, block)
-            continue
-        core = cores[block.name]
-        _add_drawn(rest, core.type, keys_with(core, value), block)
-        if core.type in SUMMING:
-            sums += [f"{block.name}.{state}" for state in block.states]
-    wires = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
-    for name in sums:
-        counter = cores[name.rpartition(".")[0]]
-        register = cores.get(f"prev({counter.name}.sum)")
-        if register is not None and _clock(register) == _clock(counter):
-            rest.show(register.name, name)
-            wires.pop(f"{register.name}.u", None)
-    rest.connect(wires)
-    for name in sums:
-        rest.let_count(name)
+        else:
+            core = cores[block.name]
+            _add_drawn(rest, core.type, keys_with(core, value), block)
+            if core.type in SUMMING:
+                register = cores.get(f"prev({core.name}.sum)")
+                shown = register is not None and _clock(register) == _clock(core)
+                for state in block.states:
+                    rest.sums[f"{block.name}.{state}"] = register.name if shown else ""
+    rest.wires = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
     return rest
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import shifts
+from wavesweep.engine._loops.lasting_modes import lasting_modes
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.batches import MANY
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, known_frames
@@ -76,6 +77,28 @@ class MarginalModes:
         (see `without_drift`). If numbers are not known exactly, no shift is found, and what drifts
         stays as an eigenvalue next to 1.
         """
+        return MarginalModes._of(drawn, twin, watched)[0]
+
+    @staticmethod
+    def of_frames(
+        drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()
+    ) -> "MarginalModes":
+        """Find the drift as `of`, and with it the modes that last beside sums that count for ever
+        (see `lasting_modes`): from frame to frame they stay, but they may move within a frame.
+
+        They are among those whose shapes depend on numbers, but nothing is known of them in single
+        ticks.
+        """
+        found, alive, pairs = MarginalModes._of(drawn, twin, watched)
+        lasting = [
+            lasting_modes(each, alive, [pair[side] for pair in pairs], side)
+            for side, each in enumerate((drawn, twin))
+        ]
+        return _with_more(found, drawn, watched, min(lasting) - len(pairs))
+
+    @staticmethod
+    def _of(drawn, twin, watched):
+        """The drift, the blocks that it is of, and its shifts in both drawings."""
         held = drawn.held(watched)
         alive = _alive(drawn, watched)
         names = []
@@ -91,7 +114,8 @@ class MarginalModes:
         at = {name: i for i, name in enumerate(names)}
         constant = []
         varying = []
-        for shift, other_shift in _shifts_of_both(drawn, twin, alive):
+        pairs = _shifts_of_both(drawn, twin, alive)
+        for shift, other_shift in pairs:
             lead, *rest = shift
             if _same_shape(shift, other_shift):
                 followers = tuple((at[name], shift[name]) for name in rest if name in at)
@@ -99,7 +123,8 @@ class MarginalModes:
             else:
                 varying.append(at[lead])
         unobserved = tuple(at[name] for name in idle)
-        return MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
+        found = MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
+        return found, alive, pairs
 
     def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
         """Return the ticks with states relative to others: those that a drift moves to its lead,
@@ -177,6 +202,26 @@ class MarginalModes:
         """Return frames less identity without the modes, see `without_drift`, filled up to two
         states, see `filled`."""
         return filled(without_drift(E, self))
+
+
+def _with_more(found, drawn, watched, count):
+    """Marginal modes with so many more, which the frame of a loop shows.
+
+    Their leads are the states that the vectors x with `E x = 0` move most, in units that give rows
+    and columns of E similar sizes.
+    """
+    if count <= 0:
+        return found
+    E = without_drift(frame_of(Ticks.of(drawn, watched, alone=True)), found)
+    if not np.isfinite(E).all():
+        return found
+    from scipy.linalg import qr
+
+    balanced, _ = balance(E[None])
+    *_, shapes = np.linalg.svd(balanced[0])
+    _, leads = qr(shapes[-count:], mode="r", pivoting=True)
+    more = np.array(found.remaining)[leads[:count]].tolist()
+    return replace(found, varying=(*found.varying, *more))
 
 
 def _shifts_of_both(drawn, twin, alive):

@@ -63,7 +63,10 @@ def about(
     while True:
         piece = ends[place : place + 2]
         pieces.append(_in_piece(question, piece, loop, loop, 1, rest))
-        work -= LEAST_WORK + len(loop.changed(_built(question, piece, loop)).drift().states) ** 2
+        work -= (
+            LEAST_WORK
+            + len(loop.changed(_built(question, piece, loop)).drift_of_frames().states) ** 2
+        )
         records = records_of(without_seams(joined(pieces)), RECORD)
         inside = records[(records["low"] <= value) & (value <= records["high"])]
         low, high = (

@@ -65,7 +65,8 @@ def _drifts_at_zero_alone(question, loops):
     where the number is 0."""
 
     held, free = (
-        loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0)
+        loops.changed({question.along: value}).drift_of_frames()
+        for value in (np.array(question.span), 0.0)
     )
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
 

@@ -67,7 +67,7 @@ class FramesAlong:
             shared = next(
                 (path for path in others if scalar_place(loops.drawing, name_of(path))), ""
             )
-        drift = loops.changed({along: np.array(span)}).drift()
+        drift = loops.changed({along: np.array(span)}).drift_of_frames()
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         bounds = domains(*loops, along, span, size)
         return FramesAlong(

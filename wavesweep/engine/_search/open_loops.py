@@ -92,9 +92,9 @@ def open_loops(
         (FACTOR, BESIDE)[: 1 + bool(second)],
         dict.fromkeys(map(path_of, filter(None, (number, second))), ANY),
     )
-    closed, loops = loops.changed(both).drift(), loops.changed(dict.fromkeys(both, 0.0))
-    drift = loops.drift(number, read, second)
-    if drift.varying:
+    with_both, loops = loops.changed(both), loops.changed(dict.fromkeys(both, 0.0))
+    closed, drift = with_both.drift(), loops.drift(number, read, second)
+    if drift.varying or closed != with_both.drift_of_frames():
         return None
     if second:
         with_second = loops.changed({path_of(second): ANY}).drift(number, read, second)

@@ -69,7 +69,9 @@ def _drift_alike(question, loops, drawings):
     with time.
     """
     over = loops.changed({question.along: np.array(question.span)})
-    drifts = [Loops(drawing, over.values).drift() for drawing in (loops.drawing, *drawings)]
+    drifts = [
+        Loops(drawing, over.values).drift_of_frames() for drawing in (loops.drawing, *drawings)
+    ]
     unread, *of_subloops = ({drift.states[state] for state in drift.unobserved} for drift in drifts)
     shifts, *counts = (len(drift.constant) + len(drift.varying) for drift in drifts)
     return shifts == sum(counts) and unread >= set().union(*of_subloops)

@@ -389,7 +389,7 @@ def _order_of_drawing(drawing, path, items):
     opened = open_loops(loops, name_of(path))
     if opened and opened.cut:
         return opened.cut.order, Way.CUT
-    return loops.frames(loops.drift()).shape[-1], Way.DOMINANCE
+    return loops.frames(loops.drift_of_frames()).shape[-1], Way.DOMINANCE
 
 
 def expected_cost(order: int, way: Way) -> float:

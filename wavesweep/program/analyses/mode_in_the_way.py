@@ -43,7 +43,7 @@ def mode_in_the_way(
     for value in np.linspace(*span, SPAN_PLACES + 2)[1:-1].tolist():
         with suppress(IllPosedLoopError):
             loop = loops.changed({along: value}).read
-            drawn, drift = loop.drawn(), loop.drift()
+            drawn, drift = loop.drawn(), loop.drift_of_frames()
             if len(drift.remaining) > MOST_STATES_LOOKED_AT:
                 return {}
             E = loop.frames(drift)
@@ -73,7 +73,7 @@ def only_oscillates(delta: np.ndarray) -> bool:
 def conserves(loops: Loops) -> bool:
     """Whether a single loop seems to conserve energy: all of its modes are pairs on the unit
     circle but for rounding."""
-    E = loops.frames(loops.drift())
+    E = loops.frames(loops.drift_of_frames())
     return only_oscillates(eigenvalues(E)[0].ravel())
 
 

@@ -83,7 +83,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     nominal = own_loop(spec)
     refuse_singular(spec, nominal.drawing)
     drawn = nominal.drawn()
-    drift = nominal.drift()
+    drift = nominal.drift_of_frames()
     E, hidden = nominal.frames_with_reliability(drift, drawn)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}

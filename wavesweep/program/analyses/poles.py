@@ -53,7 +53,7 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn = loops.drawn()
-    drift = loops.drift()
+    drift = loops.drift_of_frames()
     states = len(drift.remaining)
     frame_period = np.asarray(drawn.period * drawn.ticks, float)
     period = np.broadcast_to(frame_period, (size,))
