@@ -15,12 +15,12 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.frames import FIRST, SECOND, LinearFractional, open_loops
-from wavesweep.engine.intervals import blank_records, record_type, stable_intervals
+from wavesweep.engine.frames import LinearFractional, open_loops
+from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, Status, own_scope
-from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters
@@ -127,12 +127,16 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
         return _recorded([], span, none=False)
     if whole.unstable:  # as it is for the wall that is never touched
         return _recorded([], span, none=True)
-    linear = stable_intervals(cut.as_batch(1), (FIRST, SECOND)[index], span, np.array([[fixed]]))
+    # As an array the other number of the wall is taken out of the loop as well.
+    beside = {path: np.array([loop.values[path]]) for path in wall if path != along}
+    linear = records_of_loop(loop.changed(beside), along, span)
     line = Line.of(WallsAlong(whole, index, fixed))
-    ends = np.stack([linear.low, linear.high], axis=1)
-    intervals = ends[linear.index >= 0].tolist()
-    rows = [row for interval in intervals if (row := _row(line, interval, span))]
-    nowhere = not intervals and bool((linear.doubt == Doubt.NONE).all())
+    rows = []
+    for own in linear[linear["intervals"] > 0]:
+        row = _row(line, [float(own["low"]), float(own["high"])], span)
+        if row:
+            rows.append(row)
+    nowhere = not linear["intervals"].any() and bool(linear["certified"].all())
     return _recorded(rows, span, none=nowhere)
 
 

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
         ADVANCE,
         FIRST,
         OFFSET,
-        SECOND,
         VELOCITY,
         LinearFractional,
     )
@@ -42,7 +41,6 @@ else:
                 "FIRST",
                 "LinearFractional",
                 "OFFSET",
-                "SECOND",
                 "VELOCITY",
             ),
             "_monodromy.drift": ("MarginalModes", "consistent_solution", "relative_row"),

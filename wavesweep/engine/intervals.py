@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from wavesweep.engine._stability.intervals import Intervals
     from wavesweep.engine._stability.positive import FunctionValues, positive
     from wavesweep.engine._stability.regions import SHARE_OF_SPAN
-    from wavesweep.engine._stability.stable import stable_intervals
 else:
     __getattr__ = on_demand(
         {
@@ -34,6 +33,5 @@ else:
             "_stability.intervals": ("Intervals",),
             "_stability.positive": ("FunctionValues", "positive"),
             "_stability.regions": ("SHARE_OF_SPAN",),
-            "_stability.stable": ("stable_intervals",),
         }
     )

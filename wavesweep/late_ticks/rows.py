@@ -12,12 +12,11 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.blocks import scalar_place
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, End, bracket, decided
 from wavesweep.late_ticks.tick_curves import ANY, late_ticks
 from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status, Tick, own_scope
-from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
@@ -82,8 +81,7 @@ def records_for_ticks(
     """
     switched = offered("switched")
     ticks_with = lru_cache(lambda cells: late_ticks(loop, along, interval, cells))
-    search = Search(along, span, ((np.zeros(1, int), loop),), lines=False, checked=True)
-    nominal = search.records()
+    nominal = records_of_loop(loop, along, span)
     certified = bool(nominal["certified"].all())
     rows = []
     for own in nominal[nominal["intervals"] > 0]:

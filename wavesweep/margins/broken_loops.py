@@ -55,7 +55,7 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
     (gain,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
     places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
-    lifted = LiftedLoop(ticks, drift, float(drawn.period) * drawn.ticks, places)
+    lifted = LiftedLoop(loop, ticks, drift, float(drawn.period) * drawn.ticks, places)
     if not lifted.returns:
         raise UsageError(
             f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself"
@@ -63,7 +63,7 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
     if times[signal] > 1:
         return lifted
     opened = open_loops(loop, GAIN)
-    return lifted if opened.cut is None else BrokenLoop(opened.cut, lifted)
+    return lifted if opened.cut is None else BrokenLoop(loop, opened.cut, lifted)
 
 
 def lines_at(

@@ -20,6 +20,7 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
 from wavesweep.engine.intervals import stable_along_any
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import (
     NORM_TOLERANCE,
     SOFT,
@@ -32,13 +33,14 @@ from wavesweep.engine.norms import (
 )
 from wavesweep.margins.loop_margins import (
     BESIDE_ZERO,
-    SPANS,
     BrokenLoop,
     Margin,
     disk_margins,
     limited_or_not,
     peak_margin,
     scalar_margins,
+    seen_once_a_frame,
+    stable_around_1,
 )
 
 END_ERROR = 2e-9  # relative error of an end of `stable_along_any`
@@ -55,10 +57,11 @@ DISK_ROUNDS = 4  # of the search for a disk: each proof that fails shows the ang
 class LiftedLoop:
     """A single loop without a number that multiplies all samples of a signal in a frame.
 
-    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame,
-    s. places: when the signal is made, as shares of a frame.
+    loop: with the number, a gain at the signal. ticks: those of the loop without it. drift: of the
+    loop with it. period: of the frame, s. places: when the signal is made, as shares of a frame.
     """
 
+    loop: Loops
     ticks: OpenTicks
     drift: MarginalModes
     period: float
@@ -193,16 +196,6 @@ class LiftedLoop:
             self.ticks.closed(np.zeros(k.size, int), k, terms=True)
         )
 
-    def along_gain(self, span):
-        """Return the stable intervals along real k."""
-        return stable_along_any(
-            lambda _, p: self.frames(p.ravel()),
-            span,
-            1,
-            np.array([self.period]),
-            errors=lambda _, p: self.errors(p.ravel()),
-        )
-
     def along_turn(self, factor):
         """Return the stable intervals along an angle from 0 to pi; factor: k, and its analytic
         continuation, for an angle.
@@ -267,21 +260,14 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
     along k; a disk that is smaller by DISK_GAP is proved: along its rim the frame is stable, and so
     it is within, since the spectral radius of a frame that is analytic in k has no peak there.
     """
-    for most in SPANS:
-        intervals = loop.along_gain((1 / most, most))
-        around_1 = intervals.take(
-            (intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1)
-        )
-        if not around_1.low.size or (around_1.high[0] < most and around_1.low[0] > 1 / most):
-            break
-    doubt = int(intervals.doubt[0])
-    if not around_1.low.size:
+    around_1, doubt = stable_around_1(loop.loop)
+    if around_1 is None:
         return [], doubt
-    low = float(around_1.low[0])
-    high = float(around_1.high[0])
-    up = limited_or_not("gain_up", high, float(around_1.high_omega[0]), END_ERROR, doubt)
-    down = limited_or_not("gain_down", low, float(around_1.low_omega[0]), END_ERROR, doubt)
-    return [up, down, _phase(loop), *_peaks(loop)], doubt
+    gains = []
+    for name, end in (("gain_up", "high"), ("gain_down", "low")):
+        omega = seen_once_a_frame(float(around_1[f"{end}_omega"]), loop.period)
+        gains.append(limited_or_not(name, float(around_1[end]), omega, END_ERROR, doubt))
+    return [*gains, _phase(loop), *_peaks(loop)], doubt
 
 
 def _phase(loop):

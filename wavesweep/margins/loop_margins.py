@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.drawing import GAIN, path_of
 from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
-from wavesweep.engine.intervals import stable_intervals
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import (
     NORM_TOLERANCE,
     SOFT,
@@ -21,6 +22,7 @@ from wavesweep.engine.norms import (
     squared_norm,
     with_middles,
 )
+from wavesweep.program.analyses.interval_jobs import records_of_loop
 
 LARGEST_GAIN_FACTOR = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, LARGEST_GAIN_FACTOR  # of the gain; a short span is known better
@@ -28,6 +30,7 @@ SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
 # distance of the direct term's size from 1 beyond which the pencil of the gain 1 is regular
 DIRECT = 1e-6
+ROUNDED_ANGLE = 1e-12  # of pi, by which an angle of half the rate may be off it
 BESIDE_ZERO = 1e-7  # rad; stands for the angle 0, at which an integrator has no response
 
 
@@ -59,11 +62,12 @@ class BrokenLoop:
     """A loop broken at a signal that is made once per frame: `-L(z) = C (z - 1 - E)^-1 B + D`, and
     bounds on errors of these.
 
-    cut: a single loop, at the number by which the signal is multiplied. lifted: the same as a
-    `LiftedLoop` of one sample, which settles what is in doubt here. Accuracy: see
-    `slope_and_error`.
+    loop: a single one, with a gain at the signal. cut: the same, at the number GAIN by which the
+    signal is multiplied. lifted: the same as a `LiftedLoop` of one sample, which settles what is in
+    doubt here. Accuracy: see `slope_and_error`.
     """
 
+    loop: Loops
     cut: LinearFractional
     lifted: Any = None
     times = 1
@@ -181,31 +185,57 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
     return [*gains, *_phases(loop), *_peaks(loop)], doubt
 
 
+def stable_around_1(loop: Loops, lowest: float | None = None) -> tuple[np.record | None, int]:
+    """Return the stable interval around 1 of the factor of a signal, a record of the search, None
+    if none is known, and the doubt about the factors that were looked at.
+
+    loop: with a gain at the signal. lowest: of the factors, 1 over the largest one by default.
+    """
+    for most in SPANS:
+        least = 1 / most if lowest is None else lowest
+        records = records_of_loop(loop, path_of(GAIN), (least, most))
+        doubt = int(records["doubt"][0])
+        around_1 = records[(records["low"] < 1) & (records["high"] > 1)]
+        if not around_1.size:
+            return None, doubt
+        ends_below = around_1["low"][0] > least or lowest is not None
+        if ends_below and around_1["high"][0] < most:
+            break
+    return around_1[0], doubt
+
+
+def seen_once_a_frame(omega: float, period: float) -> float:
+    """Return the frequency (rad/s), up to half the rate of the frame, at which an oscillation is
+    seen once a frame.
+
+    period: of the frame, s. The search gives it as a part of the loop sees it that runs by itself,
+    in a shorter frame of its own. `omega -> |omega - 2 pi n/period|`.
+    """
+    if not omega * period > np.pi * (1 + ROUNDED_ANGLE):
+        return omega
+    rate = 2 * np.pi / period
+    return abs(omega - rate * round(omega / rate))
+
+
 def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its
     interval."""
-    for most in SPANS:
-        intervals = stable_intervals(loop.cut.as_batch(1), FIRST, (0.0, most), np.zeros((1, 1)))
-        around_1 = intervals.take(
-            (intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1)
-        )
-        if not around_1.low.size or around_1.high[0] < most:
-            break
-    doubt = int(intervals.doubt[0])
-    if not around_1.low.size:
+    around_1, doubt = stable_around_1(loop.loop, 0.0)
+    if around_1 is None:
         return [], doubt
     margins = []
     ends = (
-        ("gain_up", float(around_1.high[0]), float(around_1.high_omega[0])),
-        ("gain_down", float(around_1.low[0]), float(around_1.low_omega[0])),
+        ("gain_up", float(around_1["high"]), float(around_1["high_omega"])),
+        ("gain_down", float(around_1["low"]), float(around_1["low_omega"])),
     )
-    for name, gain, omega in ends:
+    for name, gain, omega_of_part in ends:
+        omega = seen_once_a_frame(omega_of_part, loop.period)
         if not 1 / LARGEST_GAIN_FACTOR < gain < LARGEST_GAIN_FACTOR:
             margins.append(Margin.unlimited(name, LARGEST_GAIN_FACTOR if gain > 1 else 0.0, doubt))
             continue
         theta = omega * loop.period
         response = complex(loop.response(theta))
-        free = 0 < theta < np.pi * (1 - 1e-12)
+        free = 0 < theta < np.pi * (1 - ROUNDED_ANGLE)
         error = _error(loop, theta, response.imag, lambda slope: slope.imag, free=free)
         residual = abs(1 + gain * response)
         margins.append(_margin(name, gain, omega, error / abs(response) + residual, doubt))

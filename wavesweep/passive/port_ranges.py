@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.intervals import Resolution, Search, Side, positive
+from wavesweep.engine.intervals import Resolution, Side, positive
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import is_stable
 from wavesweep.haptics.controllers import HAND
@@ -33,6 +33,7 @@ from wavesweep.passive.over_ranges import (
     with_sizes,
 )
 from wavesweep.passive.two_ports import Pair, pairs_of
+from wavesweep.program.analyses.interval_jobs import records_of_loop
 
 TRIED = np.concatenate(
     [[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)]
@@ -81,8 +82,7 @@ def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 def _where_stable(loop, path, span, way):
     """The intervals in which a way is passive, within those of stability by itself, of states
     that no port sees too."""
-    groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
-    records = Search(path, span, groups, lines=False, checked=True).records()
+    records = records_of_loop(Loops(loop.drawing, loop.values), path, span)
     stable = [
         (float(record["low"]), float(record["high"])) for record in records if record["intervals"]
     ]

@@ -179,6 +179,14 @@ def ball_prover(
     return module.ball_prover(loops, along, period, **limits) if module else None
 
 
+def records_of_loop(loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+    """The stable intervals of one loop along a number as records; ball arithmetic proves what
+    doubles leave in doubt."""
+    one = ((np.zeros(1, int), loop),)
+    search = Search(along, span, one, lines=False, checked=True, prover=ball_prover)
+    return Searches((search,)).records()
+
+
 _PAIRS = (("low", "high"), ("low_omega", "high_omega"))
 
 
