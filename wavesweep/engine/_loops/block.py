@@ -27,24 +27,28 @@ def matrix(rows) -> np.ndarray:
         return np.array(rows, float)
     height, width = len(rows), len(rows[0])
     entries = [numbers(entry) for row in rows for entry in row]
-    out = np.empty(
-        (*np.broadcast_shapes(*(e.shape for e in entries)), height, width), np.result_type(*entries)
-    )
+    batch = np.broadcast_shapes(*(entry.shape for entry in entries))
+    stacked = np.empty((*batch, height, width), np.result_type(*entries))
     for index, entry in enumerate(entries):
-        out[..., index // width, index % width] = entry
-    return out
+        stacked[..., index // width, index % width] = entry
+    return stacked
 
 
 def block_diagonal(parts) -> np.ndarray:
     """Return matrices along a diagonal, `(..., rows, columns)`."""
     batch = np.broadcast_shapes(*(block.shape[:-2] for block in parts))
-    height, width = (sum(block.shape[axis] for block in parts) for axis in (-2, -1))
-    out, row, column = np.zeros((*batch, height, width), np.result_type(float, *parts)), 0, 0
+    height = sum(block.shape[-2] for block in parts)
+    width = sum(block.shape[-1] for block in parts)
+    diagonal = np.zeros((*batch, height, width), np.result_type(float, *parts))
+    row = 0
+    column = 0
     for block in parts:
-        below, right = row + block.shape[-2], column + block.shape[-1]
-        out[..., row:below, column:right] = block
-        row, column = below, right
-    return out
+        below = row + block.shape[-2]
+        right = column + block.shape[-1]
+        diagonal[..., row:below, column:right] = block
+        row = below
+        column = right
+    return diagonal
 
 
 def concatenated(parts, axis: int) -> np.ndarray:

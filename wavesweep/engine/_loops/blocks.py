@@ -20,12 +20,13 @@ from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_r
 from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
 
-EXPONENTIAL_TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
-SIZE = 0.5
-MANY, SPARSE = (
-    100,
-    0.05,
-)  # rows from which on, and share of entries up to which, products are of the entries that are not zero
+# terms of the Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding
+EXPONENTIAL_TERMS = 20
+SERIES_SIZE = 0.5  # row sum up to which the series is taken, without unit
+# Rows from which on, and share of entries up to which, sparse products take less time than dense
+# ones: chains of masses have such matrices.
+SPARSE_ROWS = 100
+SPARSE_SHARE = 0.05
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",
@@ -154,10 +155,10 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     equations = controllable(num, den)
     if discrete:
         block = _block(name, ("u",), ("y",), equations, tf_at_rest(num, den))
-        terms = definitions.over(num, den)
-        of_C = [
-            abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)
-        ]
+        direct, *others = definitions.over(num, den)
+        of_C = []
+        for a, b in zip(den[1:], others, strict=True):
+            of_C.append(abs(b) + abs(a / den[0] * direct))
         sizes = np.abs(block.E), np.abs(block.B), _matrix([of_C], (1, n)), np.abs(block.D)
         return replace(block, terms=sizes)
     block = ss(name, period, *equations[1:], ("u",), ("y",))
@@ -166,20 +167,18 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
 
 def _trailing_zeros(coefficients):
     """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
-    coefficients = enumerate(reversed(coefficients))
-    return next(
-        (
-            at
-            for at, coefficient in coefficients
-            if type(coefficient) not in (int, float) or coefficient
-        ),
-        0,
-    )
+    for at, coefficient in enumerate(reversed(coefficients)):
+        if type(coefficient) not in (int, float) or coefficient:
+            return at
+    return 0
 
 
 def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last
-    k coefficients read."""
+    k coefficients read.
+
+    In powers of z - c the states have the matrix E + c of these, so the delta form has E + c - 1.
+    """
     k, centre = realisation(den)
     n = len(den) - 1 - k
     padding = [0.0] * (len(den) - len(num))
@@ -187,29 +186,27 @@ def _discrete_tf(name, num, den, of_num, of_den):
     of_num = [*padding, *of_num]
     numerator = [numbers(coefficient) for coefficient in num[: n + 1]]
     denominator = [numbers(coefficient) for coefficient in den[: n + 1]]
-    of_numerator, of_denominator = of_num[: n + 1], of_den[: n + 1]
-    equations = controllable(
-        recentred(centre, numerator, of_numerator), recentred(centre, denominator, of_denominator)
-    )
-    E = [
-        [entry + (centre - 1) * (i == j) for j, entry in enumerate(row)]
-        for i, row in enumerate(equations.E)
-    ]
-    equations = equations._replace(E=E)
     later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
-    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the
-    # input.
+
+    def about(centre):
+        above = recentred(centre, numerator, of_num[: n + 1])
+        return above, recentred(centre, denominator, of_den[: n + 1])
+
+    equations = controllable(*about(centre))
+    E = []
+    for i, row in enumerate(equations.E):
+        E.append([entry + (centre - 1) * (i == j) for j, entry in enumerate(row)])
+    equations = with_delays(equations._replace(E=E), later)
     rest = None
-    if centre == -1 or n:
-        numerator_at_one = recentred(1, numerator, of_numerator)
-        denominator_at_one = recentred(1, denominator, of_denominator)
     if centre == -1:
-        _, E, B, *_ = with_delays(equations, later)
-        gain = numerator_at_one[-1] / denominator_at_one[-1]
-        rest = E, B, [[*[0.0] * n, *later]], [[gain]]
+        # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the
+        # input.
+        above, below = about(1)
+        C = [[*[0.0] * n, *later]]
+        rest = equations.E, equations.B, C, [[above[-1] / below[-1]]]
     elif n:
-        rest = tf_at_rest(numerator_at_one, denominator_at_one, later)
-    return _block(name, ("u",), ("y",), with_delays(equations, later), rest)
+        rest = tf_at_rest(*about(1), later)
+    return _block(name, ("u",), ("y",), equations, rest)
 
 
 def realisation(den) -> tuple[int, int]:
@@ -308,14 +305,18 @@ class HeldMatrices(NamedTuple):
 
 
 def held(A, B, period, sizes=None):
-    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in
-    delta form.
+    """`E = exp(A T) - 1` and `G = int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k
+    doublings in delta form,
+
+        G -> 2 G + E G,   E -> 2 E + E E
 
     A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B
     are. If they are given, or if there is something to double, two more arrays are the changes of
     the results by a rounding of each term of all sums, in roundings; otherwise they are known to a
-    few roundings of themselves. Accuracy: some roundings of each entry for matrices that are not
-    far from normal, unless they turn by much in a period; NaN if they are LOST.
+    few roundings of themselves. In a doubling they go through the derivative of the formula, and
+    the sizes of its own terms are added. Accuracy: some roundings of each entry for matrices that
+    are not far from normal, unless they turn by much in a period; NaN if they have lost their
+    phase (LOST_PHASE).
     """
     T = numbers(period)[..., None, None]
     A = np.broadcast_arrays(A * T, np.zeros(1))[0]
@@ -323,7 +324,7 @@ def held(A, B, period, sizes=None):
     size = np.abs(A) if sizes is None else sizes[0] * np.abs(T)
     size = size.sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
-        doublings = np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))
+        doublings = np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SERIES_SIZE))
         doublings = np.maximum(0, doublings).astype(int)
     step = 0.5 ** doublings[..., None, None]
     E, G = _series(A * step, B * step)
@@ -342,18 +343,32 @@ def held(A, B, period, sizes=None):
             size = np.abs(E)
             size_after = np.abs(E + eye)
             terms_G = 2 * np.abs(G) + size @ np.abs(G)
-            of_G = np.where(
-                unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G, of_G
-            )
-            of_E = np.where(
-                unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E
-            )
+            next_of_G = of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G
+            next_of_E = of_E @ size_after + size_after @ of_E + 2 * size + size @ size
+            of_G = np.where(unfinished, next_of_G, of_G)
+            of_E = np.where(unfinished, next_of_E, of_E)
             G = np.where(unfinished, 2 * G + E @ G, G)
             E = np.where(unfinished, 2 * E + E @ E, E)
             lost = np.finfo(float).eps * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
     known = certain[..., None, None]
     return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)
+
+
+class Rates(NamedTuple):
+    """The rates of the states of a plant, `x' = A x + B u` with u held over a period (s), and the
+    sizes of the terms of the sums that the entries of A and B are."""
+
+    A: np.ndarray
+    B: np.ndarray
+    of_A: np.ndarray
+    of_B: np.ndarray
+    period: object
+
+    def over(self, share=1, columns=slice(None)) -> HeldMatrices:
+        """E and G of `held` over a share of the period; columns: some of those of B."""
+        sizes = self.of_A, self.of_B[..., columns]
+        return held(self.A, self.B[..., columns], share * self.period, sizes)
 
 
 def _series(A, B):
@@ -373,9 +388,8 @@ def _series(A, B):
 
 
 def _by_entries(A):
-    """A matrix, as the entries that are not zero if it has MANY rows with few of these, as
-    chains of masses have."""
-    if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
+    """A matrix, as the entries that are not zero if it has many rows with few of these."""
+    if A.ndim > 2 or len(A) < SPARSE_ROWS or np.count_nonzero(A) > SPARSE_SHARE * A.size:
         return A
     from scipy.sparse import csc_array
 
@@ -395,9 +409,9 @@ def _arrays(parts, n, m, p):
     return tuple(arrays)
 
 
-def _block(name, inputs, outputs, own, rest=None):
-    sizes = len(own.states), len(inputs), len(outputs)
+def _block(name, inputs, outputs, equations, rest=None):
+    """A block of equations, and of those at rest."""
+    sizes = len(equations.states), len(inputs), len(outputs)
     at_rest = rest and _arrays(rest, *sizes)
-    return Block(
-        name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest
-    )
+    arrays = _arrays(equations[1:], *sizes)
+    return Block(name, tuple(inputs), tuple(outputs), equations.states, *arrays, at_rest=at_rest)

@@ -15,11 +15,8 @@ from math import gcd
 from wavesweep.engine._drawing.drawing import Drawing, scalars
 from wavesweep.engine._drawing.expressions import value_of
 
-RELAYS = (
-    "gain",
-    "hold",
-    "delay",
-)  # blocks that only pass on what they read in a tick, or so many ticks ago
+# blocks that only pass on what they read in a tick, or so many ticks ago
+RELAYS = ("gain", "hold", "delay")
 
 
 def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
@@ -33,20 +30,21 @@ def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
 
 
 def _ticks(drawing, known):
-    """How many ticks of a loop one could be, and its relays; known: its numbers by name."""
-    ticks, relays = 0, []
+    """How many ticks of a loop one could be, 0 if any number of them, and its relays; known: its
+    numbers by name."""
+    ticks = 0
+    relays = []
     for block in drawing.blocks:
-        every, phase = (int(value_of(tree, known)) for tree in (block.every, block.phase))
+        every = int(value_of(block.every, known))
+        phase = int(value_of(block.phase, known))
         if block.plant or block.dead_time:
             continue
         if every > 1:
             ticks = gcd(ticks, every, phase, *block.phases)
         elif block.type in RELAYS:
             relays.append(block.name)
-            ticks = gcd(
-                ticks,
-                int(value_of(dict(block.keys)["steps"], known)) if block.type == "delay" else 0,
-            )
+            if block.type == "delay":
+                ticks = gcd(ticks, int(value_of(dict(block.keys)["steps"], known)))
         else:
             ticks = 1
     return ticks, tuple(relays)
@@ -87,18 +85,11 @@ def _over(tree, ticks):
 def _in_longer(block, ticks, relays):
     """The block with its times counted in longer ticks; plants, dead times and relays are of
     every tick."""
-    if block.name in relays:
-        delay = block.type == "delay"
-        return replace(
-            block,
-            keys=tuple(
-                (name, _over(value, ticks)) if delay else (name, value)
-                for name, value in block.keys
-            ),
-        )
-    if block.plant or block.dead_time:
+    if block.name in relays and block.type == "delay":
+        return replace(block, keys=(("steps", _over(dict(block.keys)["steps"], ticks)),))
+    if block.name in relays or block.plant or block.dead_time:
         return block
-    phases = tuple(phase // ticks for phase in block.phases)
-    return replace(
-        block, every=_over(block.every, ticks), phase=_over(block.phase, ticks), phases=phases
-    )
+    every = _over(block.every, ticks)
+    phase = _over(block.phase, ticks)
+    phases = tuple(tick // ticks for tick in block.phases)
+    return replace(block, every=every, phase=phase, phases=phases)

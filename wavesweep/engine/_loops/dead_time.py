@@ -32,13 +32,12 @@ from wavesweep.engine._drawing.expressions import (
     value_of,
 )
 from wavesweep.engine._loops.block import Block, concatenated
-from wavesweep.engine._loops.blocks import held
+from wavesweep.engine._loops.blocks import Rates
 from wavesweep.engine._loops.values import values_of
 
-SENSED, NEXT = (
-    "sensed",
-    "next",
-)  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+# ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+SENSED = "sensed"
+NEXT = "next"
 MOST_PARTS_OF_TICK = 64  # parts of a tick, of which a finer tick is made
 # Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of
 # a decimal of twelve digits.
@@ -46,12 +45,16 @@ WHOLE_TICK = 1e-11
 
 
 def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
-    """Return the whole numbers by which dead times decide how loops are built, by their paths;
-    values: flat, real."""
+    """Return the whole numbers by which dead times decide how loops are built, by their paths:
+    of each its ticks m, and of two that follow each other, whether `s + s' > 1`.
+
+    values: flat, real.
+    """
     numbers = scalars(values)
+    exact = {}
+    ticks = {}
     with np.errstate(all="ignore"):
         rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
-        exact, ticks = {}, {}
         for name, tree in drawing.dead_times.items():
             exact[name] = np.asarray(values_of(tree, numbers)).real * rate
             ticks[name] = np.ceil(exact[name] * (1 - WHOLE_TICK))
@@ -66,20 +69,21 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
 
 def timing(drawing: Drawing) -> set[str]:
     """Return the names of the numbers that dead times follow from, in ticks."""
-    trees = drawing.dead_times.values()
-    return {name for tree in trees for name, _ in names_in(tree)}.union(
-        drawing.rating if trees else ()
-    )
+    if not drawing.dead_times:
+        return set()
+    names = set(drawing.rating)
+    for tree in drawing.dead_times.values():
+        names.update(name for name, _ in names_in(tree))
+    return names
 
 
 def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
-    """Return the numbers with those of `structure`, which are the same in all loops of the
-    batch. known: by name."""
+    """Return the numbers, by name, with those of `structure`, which are the same in all loops of
+    the batch."""
     if numbers.keys() >= drawing.building.keys():
         return dict(numbers)
-    return {
-        path: int(np.ravel(number)[0]) for path, number in structure(drawing, numbers).items()
-    } | {**numbers}
+    whole = structure(drawing, numbers)
+    return {path: int(np.ravel(number)[0]) for path, number in whole.items()} | dict(numbers)
 
 
 def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
@@ -105,15 +109,15 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
         if abs(exact[name] - ticks) > WHOLE_TICK * max(ticks, 1):
             return None
     finer = lcm(*(ticks.denominator for ticks in exact.values()))
-    slower = any(
-        value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact
-    )
-    plants = {block.name for block in drawing.blocks if block.plant}
-    if finer > MOST_PARTS_OF_TICK or slower or _samples_another(drawing, plants, exact.keys()):
+    if finer > MOST_PARTS_OF_TICK:
         return None
-    tick_hz = ("*", ("number", float(finer), 0), drawing.tick_hz, 0)
+    if any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact):
+        return None
+    plants = {block.name for block in drawing.blocks if block.plant}
+    if _samples_another(drawing, plants, exact.keys()):
+        return None
     blocks = tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks)
-    return replace(drawing, tick_hz=tick_hz, blocks=blocks)
+    return replace(drawing, tick_hz=_times(drawing.tick_hz, finer), blocks=blocks)
 
 
 def _at_finer_tick(block, exact, finer):
@@ -123,12 +127,15 @@ def _at_finer_tick(block, exact, finer):
         return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
     if block.plant:
         return block
-    every, phase = (
-        ("*", ("number", float(finer), 0), tree, 0) for tree in (block.every, block.phase)
-    )
-    return replace(
-        block, every=every, phase=phase, phases=tuple(tick * finer for tick in block.phases)
-    )
+    every = _times(block.every, finer)
+    phase = _times(block.phase, finer)
+    phases = tuple(tick * finer for tick in block.phases)
+    return replace(block, every=every, phase=phase, phases=phases)
+
+
+def _times(tree, factor):
+    """A tree times a whole number."""
+    return ("*", ("number", float(factor), 0), tree, 0)
 
 
 def _samples_another(drawing, plants, dead_times):
@@ -141,15 +148,18 @@ def _samples_another(drawing, plants, dead_times):
         if reader in timed:
             pairs += [(reader, source) for source in sources & timed]
     sensing = {reader for reader, source in pairs if source in plants}
-    return any(
-        (reader in plants) == (source in plants) or source in sensing for reader, source in pairs
-    )
+    for reader, source in pairs:
+        alike = (reader in plants) == (source in plants)
+        if alike or source in sensing:
+            return True
+    return False
 
 
 def shares(
     drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float
 ) -> dict[str, object]:
-    """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
+    """Return `s = m - tau/T` of each dead time; known: with `structure`; rate: 1/T, of the tick
+    (Hz)."""
     return {
         name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate
         for name, tree in drawing.dead_times.items()
@@ -169,21 +179,20 @@ def breaks(
     near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
     ticks = np.where(np.abs(ticks - near) <= WHOLE_TICK * np.maximum(near, 1.0), near, ticks)
     crossings = set()  # (dead time, whole number, cell between two points)
-    for row, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
-        low, high = sorted(ticks[row, at : at + 2])
+    for row, cell in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
+        low, high = sorted(ticks[row, cell : cell + 2])
         for count in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
-            crossings.add((row, count, at))
-    met = []
-    if crossings:
-        row, count, at = np.array(sorted(crossings), int).T
+            crossings.add((row, count, cell))
+    if not crossings:
+        return [*span]
+    row, count, cell = np.array(sorted(crossings), int).T
 
-        def beyond(p):
-            return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
+    def beyond(p):
+        return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
 
-        met = sorted(_whole_at(beyond, points[at], points[at + 1]))
     apart = WHOLE_TICK * (span[1] - span[0])  # values that are nearer are meant to be the same
     ends = [span[0]]
-    for value in met:
+    for value in sorted(_whole_at(beyond, points[cell], points[cell + 1])):
         if ends[-1] + apart < value < span[1] - apart:
             ends.append(value)
     return [*ends, span[1]]
@@ -223,6 +232,7 @@ def _whole_at(beyond, low, high):
 
 
 def _nearer(low, high, at_low, at_high):
+    """The end of each cell at which its function is nearer to 0."""
     return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
 
@@ -230,34 +240,35 @@ CELL_HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
 # of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range
 # tries again
 SPAN_POINTS = 4001
-SPREAD = 0.25  # ticks by which a dead time may change between neighbours
-FURTHER = 4000  # points at the most that are added for that
+MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
+MOST_FURTHER_POINTS = 4000  # that are added for this, about as many as there are without it
 # ratio of the ends of a stretch from which on it is divided at their geometric mean
 LOGARITHMIC_RATIO = 4.0
 
 
 def _places(drawing, values, path, span):
     """Points of a span: even ones, and as many more as it takes until no dead time changes by more
-    than SPREAD between two.
+    than MOST_SPREAD between two.
 
     How far it changes is enclosed in balls, so that what rises and falls within a step is seen as
     well.
     """
     points = np.linspace(*span, SPAN_POINTS)
-    name, numbers = name_of(path), scalars(values)
+    name = name_of(path)
+    numbers = scalars(values)
     trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
     bent = [tree for tree in trees if degree(tree, name) > 1]
     further = []
     open_ = [span] if bent else []
-    while open_ and len(further) < FURTHER:
+    while open_ and len(further) < MOST_FURTHER_POINTS:
         low, high = open_.pop(0)
-        if all(_spread(tree, numbers, name, low, high) < SPREAD for tree in bent):
+        if all(_spread(tree, numbers, name, low, high) < MOST_SPREAD for tree in bent):
             continue
-        if low + (high - low) / 2 in (low, high):
+        middle = low + (high - low) / 2
+        if middle in (low, high):
             continue
-        middle = (
-            (low * high) ** 0.5 if 0 < low * LOGARITHMIC_RATIO < high else low + (high - low) / 2
-        )
+        if 0 < low * LOGARITHMIC_RATIO < high:
+            middle = (low * high) ** 0.5
         further.append(middle)
         open_ += [(low, middle), (middle, high)]
     return np.unique(np.concatenate([points, further]))
@@ -269,8 +280,9 @@ def _spread(tree, numbers, name, low, high):
 
     balls = {constant: arb(constant) for constant in constants_of(tree)}
     balls |= {other: arb(numbers[other]) for other, _ in names_in(tree) if other != name}
+    balls[name] = arb((low + high) / 2, (high - low) / 2)
     try:
-        value = evaluate(named(tree), balls | {name: arb((low + high) / 2, (high - low) / 2)}, arb)
+        value = evaluate(named(tree), balls, arb)
     except ZeroDivisionError:
         return np.inf
     return 2 * float(value.rad()) if value.is_finite() else np.inf
@@ -281,23 +293,24 @@ def _ticks(drawing, values, path, p):
     `(sums, points)`."""
     numbers = scalars({**values, path: p})
     rate = values_of(drawing.tick_hz, numbers)
-    ratio = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
-    return np.stack(
-        [sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()]
-    )
+    ticks = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
+    rows = [sum(ticks[name] for name in names) + 0 * p for names in drawing.building.values()]
+    return np.stack(rows)
 
 
 def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
-    """Return the block of a dead time of so many ticks, m.
+    """Return the block of a dead time of so many ticks, m: a line of m delays for each input.
 
-    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a
-    plant.
+    Its output y adds the ends of the lines, u[k-m] and that of plants. The second output, NEXT, is
+    `u[k-m+1] - u[k-m]`. sensed, others: whether it reads plants, and other signals; arriving:
+    whether it acts on a plant, which reads NEXT.
     """
     inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
     states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
-    n, m = len(states), len(inputs)
-    shift = np.eye(ticks, k=-1) - np.eye(ticks)
-    E = np.kron(np.eye(m), shift)
+    n = len(states)
+    m = len(inputs)
+    line = np.eye(ticks, k=-1) - np.eye(ticks)
+    E = np.kron(np.eye(m), line)
     B = np.zeros((n, m))
     C = np.zeros((2, n))
     D = np.zeros((2, m))
@@ -305,12 +318,14 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
         B[i * ticks : i * ticks + 1, i] = 1
     if ticks:
         C[0, ticks - 1 :: ticks] = 1
-        if inputs[0] == "u":
-            C[1, ticks - 1] = -1
-            C[1, max(0, ticks - 2)] += ticks > 1
-            D[1, 0] = ticks == 1
     else:
         D[0] = 1
+    if ticks and inputs[0] == "u":
+        C[1, ticks - 1] = -1
+        if ticks > 1:
+            C[1, ticks - 2] = 1
+        else:
+            D[1, 0] = 1
     shown = slice(1 + arriving)
     return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
 
@@ -318,85 +333,92 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
 def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
     """Return junctions with those at the ports by which dead times act on plants and read them.
 
-    sums: with names of ports of plants. product, factor: the input that a number has become, and
-    what it multiplies.
+    What a dead time reads of a plant goes from its port "u" to SENSED, where it is the plant's
+    signal at that dead time. If a number that is taken out multiplies this signal, the product goes
+    there as well, and the number multiplies the signal at the dead time. sums: with names of ports
+    of plants. product, factor: the input that a number has become, and what it multiplies.
     """
     sums = dict(sums)
     for plant in plants:
         for port, name in plant.arriving:
-            sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
+            arriving = inside[port]
+            sums[arriving + AT + name] = {f"{name}.{NEXT}": sums[arriving][f"{name}.y"]}
         for signal, name in plant.sensed:
-            sources = dict(sums[f"{name}.u"])
-            read = sums.setdefault(f"{name}.{SENSED}", {})
             measured = inside[signal]
-            if measured in sources:
-                read[measured + AT + name] = sources.pop(measured)
+            late = measured + AT + name
+            others = dict(sums[f"{name}.u"])
+            read = sums.setdefault(f"{name}.{SENSED}", {})
+            if measured in others:
+                read[late] = others.pop(measured)
             multiplied = measured in sums.get(factor, ())
-            if multiplied and product in sources:
-                read[product] = sources.pop(product)
+            if multiplied and product in others:
+                read[product] = others.pop(product)
             if multiplied and product in read:
-                names = {measured: measured + AT + name}
                 sums[factor] = {
-                    names.get(source, source): gain for source, gain in sums[factor].items()
+                    late if source == measured else source: gain
+                    for source, gain in sums[factor].items()
                 }
-            sums[f"{name}.u"] = sources
+            sums[f"{name}.u"] = others
     return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
 
 
 def with_ports(
-    block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares
+    block: Block,
+    plant: Plant,
+    rates: Rates,
+    known: Mapping[str, object],
+    shares: Mapping[str, object],
 ) -> Block:
     """Return the block of a plant with ports for the dead times that act on it or read it.
 
-    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time.
-    known: with `structure`. Accuracy: that of `held`.
+    With E(s) and G(s) of `Rates.over`, an input that arrives s T before the end of a tick adds
+    `G(s) (u[k-m+1] - u[k-m])` to the states. An output that is read s T after the tick began is
+
+        C (x + E(s) x + G(s) u) + D u
+
+    and an input that has arrived there before acts on it by `C G(s + s' - 1) + D`. rates: of the
+    states. shares: s of each dead time. known: with `structure`. Accuracy: that of `held`.
     """
-    A, B = rates
-    of_A, of_rate_B = sizes
     inputs, outputs = plant.drawn_ports
-
-    def over(share, column=slice(None)):
-        return held(A, B[..., column], share * period, (of_A, of_rate_B[..., column]))
-
     of_E, of_B, of_C, of_D = block.terms
-    arriving = [over(shares[name], [inputs.index(port)]) for port, name in plant.arriving]
+    arriving = [rates.over(shares[name], [inputs.index(port)]) for port, name in plant.arriving]
     nothing = np.zeros((len(outputs), len(plant.arriving)))
     G = concatenated([block.B, *(late.G for late in arriving)], -1)
     of_G = concatenated([of_B, *(late.of_G for late in arriving)], -1)
-    rows_C, rows_of_C = [block.C], [of_C]
+    rows_C = [block.C]
+    rows_of_C = [of_C]
     rows_D = [concatenated([block.D, nothing], -1)]
     rows_of_D = [concatenated([of_D, nothing], -1)]
-    eye = np.eye(A.shape[-1])
+    eye = np.eye(len(block.states))
     for signal, name in plant.sensed:
         i = [outputs.index(signal)]
         row = block.C[..., i, :]
         of_row = of_C[..., i, :]
         through = block.D[..., i, :]
         of_through = of_D[..., i, :]
-        E, held_B, of_own, of_held = over(shares[name])
+        E, held_B, of_own, of_held = rates.over(shares[name])
         rows_C.append(row + row @ E)
         rows_of_C.append(of_row @ np.abs(E + eye) + np.abs(row) @ of_own)
         columns = [through + row @ held_B]
         of_columns = [of_through + of_row @ np.abs(held_B) + np.abs(row) @ of_held]
         for port, earlier in plant.arriving:
-            j = [inputs.index(port)]
-            step = over(shares[earlier] + shares[name] - 1, j)
-            if known[f"block.{earlier}.before.{name}"]:
-                columns.append(through[..., j] + row @ step.G)
-                of_step = of_row @ np.abs(step.G) + np.abs(row) @ step.of_G
-                of_columns.append(of_through[..., j] + of_step)
-            else:
+            if not known[f"block.{earlier}.before.{name}"]:
                 columns.append(np.zeros((1, 1)))
                 of_columns.append(np.zeros((1, 1)))
+                continue
+            j = [inputs.index(port)]
+            step = rates.over(shares[earlier] + shares[name] - 1, j)
+            columns.append(through[..., j] + row @ step.G)
+            of_step = of_row @ np.abs(step.G) + np.abs(row) @ step.of_G
+            of_columns.append(of_through[..., j] + of_step)
         rows_D.append(concatenated(columns, -1))
         rows_of_D.append(concatenated(of_columns, -1))
+    late_inputs = [f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving]
+    late_outputs = [f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed]
     return replace(
         block,
-        inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
-        outputs=(
-            *block.outputs,
-            *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed),
-        ),
+        inputs=(*block.inputs, *late_inputs),
+        outputs=(*block.outputs, *late_outputs),
         B=G,
         C=concatenated(rows_C, -2),
         D=concatenated(rows_D, -2),

@@ -40,15 +40,16 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
         case "hold" | "channel":
             return _static([[1]])
         case "wave":
-            b, r = keys["b"], root(2 * keys["b"])
-            return _static(
-                [[b, -r], [r, -1]] if keys["gives"] == "force" else [[-1 / b, r / b], [-r / b, 1]]
-            )
+            b = keys["b"]
+            r = root(2 * b)
+            if keys["gives"] == "force":
+                return _static([[b, -r], [r, -1]])
+            return _static([[-1 / b, r / b], [-r / b, 1]])
         case "delay":
             steps = keys["steps"]
-            return with_delays(
-                _static([[int(not steps)]]), [0] * (steps - 1) + [1] if steps else []
-            )
+            if not steps:
+                return _static([[1]])
+            return with_delays(_static([[0]]), [0] * (steps - 1) + [1])
         case "mean":
             share = 1 / (0 * T + keys["n"])
             return with_delays(_static([[share]]), [share] * (keys["n"] - 1))
@@ -61,69 +62,69 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
         case "avatar":
             # The state is the start of the step, so that s+ = s + T v in all integrations; a
             # trapezium has half of the last step in it.
-            b, r = keys["b"], root(2 * keys["b"])
-            speed, read = [r / b, -1 / b], _ahead(T, keys["integration"])
+            b = keys["b"]
+            r = root(2 * b)
+            speed = [r / b, -1 / b]
+            read = _ahead(T, keys["integration"])
             sent = T / 2 if keys["integration"] == "trapezoidal" else T
-            D = [
-                speed,
-                [sent * gain for gain in speed],
-                [read * gain for gain in speed],
-                [1, -r / b],
-            ]
-            return Equations(("s",), [[0]], [[T * gain for gain in speed]], [[0], [1], [1], [0]], D)
+            step = [T * gain for gain in speed]
+            position_sent = [sent * gain for gain in speed]
+            position_read = [read * gain for gain in speed]
+            D = [speed, position_sent, position_read, [1, -r / b]]
+            return Equations(("s",), [[0]], [step], [[0], [1], [1], [0]], D)
         case "local_model":
             # v = (r in - K s)/(b + B + K read) solves the step, and out = (r/b) b v - in.
-            K, r = keys["K"], root(2 * keys["b"])
+            K = keys["K"]
+            r = root(2 * keys["b"])
             total = keys["b"] + keys["B"] + K * _ahead(T, keys["integration"])
-            speed = r / total
-            return Equations(
-                ("s",), [[T * (-K / total)]], [[T * speed]], [[r * (-K / total)]], [[r * speed - 1]]
-            )
+            by_input = r / total
+            by_position = -K / total
+            E = [[T * by_position]]
+            B = [[T * by_input]]
+            return Equations(("s",), E, B, [[r * by_position]], [[r * by_input - 1]])
     raise KeyError(kind)
 
 
 def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     """Return the rates of a continuous block; of a discrete `ss` the matrices as they are."""
     if TYPES[kind].body:
-        m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
-        return Equations(
-            ("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]]
-        )
+        m = keys[TYPES[kind].body]
+        d = keys["damping"]
+        k = keys["stiffness"]
+        A = [[-d / m, -k / m], [1, 0]]
+        return Equations(("v", "x"), A, [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
     if kind == "mass_matrix":
         return _mass_matrix(keys)
     if kind == "spring":
-        k, d = keys["k"], keys["d"]
+        k = keys["k"]
+        d = keys["d"]
         return _static([[-k, -d, k, d], [k, d, -k, -d]])
     if kind == "tf":
         return controllable(keys["num"], keys["den"])
-    A, B, C = (keys[name] for name in "ABC")
+    states = tuple(f"x{i}" for i in range(len(keys["A"])))
     D = keys["D"] or [[0] * len(keys["inputs"]) for _ in keys["outputs"]]
-    return Equations(tuple(f"x{i}" for i in range(len(A))), A, B, C or [[] for _ in D], D)
+    C = keys["C"] or [[] for _ in D]
+    return Equations(states, keys["A"], keys["B"], C, D)
 
 
 def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
-    """`M a + D v + K x = f` in the states v and x."""
-    names, n = keys["axes"], len(keys["axes"])
+    """`v' = M^-1 (f - D v - K x)`, `x' = v` in the states v and x, which the outputs x and v show."""
+    names = keys["axes"]
+    n = len(names)
     M, D, K = (at_axes(keys, name) for name in MATRICES)
     total = determinant(M)
     inverse = [[entry / total for entry in row] for row in adjugate(M)]
-    pulled = [
-        [
-            -sum(a * b[j] for a, b in zip(row, matrix, strict=True))
-            for matrix in (D, K)
-            for j in range(n)
-        ]
-        for row in inverse
-    ]
-    unit = [[int(i == j) for j in range(2 * n)] for i in range(2 * n)]
+    pulled = []
+    for row in inverse:
+        by_state = []
+        for matrix in (D, K):
+            for column in zip(*matrix, strict=True):
+                by_state.append(-sum(a * b for a, b in zip(row, column, strict=True)))
+        pulled.append(by_state)
+    unit = _unit(2 * n)
     none = [[0] * n for _ in names]
-    return Equations(
-        (*(f"v{name}" for name in names), *names),
-        pulled + unit[:n],
-        inverse + none,
-        unit[n:] + unit[:n],
-        none + none,
-    )
+    states = (*(f"v{name}" for name in names), *names)
+    return Equations(states, pulled + unit[:n], inverse + none, unit[n:] + unit[:n], none + none)
 
 
 def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:
@@ -135,30 +136,19 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     entries in a run show only up to rounding.
     """
     if TYPES[kind].body:
-        return StateSpace(
-            [[-keys["damping"], -keys["stiffness"]], [1, 0]],
-            [[1], [0]],
-            [[0, 1], [1, 0]],
-            [[0], [0]],
-        )
+        E = [[-keys["damping"], -keys["stiffness"]], [1, 0]]
+        return StateSpace(E, [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
     match kind:
         case "mass_matrix":
-            _, E, *_, C, D = continuous(kind, keys)
-            n, (damping, stiffness) = len(D[0]), (at_axes(keys, name) for name in MATRICES[1:])
-            pulled = [
-                [-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)
-            ]
-            return StateSpace(
-                pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D
-            )
+            return _mass_matrix_at_rest(keys)
         case "spring":
             return (continuous(kind, keys).D,)
         case "gain" | "hold" | "channel":
             return (running(kind, 1, keys, root).D,)
-        case (
-            "wave"
-        ):  # with an impedance whose root is exact, since waves that meet cancel whatever it is
-            return (running(kind, 1, {**keys, "b": root(2 * keys["b"]) ** 2 / 2}, root).D,)
+        case "wave":
+            # with an impedance whose root is exact, since waves that meet cancel whatever it is
+            b = root(2 * keys["b"]) ** 2 / 2
+            return (running(kind, 1, {**keys, "b": b}, root).D,)
         case "delay" | "mean":
             return ([[1]],)
         case "difference":
@@ -168,24 +158,32 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
         case "impulse":
             return StateSpace([[0]], [[1]], [[1]], [[1]])
         case "avatar":
-            return StateSpace(
-                [[0]],
-                [[root(2 * keys["b"]), -1]],
-                [[0], [1], [1], [0]],
-                [[0, 0], [0, 0], [0, 0], [-1, 0]],
-            )
+            B = [[root(2 * keys["b"]), -1]]
+            D = [[0, 0], [0, 0], [0, 0], [-1, 0]]
+            return StateSpace([[0]], B, [[0], [1], [1], [0]], D)
         case "local_model":
             return StateSpace([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
         case "ss":
-            A, B, C, D = continuous(kind, keys)[1:]
-            E = [
-                [entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)]
-                for i, row in enumerate(A)
-            ]
+            _, A, B, C, D = continuous(kind, keys)
+            E = []
+            for i, row in enumerate(A):
+                E.append([entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)])
             return StateSpace(E, B, C, D)
         case "tf" if not keys["discrete"]:
             return tf_at_rest(keys["num"], keys["den"])
     return None
+
+
+def _mass_matrix_at_rest(keys: Mapping[str, Any]) -> StateSpace:
+    """`0 = f - D v - K x`, `0 = v`."""
+    _, A, _, C, none = continuous("mass_matrix", keys)
+    n = len(keys["axes"])
+    _, damping, stiffness = (at_axes(keys, name) for name in MATRICES)
+    pulled = []
+    for by_velocity, by_position in zip(damping, stiffness, strict=True):
+        pulled.append([-entry for entry in (*by_velocity, *by_position)])
+    forces = [row[:n] for row in _unit(2 * n)]
+    return StateSpace(pulled + A[n:], forces, C, none)
 
 
 def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows, ...]:
@@ -213,35 +211,41 @@ def over(num: Sequence, den: Sequence) -> list:
 def controllable(num: Sequence, den: Sequence) -> Equations:
     """Return a transfer function from coefficients of descending powers; each state but the
     first integrates the one before."""
-    n, a, b = len(den) - 1, [coefficient / den[0] for coefficient in den[1:]], over(num, den)
-    A = [[-coefficient for coefficient in a]] + [
-        [int(i == j) for j in range(n)] for i in range(n - 1)
-    ]
+    n = len(den) - 1
+    states = tuple(f"x{i}" for i in range(n))
+    a = [coefficient / den[0] for coefficient in den[1:]]
+    b = over(num, den)
+    A = [[-coefficient for coefficient in a], *_unit(n)[:-1]]
+    B = [[int(i == 0)] for i in range(n)]
     C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a, strict=True)]
-    return Equations(
-        tuple(f"x{i}" for i in range(n)), A[:n], [[int(i == 0)] for i in range(n)], [C], [[b[0]]]
-    )
+    return Equations(states, A[:n], B, [C], [[b[0]]])
 
 
 def with_delays(equations: Equations, later: Sequence) -> Equations:
     """Return a block of one output with delays behind its last state, or behind its input; y
-    adds each times one of `later`."""
-    n, k = len(equations.states), len(later)
-    E = [[*row, *[0] * k] for row in equations.E] + [
-        [(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)
-    ]
-    B = [*equations.B, *([int(j == 0)] for j in range(n, n + k))]
-    return Equations(
-        (*equations.states, *(f"u{j + 1}" for j in range(k))),
-        E,
-        B,
-        [[*equations.C[0], *later]],
-        equations.D,
-    )
+    adds each times one of `later`.
+
+    The first delay of a block without states reads the input, each other one the state before it.
+    """
+    n = len(equations.states)
+    k = len(later)
+    states = (*equations.states, *(f"u{j + 1}" for j in range(k)))
+    E = [[*row, *[0] * k] for row in equations.E]
+    B = list(equations.B)
+    for j in range(n, n + k):
+        E.append([(i == j - 1) - (i == j) for i in range(n + k)])
+        B.append([int(j == 0)])
+    return Equations(states, E, B, [[*equations.C[0], *later]], equations.D)
 
 
 def _static(D):
+    """A block without states."""
     return Equations((), [], [], [[] for _ in D], D)
+
+
+def _unit(size):
+    """The rows of a unit matrix."""
+    return [[int(i == j) for j in range(size)] for i in range(size)]
 
 
 def _ahead(T, method):

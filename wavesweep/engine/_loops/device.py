@@ -33,24 +33,28 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2,
     and their changes by a rounding of each term of all sums, in roundings; these are missing (None)
     if there is nothing to double, and then both are known to a few roundings of themselves. After
-    many turns of an oscillation s and g are much smaller than that, and NaN if they are LOST_PHASE.
-    Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings `g2 =
-    g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive
-    terms if the device is overdamped.
+    many turns of an oscillation s and g are much smaller than these changes, and NaN beyond
+    LOST_PHASE.
+
+    With the impulse response s(t), `g(T) = int_0^T s(t) dt`. Both are a Taylor series over T/2^p,
+    and then p times those of twice the time,
+
+        s -> s (2 - damping s - 2 stiffness g),   g -> g (2 - stiffness g) + s^2
+
+    which adds only positive terms if the device is overdamped. The changes go through the
+    derivatives of the two, and the sizes of the new terms are added.
     """
     damping, stiffness, period = np.broadcast_arrays(
-        *(numbers(a) for a in (damping, stiffness, period))
+        numbers(damping), numbers(stiffness), numbers(period)
     )
     reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
     # Each element has its own number of doublings: its bits must not depend on what else is in the
     # batch.
-    doublings = np.where(
-        reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0
-    ).astype(int)
+    finite_reach = np.clip(reach, SERIES_REACH, np.finfo(float).max)
+    doublings = np.where(reach > SERIES_REACH, np.ceil(np.log2(finite_reach)) + 1, 0).astype(int)
     tau = period * 0.5**doublings
-    with np.errstate(
-        invalid="ignore"
-    ):  # a mass next to 0 makes an infinite damping, whose frame is not known
+    # a mass next to 0 makes an infinite damping, whose frame is not known
+    with np.errstate(invalid="ignore"):
         s, g = _taylor(damping * tau, stiffness * tau * tau)
     s = s * tau
     g = g * tau * tau
@@ -59,9 +63,8 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     of_s = np.abs(s)
     of_g = np.abs(g)
     certain = np.ones(s.shape, bool)
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # damping below zero, where an end at zero is looked for, may explode
+    # damping below zero, where an end at zero is looked for, may explode
+    with np.errstate(over="ignore", invalid="ignore"):
         for step in range(int(doublings.max(initial=0))):
             unfinished = step < doublings
             by_s = np.abs(2 - 2 * damping * s - 2 * stiffness * g)
@@ -81,6 +84,8 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 
 
+# of |damping| T and 2 sqrt(stiffness) T, without unit: up to it the Taylor series is taken at once
+SERIES_REACH = 0.5
 # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest
 # by rounding
 LOST_PHASE = 1e-6
@@ -88,10 +93,11 @@ DEVICE_TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/1
 
 
 def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same for a unit period."""
-    slope = np.ones_like(
-        damping
-    )  # this and the next: derivatives of the impulse response at 0, of rising order
+    """The same over a unit period, from the derivatives d_n of the impulse response at 0,
+
+    d_1 = 1,   d_2 = -damping,   d_(n+1) = -damping d_n - stiffness d_(n-1)
+    """
+    slope = np.ones_like(damping)
     curve = -damping
     s = slope + curve / 2
     g = slope / 2 + curve / 6

@@ -26,14 +26,11 @@ from wavesweep.engine._loops.plant import plant_of
 from wavesweep.engine._loops.values import keys_with, numbers_of, rest_of, values_of
 from wavesweep.engine._state_space import StateSpace
 
-POSITION, REACTION = (
-    "ports.hand.displacement",
-    "ports.hand.reaction",
-)  # the junctions at the hand's port
-PRODUCT, FACTOR = (
-    "ports.product",
-    "ports.factor",
-)  # of a number that is taken out of its wire, and what it multiplies
+# the junctions at the hand's port
+POSITION = "ports.hand.displacement"
+REACTION = "ports.hand.reaction"
+PRODUCT = "ports.product"  # the input that is the product of a number taken out of its place
+FACTOR = "ports.factor"  # the signal that this number multiplies
 BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
 OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 HAND = "ports.hand."  # keys of the hand's port
@@ -61,19 +58,25 @@ def assembled(
             wire = dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]]
             sums[BESIDE] = _factor(wire, known_values, beside)
     shown = [(OUTPUT + name, terms) for name, terms, _ in drawing.outputs]
-    shown += zip((POSITION, REACTION), drawing.hand[1:], strict=True) if drawing.hand else ()
+    if drawing.hand:
+        shown += zip((POSITION, REACTION), drawing.hand[1:], strict=True)
     sums |= {signal: _gains(terms, known_values) for signal, terms in shown if terms is not None}
-    inputs = drawing.outside
-    if inside := drawing.inside:  # the names that the ports of blocks have in plants of several
-        sums = {
-            inside.get(port, port): {
-                inside.get(name, name): gain for name, gain in sums[port].items()
-            }
-            for port in sums
-        }
+    if drawing.inside:
+        sums = _named_inside(sums, drawing.inside)
     if drawing.dead_times:
         sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
-    return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
+    inputs = (*drawing.outside, PRODUCT) if out else drawing.outside
+    return MultirateLoop(tick, placed, sums, inputs, rate=rate)
+
+
+def _named_inside(sums, inside):
+    """Junctions with the names that the ports of blocks have in plants of several."""
+    renamed = {}
+    for port, terms in sums.items():
+        renamed[inside.get(port, port)] = {
+            inside.get(name, name): gain for name, gain in terms.items()
+        }
+    return renamed
 
 
 def _blocks(drawing, known, rate, tick):
@@ -81,7 +84,8 @@ def _blocks(drawing, known, rate, tick):
     placed = [_placed(block, known, tick) for block in drawing.alone if not block.dead_time]
     placed += [_dead_time(drawing, name, known) for name in drawing.dead_times]
     shares = dead_time.shares(drawing, known, rate)
-    return tuple(placed + [_plant(plant, known, tick, shares) for plant in drawing.plants])
+    placed += [_plant(plant, known, tick, shares) for plant in drawing.plants]
+    return tuple(placed)
 
 
 def _plant(plant, known, tick, shares):
@@ -93,15 +97,16 @@ def _plant(plant, known, tick, shares):
 
 def _dead_time(drawing, name, known):
     """The block of a dead time."""
-    sensed = {signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name}
-    arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
-    reads_others = any(
-        signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ())
-    )
+    sensed = set()
+    arriving = False
+    for plant in drawing.plants:
+        sensed.update(signal for signal, delay in plant.sensed if delay == name)
+        arriving |= any(delay == name for _, delay in plant.arriving)
+    signals = {signal for signal, _ in dict(drawing.wires).get(f"{name}.u", ())}
+    others = bool(signals - sensed)
     ticks = known[f"block.{name}.ticks"]
-    return ScheduledBlock(
-        dead_time.block_of(name, ticks, sensed=bool(sensed), others=reads_others, arriving=arriving)
-    )
+    block = dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving)
+    return ScheduledBlock(block)
 
 
 def rate_of(drawing: Drawing, values: Mapping[str, object]):
@@ -119,11 +124,8 @@ def _placed(block, known, tick):
     read = {name: known[name] for name in _read_by(block)}
     if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
         return _with_numbers(block, known, tick)
-    return _placed_alone(
-        block,
-        tuple((name, v if isinstance(v, int) else v.item()) for name, v in read.items()),
-        tick,
-    )
+    plain = {name: v if isinstance(v, int) else v.item() for name, v in read.items()}
+    return _placed_alone(block, tuple(plain.items()), tick)
 
 
 @lru_cache(maxsize=4096)
@@ -133,36 +135,48 @@ def _read_by(block):
 
 @lru_cache(maxsize=2048, typed=True)
 def _placed_alone(block, read, tick):
-    return _with_numbers(
-        block, {name: v if isinstance(v, int) else numbers(v) for name, v in read}, tick
-    )
+    known = {name: v if isinstance(v, int) else numbers(v) for name, v in read}
+    return _with_numbers(block, known, tick)
 
 
 def _with_numbers(block, known, tick):
-    every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
-    block = block if TYPES[block.type].formula else block.core(ONE)
-    keys = _keys(block, known)
-    period = every * tick if not block.phases else every * tick / len(block.phases)
-    if TYPES[block.type].formula:  # whose sums do not cancel, if those of its keys do not
-        of_names = block.core(ONE, named=True)
-        block = block.core(ONE)
-        keys = {
-            name: [evaluate(tree, {**keys, "T": period}, np) for tree in trees]
-            for name, trees in of_names.keys[:2]
-        }
-        keys["discrete"] = of_names.keys[2][1]
+    """The block with its numbers; its period is that between its runs."""
+    every = int(values_of(block.every, known))
+    phase = int(values_of(block.phase, known))
+    period = every * tick
+    if block.phases:
+        period = period / len(block.phases)
+    core = block.core(ONE)
+    if TYPES[block.type].formula:
+        keys = _coefficients(block, _keys(block, known), period)
+    else:
+        keys = _keys(core, known)
     if keys.get("discrete") is True:
-        trees = dict(block.keys)
-        if block.type == "tf":
+        trees = dict(core.keys)
+        if core.type == "tf":
             keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
-    make = getattr(blocks, block.type, None) or partial(blocks.defined, block.type)
-    return ScheduledBlock(make(block.name, period, **keys), every, block.phases or phase)
+    make = getattr(blocks, core.type, None) or partial(blocks.defined, core.type)
+    return ScheduledBlock(make(core.name, period, **keys), every, block.phases or phase)
+
+
+def _coefficients(block, keys, period):
+    """The keys of the transfer function that a block with a formula is, from its own keys.
+
+    The sums of its coefficients do not cancel, if those of its keys do not.
+    """
+    core = dict(block.core(ONE, named=True).keys)
+    known = {**keys, "T": period}
+    coefficients = {"discrete": core["discrete"]}
+    for name in ("num", "den"):
+        coefficients[name] = [evaluate(tree, known, np) for tree in core[name]]
+    return coefficients
 
 
 def _keys(block, known):
-    """The keys of a block with their values."""
+    """The keys of a block with their values, by the names that functions of `blocks` have for
+    them."""
     shared = SharedParts()
     keys = keys_with(block, lambda tree: values_of(tree, known, shared))
     if block.type == "butterworth":
@@ -173,6 +187,7 @@ def _keys(block, known):
 
 
 def _rests(trees, values, known):
+    """What rounding has taken from the values of trees."""
     return [rest_of(tree, value, known) for tree, value in zip(trees, values, strict=True)]
 
 
@@ -180,52 +195,57 @@ def _take_out(drawing, placed, sums, known, out):
     """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a
     gain, in its block."""
     table, _, place = scalar_place(drawing, out).partition(".")
-    block = place.rpartition(".")[0]
     if table == "wire":
-        gains = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
-        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in gains.items()}
-        sums[FACTOR] = _factor(dict(drawing.wires)[place], known, out)
+        wire = dict(drawing.wires)[place]
+        sums[place] = {PRODUCT: 1.0}
+        sums[place] |= {signal: _parts(gain, known, out)[0] for signal, gain in wire}
+        sums[FACTOR] = _factor(wire, known, out)
         return placed
+    block = place.rpartition(".")[0]
     keys = dict(next(core.keys for core in drawing.cores if core.name == block))
     sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
     if "k" in keys:
         constant, slope = _parts(keys["k"], known, out)
         sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
-        both = blocks.ss(
-            block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True
-        )
+        D = [[constant, 1.0]]
+        opened = blocks.ss(block, 1.0, [], [], [], D, ("u", PRODUCT), ("y",), discrete=True)
     else:
-        num, den = (
-            [_parts(tree, known, out) for tree in keys["num"]],
-            [values_of(tree, known) for tree in keys["den"]],
-        )
+        constants, slopes = zip(*(_parts(tree, known, out) for tree in keys["num"]), strict=True)
+        den = [values_of(tree, known) for tree in keys["den"]]
+        constant = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
+        slope = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
         sums[FACTOR] = {f"{block}.factor": 1.0}
-        both = _opened(
-            *(
-                blocks.tf(block, 1.0, list(half), den, keys["discrete"])
-                for half in zip(*num, strict=True)
-            )
-        )
-    return tuple(
-        replace(scheduled, block=both) if scheduled.block.name == block else scheduled
-        for scheduled in placed
-    )
+        opened = _opened(constant, slope)
+    remaining = []
+    for scheduled in placed:
+        is_opened = scheduled.block.name == block
+        remaining.append(replace(scheduled, block=opened) if is_opened else scheduled)
+    return tuple(remaining)
 
 
 def _opened(constant, slope):
     """A transfer function with the product as an input too, and what the number multiplies as
-    the output `factor`."""
+    the output `factor`.
 
-    def wider(E, B, C, D, c, d):
-        unit, none = np.ones_like(D), np.zeros_like(D)
-        rows = (np.concatenate(np.broadcast_arrays(*row), -1) for row in ((D, unit), (d, none)))
-        C, D = (np.concatenate(np.broadcast_arrays(*column), -2) for column in ((C, c), rows))
-        return StateSpace(E, np.concatenate([B, np.zeros_like(B)], -1), C, D)
+    Both parts of the numerator are over the same denominator, so in controllable form they differ
+    in C and D alone:
 
-    matrices = wider(*(getattr(constant, name) for name in "EBCD"), slope.C, slope.D)
-    terms = constant.terms and wider(*constant.terms, *slope.terms[2:])
+        x+ - x = E x + B u,   y = C x + D u + product,   factor = c x + d u
+    """
+    parts = (getattr(constant, name) for name in "EBCD")
+    matrices = _with_product(*parts, slope.C, slope.D)
+    terms = constant.terms and _with_product(*constant.terms, *slope.terms[2:])
     ports = {"inputs": ("u", PRODUCT), "outputs": ("y", "factor")}
     return replace(constant, **ports, **matrices._asdict(), terms=terms, at_rest=None)
+
+
+def _with_product(E, B, C, D, c, d):
+    """The matrices of `_opened`, or the sizes of their terms."""
+    row = np.concatenate(np.broadcast_arrays(D, np.ones_like(D)), -1)
+    row_of_factor = np.concatenate(np.broadcast_arrays(d, np.zeros_like(D)), -1)
+    both_C = np.concatenate(np.broadcast_arrays(C, c), -2)
+    both_D = np.concatenate(np.broadcast_arrays(row, row_of_factor), -2)
+    return StateSpace(E, np.concatenate([B, np.zeros_like(B)], -1), both_C, both_D)
 
 
 def _factor(terms, known, out):
@@ -235,8 +255,10 @@ def _factor(terms, known, out):
 
 
 def _parts(gain, known, out):
-    """The constant part of a gain that is linear in a number, and the factor of the number."""
-    constant, total = (with_number(gain, out, p) for p in (0.0, 1.0))
+    """The constant part g(0) of a gain that is linear in a number, and the factor of the number,
+    g(1) - g(0)."""
+    constant = with_number(gain, out, 0.0)
+    total = with_number(gain, out, 1.0)
     return values_of(constant, known), values_of(("-", total, constant, 0), known)
 
 
@@ -247,25 +269,27 @@ def scalar_place(drawing: Drawing, number: str) -> str:
 
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
-    pairs = zip(drawing.blocks, drawing.cores, strict=True)
-    words = {
-        f"block.{block.name}": dict(core.keys) for block, core in pairs if core.type != block.type
-    }
+    words = {}
+    for block, core in zip(drawing.blocks, drawing.cores, strict=True):
+        if core.type != block.type:
+            words[f"block.{block.name}"] = dict(core.keys)
     path = _only_reader(drawing, number, words)
-    is_wire = path.startswith("wire.")
-    if is_wire and _split(drawing, path.removeprefix("wire."), number):
-        return ""
+    word = words.get(path.removesuffix(".y"))
     trees = [tree for tree_path, tree in drawing.trees() if tree_path == path]
-    if word := words.get(path.removesuffix(".y")):
-        is_gain, trees = (
-            number not in {name for tree in word["den"] for name, _ in names_in(tree)},
-            word["num"],
-        )
+    if path.startswith("wire."):
+        is_factor = not _split(drawing, path.removeprefix("wire."), number)
+    elif word:
+        is_factor = not any(_reads(tree, number) for tree in word["den"])
+        trees = word["num"]
     else:
-        is_gain = path in {
-            f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"
-        }
-    return path if (is_gain or is_wire) and all(degree(tree, number) <= 1 for tree in trees) else ""
+        gains = {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+        is_factor = path in gains
+    return path if is_factor and all(degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def _reads(tree, number):
+    """Whether a tree reads a number."""
+    return any(name == number for name, _ in names_in(tree))
 
 
 def _only_reader(drawing, number, words):
@@ -276,9 +300,8 @@ def _only_reader(drawing, number, words):
         block = path.rpartition(".")[0]
         if not path.startswith("ports."):
             readers.add(f"{block}.y" if block in words and not decides(path) else path)
-    if len(readers) != 1 or any(
-        name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)
-    ):
+    gains_within_plants = [gain for _, terms in drawing.couplings for _, gain in terms]
+    if len(readers) != 1 or any(_reads(gain, number) for gain in gains_within_plants):
         return ""
     return readers.pop()
 
@@ -286,44 +309,27 @@ def _only_reader(drawing, number, words):
 def _split(drawing, port, number):
     """Whether a number multiplies what a dead time brings to a plant, or both what it reads of
     plants and other signals."""
-    signals = [
-        signal
-        for signal, gain in dict(drawing.wires)[port]
-        if any(name == number for name, _ in names_in(gain))
-    ]
-    arriving = {
-        (port_of_plant, f"{name}.y")
-        for plant in drawing.plants
-        for port_of_plant, name in plant.arriving
-    }
-    sensed = {
-        signal for plant in drawing.plants for signal, name in plant.sensed if f"{name}.u" == port
-    }
-    return any((port, signal) in arriving for signal in signals) or 0 < len(
-        sensed & {*signals}
-    ) < len(signals)
-
-
-def _inside(drawing):
-    """Signals and gains of the terms that act within a plant."""
-    return (term for _, terms in drawing.couplings for term in terms)
+    multiplied = {signal for signal, gain in dict(drawing.wires)[port] if _reads(gain, number)}
+    brought, sensed = set(), set()
+    for plant in drawing.plants:
+        brought.update(f"{name}.y" for arrives_at, name in plant.arriving if arrives_at == port)
+        sensed.update(signal for signal, name in plant.sensed if f"{name}.u" == port)
+    if multiplied & brought:
+        return True
+    return bool(multiplied & sensed) and bool(multiplied - sensed)
 
 
 @lru_cache(maxsize=256)
 def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
-    if (
-        not place.startswith("wire.")
-        or scalar_place(drawing, other) != place
-        or place[5:-2] in drawing.dead_times
-    ):
+    table, _, port = place.partition(".")
+    if table != "wire" or scalar_place(drawing, other) != place:
         return False
-    return not any(
-        {number, other} <= {name for name, _ in names_in(tree)}
-        for path, tree in drawing.trees()
-        if path == place
-    )
+    if port.rpartition(".")[0] in drawing.dead_times:
+        return False
+    gains = [tree for path, tree in drawing.trees() if path == place]
+    return not any(_reads(gain, number) and _reads(gain, other) for gain in gains)
 
 
 @lru_cache(maxsize=256)
@@ -334,9 +340,8 @@ def seen_by_hand(drawing: Drawing, number: str) -> bool:
 
 @lru_cache(maxsize=256)
 def _readers(drawing, number):
-    return {
-        path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))
-    }
+    """The paths of all that reads a number."""
+    return {path for path, tree in drawing.trees() if _reads(tree, number)}
 
 
 def twins(
@@ -348,11 +353,15 @@ def twins(
     values: flat numbers, with arrays of those that vary, and that are between the values of these
     in the two loops. out, beside: numbers to take out, see `assembled`.
     """
-    pair = ({path: _between(path, value, salt) for path, value in values.items()} for salt in SALTS)
-    return _twins(drawing, *(tuple(side_values.items()) for side_values in pair), out, beside)
+    one, other = (
+        tuple((path, _between(path, value, salt)) for path, value in values.items())
+        for salt in SALTS
+    )
+    return _twins(drawing, one, other, out, beside)
 
 
 def _between(path, value, salt):
+    """A value in the middle half of those of a number; see `scattered`."""
     if not isinstance(value, np.ndarray):
         return value
     low, high = float(np.min(value.real)), float(np.max(value.real))
@@ -370,16 +379,18 @@ def scattered(path: str, salt: str = "") -> float:
 
 @lru_cache(maxsize=256)
 def _twins(drawing, one, other, out, beside):
-    varied = frozenset(
-        name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin
-    )
-    drawn_twins = []
-    for items in (one, other)[: 1 + bool(varied)]:
-        drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
-        drawn_twins.append(
-            replace(drawn, exact=partial(equations_of, drawing, values, varied, out))
-        )
-    return drawn_twins[0], drawn_twins[-1]
+    varied = set()
+    for (path, value), (_, twin) in zip(one, other, strict=True):
+        if value != twin:
+            varied.add(name_of(path))
+
+    def built(items):
+        values = dict(items)
+        exact = partial(equations_of, drawing, values, frozenset(varied), out)
+        return replace(assembled(drawing, values, out, beside), exact=exact)
+
+    first = built(one)
+    return first, built(other) if varied else first
 
 
 @dataclass(frozen=True, slots=True)
@@ -405,11 +416,8 @@ class Ports:
     @property
     def signals(self) -> tuple[str, ...]:
         """The outputs of the ports."""
-        return (
-            self.position,
-            *(position for _, position in self.others),
-            *([self.reaction] if self.reaction else ()),
-        )
+        positions = (self.position, *(position for _, position in self.others))
+        return (*positions, self.reaction) if self.reaction else positions
 
 
 def hand_of(drawing: Drawing) -> Ports:

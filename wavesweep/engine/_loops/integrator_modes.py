@@ -53,9 +53,8 @@ def decimal(value: float) -> Fraction:
 
 def root(number: Fraction) -> Fraction:
     """Return the square root: that of a square as it is, of other numbers a double."""
-    above, below = (
-        isqrt(integer) if integer > 0 else 0 for integer in (number.numerator, number.denominator)
-    )
+    above = isqrt(max(number.numerator, 0))
+    below = isqrt(number.denominator)
     if above * above == number.numerator and below * below == number.denominator:
         return Fraction(above, below)
     return Fraction(math.sqrt(number))
@@ -70,19 +69,21 @@ def value_in_fractions(
     Errors: ArithmeticError or ValueError if it has no value.
     """
     operation, *operands, _ = tree
-    if operation in ("number", "name"):
-        return decimal(operands[0]) if operation == "number" else known[operands[0]]
-    first, *rest = (value_in_fractions(operand, known, varied) for operand in operands)
-    if operation == "sqrt" or (operation == "**" and rest[0] * 2 == 1):
+    if operation == "number":
+        return decimal(operands[0])
+    if operation == "name":
+        return known[operands[0]]
+    first, *others = (value_in_fractions(operand, known, varied) for operand in operands)
+    if operation == "sqrt" or (operation == "**" and others[0] * 2 == 1):
         value = root(first)
-        return (
-            value + value / NOT_EXACT
-            if any(name in varied for name, _ in names_in(operands[0]))
-            else value
-        )
+        if any(name in varied for name, _ in names_in(operands[0])):
+            return value + value / NOT_EXACT
+        return value
     if operation in FUNCTIONS:
         return Fraction(getattr(math, operation)(float(first)))
-    return _power(first, *rest) if operation == "**" else _OPERATIONS[operation](first, *rest)
+    if operation == "**":
+        return _power(first, *others)
+    return _OPERATIONS[operation](first, *others)
 
 
 def _power(base: Fraction, exponent: Fraction) -> Fraction:
@@ -116,45 +117,46 @@ class RestEquations:
     def add(self, start: str, states, ports, parts) -> None:
         """Add a block. start: what the names of its states and ports begin with. parts: E, B, C
         and D as rows of fractions."""
-        (inputs, outputs), (E, B, C, D), unit = ports, parts, decimal(1.0)
-        names = [start + name for name in (*states, *inputs)]
-        self.states |= {name: {name: unit} for name in names[: len(states)]}
-        changes, shown = (
-            [
-                _substituted(dict(zip(names, (*x, *u), strict=False)), {})
-                for x, u in zip(*pair, strict=True)
-            ]
-            for pair in ((E, B), (C, D))
-        )
-        self.changes |= dict(zip(names[: len(states)], changes, strict=True))
+        inputs, outputs = ports
+        E, B, C, D = parts
+        unknowns = [start + name for name in (*states, *inputs)]
+        own = unknowns[: len(states)]
+        changes = []
+        for by_states, by_inputs in zip(E, B, strict=True):
+            changes.append(_sum_of(unknowns, (*by_states, *by_inputs)))
+        shown = []
+        for by_states, by_inputs in zip(C, D, strict=True):
+            shown.append(_sum_of(unknowns, (*by_states, *by_inputs)))
+        unit = decimal(1.0)
+        self.states |= {name: {name: unit} for name in own}
+        self.changes |= dict(zip(own, changes, strict=True))
         self.outputs |= {start + port: row for port, row in zip(outputs, shown, strict=False)}
 
     def follow(self, block: Block, D) -> None:
         """Add a block whose outputs follow its inputs by D whatever its states are, which settle
-        where its own entries say."""
-        n, inputs = len(block.states), [f"{block.name}.{port}" for port in block.inputs]
-        E, B = (np.array(_first(matrix)) for matrix in (block.E, block.B))
-        settled = np.linalg.solve(E, -B.reshape(n, len(inputs))).tolist() if n else []
-        for sums, names, rows in (
-            (self.states, block.states, [[Fraction(value) for value in row] for row in settled]),
-            (self.outputs, block.outputs, D),
-        ):
-            for name, row in zip(names, rows, strict=False):
-                sums[f"{block.name}.{name}"] = _substituted(
-                    dict(zip(inputs, row, strict=False)), {}
-                )
+        where its own entries say, `x = -E^-1 B u`."""
+        inputs = [f"{block.name}.{port}" for port in block.inputs]
+        if block.states:
+            E = np.array(_first(block.E))
+            B = np.array(_first(block.B)).reshape(len(block.states), len(inputs))
+            settled = np.linalg.solve(E, -B).tolist()
+            for state, row in zip(block.states, settled, strict=True):
+                by_inputs = [Fraction(value) for value in row]
+                self.states[f"{block.name}.{state}"] = _sum_of(inputs, by_inputs)
+        for port, row in zip(block.outputs, D, strict=False):
+            self.outputs[f"{block.name}.{port}"] = _sum_of(inputs, row)
 
     def connect(self) -> None:
-        """Connect ports with the outputs that they read, and let sums that nothing reads count for
-        ever: that these do not change is left out."""
+        """Connect ports with the outputs that they read, so that each less its sum is 0, and let
+        sums that nothing reads count for ever: that these do not change is left out."""
         unit = decimal(1.0)
         for state, register in self.sums.items():
             if register:
                 self._show(register, state)
-        self.rows = [
-            _substituted({port: unit} | {s: -gain for s, gain in row.items()}, self.outputs)
-            for port, row in self.wires.items()
-        ]
+        self.rows = []
+        for port, terms in self.wires.items():
+            less = {signal: -gain for signal, gain in terms.items()}
+            self.rows.append(_substituted({port: unit} | less, self.outputs))
         for state in self.sums:
             if not any(state in row for row in (*self.changes.values(), *self.rows)):
                 self.changes.pop(state, None)
@@ -169,15 +171,18 @@ class RestEquations:
 
     def null_space(self) -> list[Sum]:
         """Return independent solutions, of which all others are sums, ports being those of
-        states as far as they can be."""
+        states as far as they can be.
+
+        Gauss and Jordan's elimination: each unknown in turn is solved for by the shortest equation
+        that has it, and replaced in all others; one that no equation has is free. Of each free
+        unknown there is one solution, in which it is 1 and the other free ones are 0.
+        """
         states = [name for name, row in self.states.items() if row.keys() == {name}]
-        equations = [*self.changes.values(), *self.rows]
-        unknowns = [
-            *dict.fromkeys(name for row in equations for name in row if name not in states),
-            *states,
-        ]
-        rows, solved, free = [row for row in equations if row], {}, []
-        for name in unknowns:
+        rows = [row for row in (*self.changes.values(), *self.rows) if row]
+        ports = dict.fromkeys(name for row in rows for name in row if name not in states)
+        solved: dict[str, Sum] = {}
+        free = []
+        for name in (*ports, *states):
             among = [row for row in rows if name in row]
             if not among:
                 free.append(name)
@@ -186,27 +191,33 @@ class RestEquations:
             rows.remove(chosen)
             solution = _solution(chosen, name)
             rows = [_eliminated(row, name, solution) for row in rows]
-            solved = {
-                variable: _eliminated(row, name, solution) for variable, row in solved.items()
-            } | {name: solution}
-        return [
-            {name: decimal(1.0)}
-            | {variable: row[name] for variable, row in solved.items() if name in row}
-            for name in free
-        ]
+            solved = {other: _eliminated(row, name, solution) for other, row in solved.items()}
+            solved[name] = solution
+        solutions = []
+        for name in free:
+            others = {other: row[name] for other, row in solved.items() if name in row}
+            solutions.append({name: decimal(1.0)} | others)
+        return solutions
 
     def moving(self) -> list[Sum]:
         """Return the solutions of `null_space` as what they do to states and to outputs that are
         held."""
         shown = self.states | {f"{port} held": row for port, row in self.outputs.items()}
-        return [
-            {
-                name: value
-                for name, row in shown.items()
-                if (value := sum(f * v[u] for u, f in row.items() if u in v))
-            }
-            for v in self.null_space()
-        ]
+        moving = []
+        for solution in self.null_space():
+            moved = {}
+            for name, row in shown.items():
+                terms = [f * solution[unknown] for unknown, f in row.items() if unknown in solution]
+                if value := sum(terms):
+                    moved[name] = value
+            moving.append(moved)
+        return moving
+
+
+def _sum_of(names: Sequence[str], factors: Sequence) -> Sum:
+    """The sum of unknowns with these factors, as far as there are factors, without those that
+    are 0."""
+    return {name: factor for name, factor in zip(names, factors, strict=False) if factor}
 
 
 def _solution(row: Sum, name: str) -> Sum:
@@ -225,15 +236,11 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
     for name, factor in row.items():
         if not factor:
             continue
-        terms = (
-            ((unknown, factor * value) for unknown, value in known[name].items())
-            if name in known
-            else ((name, factor),)
-        )
-        for (
-            unknown,
-            term,
-        ) in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
+        # a sum with 0, or a product with 1, of fractions takes as long as others
+        terms = {name: factor}
+        if name in known:
+            terms = {unknown: factor * value for unknown, value in known[name].items()}
+        for unknown, term in terms.items():
             total[unknown] = total[unknown] + term if unknown in total else term
     return {name: value for name, value in total.items() if value}
 
@@ -241,19 +248,11 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
 def _pop_shift(moving: list[Sum], lead: str) -> Sum:
     """Take the first solution that moves the lead out of the list, and return it with the value
     1 there."""
-    at = next((at for at, candidate in enumerate(moving) if lead in candidate), None)
-    if at is None:
-        raise ArithmeticError("expected shifts of the same states")
-    shift = moving.pop(at)
-    return {name: value / shift[lead] for name, value in shift.items()}
-
-
-def _led(by_lead: Mapping[str, Sum]) -> list[dict[str, float]]:
-    """The shifts in floating point, each with its lead as its first key."""
-    return [
-        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead}
-        for lead, shift in by_lead.items()
-    ]
+    for at, shift in enumerate(moving):
+        if lead in shift:
+            del moving[at]
+            return {name: value / shift[lead] for name, value in shift.items()}
+    raise ArithmeticError("expected shifts of the same states")
 
 
 def rest_of_blocks(drawn: MultirateLoop, names: Collection[str]) -> RestEquations:
@@ -274,63 +273,71 @@ def shifts(
     the sum connected to it. A state has the name "block.state", an output that is held "block.port
     held". Each shift has a lead, a state of its own which is first among its keys, with the value
     1; the other shifts do not move that state. names: of the blocks. leads: those of the shifts, if
-    they are known. Errors: ArithmeticError or ValueError where numbers are not known as fractions.
+    they are known; otherwise the states that move furthest. Errors: ArithmeticError or ValueError
+    where numbers are not known as fractions.
     """
     rest = rest_of_blocks(drawn, names)
     rest.connect()
     moving = rest.moving()
     by_lead: dict[str, Sum] = {}
     while moving and not (leads and len(by_lead) == len(leads)):
-        states = [name for name in moving[0] if name in rest.states]
-        if not (leads or states):
-            moving = moving[1:]
-            continue
-        lead = (
-            leads[len(by_lead)]
-            if leads
-            else max(states, key=lambda name: abs(float(moving[0][name])))
-        )
+        if leads:
+            lead = leads[len(by_lead)]
+        else:
+            sizes = {name: abs(float(v)) for name, v in moving[0].items() if name in rest.states}
+            if not sizes:
+                moving = moving[1:]
+                continue
+            lead = max(sizes, key=sizes.__getitem__)
         shift = _pop_shift(moving, lead)
-        by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {
-            lead: shift
-        }
         moving = [_without(later, shift, lead) for later in moving]
-    return _led(by_lead)
+        by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()}
+        by_lead[lead] = shift
+    in_doubles = []
+    for lead, shift in by_lead.items():
+        others = {name: float(value) for name, value in shift.items() if name != lead}
+        in_doubles.append({lead: 1.0} | others)
+    return in_doubles
 
 
 def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
     """Another shift, from which so much of this one is taken that it does not move the lead."""
     share = shifted.get(lead, 0)
-    less = (
-        {name: shifted.get(name, 0) - share * value for name, value in shift.items()}
-        if share
-        else {}
-    )
+    less = {}
+    if share:
+        less = {name: shifted.get(name, 0) - share * value for name, value in shift.items()}
     return {name: value for name, value in (shifted | less).items() if value}
 
 
-def _first(part):
-    return part[(0,) * (part.ndim - 2)].real.tolist()
+def _first(matrix):
+    """The rows of the first of a batch of matrices, real."""
+    return matrix[(0,) * (matrix.ndim - 2)].real.tolist()
 
 
 def _add_by_entries(rest, block):
     """Add a block that is known by its entries alone."""
-    matrices = block.at_rest or (block.E, block.B, block.C, block.D)
-    rows = [[[Fraction(value) for value in row] for row in _first(matrix)] for matrix in matrices]
-    if len(rows) == 1:
-        rest.follow(block, *rows)
+    matrices = []
+    for matrix in block.at_rest or (block.E, block.B, block.C, block.D):
+        matrices.append([[Fraction(value) for value in row] for row in _first(matrix)])
+    _add_matrices(rest, block, matrices)
+
+
+def _add_matrices(rest, block, matrices):
+    """Add a block with E, B, C and D as rows of fractions, or D alone that its outputs follow."""
+    if len(matrices) == 1:
+        rest.follow(block, *matrices)
     else:
-        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), rows)
+        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), matrices)
 
 
 def _add_drawn(rest, kind, keys, block):
     """Add a drawn block with the values of its keys; a type that has no equations at rest by the
     entries of a run."""
     if kind == "butterworth":
-        matrices = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
-    elif (
-        kind == "delay"
-    ):  # a dead time may have two inputs, and a second output, which shows changes
+        passes_constants = keys["pass"] == "low" or not block.states  # noqa: S105 - a side
+        matrices = ([[int(passes_constants)]],)
+    elif kind == "delay":
+        # a dead time may have two inputs, and a second output, which shows changes
         matrices = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
     elif kind == "tf" and keys["discrete"]:
         matrices = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
@@ -338,10 +345,8 @@ def _add_drawn(rest, kind, keys, block):
         matrices = at_rest(kind, keys, root)
     if matrices is None:
         _add_by_entries(rest, block)
-    elif len(matrices) == 1:
-        rest.follow(block, *matrices)
     else:
-        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), matrices)
+        _add_matrices(rest, block, matrices)
 
 
 def _add_plant(rest, plant, value, block):
@@ -350,20 +355,23 @@ def _add_plant(rest, plant, value, block):
         start = plant.own(f"{member.name}.")
         states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
         matrices = at_rest(member.type, keys_with(member, value), root)
-        matrices = (
-            ([], [], [[] for _ in matrices[0]], *matrices) if len(matrices) == 1 else matrices
-        )
+        if len(matrices) == 1:
+            (D,) = matrices
+            matrices = [], [], [[] for _ in D], D
         rest.add(plant.start(member.name), states, member.ports, matrices)
 
 
 def _discrete_tf(num, den, delta, states):
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see
     `blocks.tf`)."""
-    num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
+    n = sum(name.startswith("x") for name in states)
+    num = [0] * (len(den) - len(num)) + num
+    above = num[: n + 1]
+    below = den[: n + 1]
     later = num[n + 1 :]
-    above, below = (
-        powers[: n + 1] if delta else recentred(1, powers[: n + 1]) for powers in (num, den)
-    )
+    if not delta:
+        above = recentred(1, above)
+        below = recentred(1, below)
     if below[-1]:
         return ([[(above[-1] + sum(later)) / below[-1]]],)
     return tf_at_rest(above, below, [coefficient / den[0] for coefficient in later])
@@ -400,17 +408,18 @@ def equations_of(
     values: flat numbers. varied: names of those that other loops have other values of. out: a
     number that is 0, or empty.
     """
-    rest, cores = RestEquations(), {block.name: block for block in drawing.cores}
-    numbers = {
-        name: decimal(value)
-        for name, value in scalars(values).items()
-        if isinstance(value, (int, float))
-    }
-    numbers |= {out: decimal(0.0)} if out else {}
+    numbers = {}
+    for name, number in scalars(values).items():
+        if isinstance(number, (int, float)):
+            numbers[name] = decimal(number)
+    if out:
+        numbers[out] = decimal(0.0)
 
     def value(tree):
         return value_in_fractions(tree, numbers, varied)
 
+    rest = RestEquations()
+    cores = {block.name: block for block in drawing.cores}
     plants = {plant.name: plant for plant in drawing.plants}
     rest.plants = {block.name for block in drawing.cores if block.plant} | plants.keys()
     for block in blocks:
@@ -436,20 +445,18 @@ def _clock(block):
 def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
     """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a
     tree, in fractions."""
-    sensed, inside = (
-        {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed},
-        drawing.inside,
-    )
-    wires: dict[str, Sum] = {
-        f"{block.name}.{port}": {} for block in blocks for port in block.inputs
-    }
+    sensed = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}
+    inside = drawing.inside
+    wires: dict[str, Sum] = {}
+    for block in blocks:
+        wires |= {f"{block.name}.{port}": {} for port in block.inputs}
     for port, terms in (*drawing.wires, *drawing.couplings):  # at rest, holds have no effect
-        for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
-            read, signal = (
-                port if (name, port) not in sensed else f"{port[:-1]}{SENSED}",
-                inside.get(name, name),
-            )
-            row = wires.get(inside.get(read, read))
+        for name, gain in terms:
+            reader = inside.get(port, port)
+            if (name, port) in sensed:  # what a dead time reads of a plant is what it is at rest
+                reader = f"{port.removesuffix('u')}{SENSED}"
+            signal = inside.get(name, name)
+            row = wires.get(reader)
             if row is not None and signal in outputs:
                 row[signal] = row.get(signal, 0) + value(gain)
     return wires

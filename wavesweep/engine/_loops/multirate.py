@@ -29,13 +29,8 @@ class ScheduledBlock:
     def __post_init__(self):
         """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
         phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
-        integers = all(isinstance(number, Integral) for number in (self.every, *phases))
-        if (
-            not integers
-            or self.every < 1
-            or not phases
-            or not all(0 <= phase < self.every for phase in phases)
-        ):
+        whole = all(isinstance(number, Integral) for number in (self.every, *phases))
+        if not (whole and phases and all(0 <= phase < self.every for phase in phases)):
             raise UsageError(
                 f"block {self.block.name}: expected every >= 1 and phases from 0 on and below it, whole numbers, found every = "
                 f"{self.every!r}, phase = {self.phase!r}"
@@ -122,20 +117,16 @@ class MultirateLoop:
         them."""
         blocks = [scheduled.block for scheduled in self.placed]
         names = [block.name for block in blocks]
-        ports = _port_names(blocks, "inputs")
-        made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
         yield [] if blocks else ["none"], "at least one block"
         yield [name for name in names if names.count(name) > 1], "blocks of different names"
-        unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
+        made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
+        unknown = sorted(set().union(*self.sums.values()) - made)
         yield unknown, "sources that are outputs of blocks, junctions or inputs"
-        wrong = [
-            name for name in self.sums if name not in ports and name.rpartition(".")[0] in names
-        ]
+        others = self.sums.keys() - _port_names(blocks, "inputs")
+        wrong = [name for name in self.sums if name in others and name.rpartition(".")[0] in names]
         yield wrong, "the block's own inputs as ports"
-        yield (
-            [name for name in self.sums if _comes_back(name, self.sums)],
-            "junctions that are not made of themselves",
-        )
+        circular = [name for name in self.sums if _comes_back(name, self.sums)]
+        yield circular, "junctions that are not made of themselves"
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
@@ -152,12 +143,12 @@ class MultirateLoop:
     def rings(self) -> list[list[str]]:
         """The blocks of each algebraic loop, in which what they read depends on what they give;
         only the largest ones."""
-        rings = [ring for running in self.schedule()[0] for ring in self._rings(running)]
-        return [
-            ring
-            for at, ring in enumerate(rings)
-            if ring not in rings[:at] and not any(set(ring) < set(r) for r in rings)
-        ]
+        rings = []
+        for running in self.schedule()[0]:
+            for ring in self._rings(running):
+                if ring not in rings:
+                    rings.append(ring)
+        return [ring for ring in rings if not any(set(ring) < set(larger) for larger in rings)]
 
     def direct_blocks(self) -> list[str]:
         """Names of the blocks on loops of direct terms, which are closed within a tick."""
@@ -177,21 +168,22 @@ class MultirateLoop:
             ) from error
 
     def _rings(self, running) -> Iterator[list[str]]:
-        """Those among blocks (indices) that run together, by the terms that are not zero."""
-        blocks = [self.placed[index].block for index in running]
-        reads = self._direct_reads(blocks)
+        """Those among blocks (indices) that run together, by the terms that are not zero: the
+        strong components of the graph of what signals depend on."""
         from scipy.sparse.csgraph import connected_components
 
-        at = {name: place for place, name in enumerate(reads)}
-        direct = np.zeros((len(at), len(at)), bool)
-        for name, sources in reads.items():
-            direct[at[name], [at[source] for source in sources if source in at]] = True
-        names = [name.rpartition(".")[0] for name in at]
+        blocks = [self.placed[index].block for index in running]
+        reads = self._direct_reads(blocks)
+        place = {signal: at for at, signal in enumerate(reads)}
+        direct = np.zeros((len(reads), len(reads)), bool)
+        for signal, sources in reads.items():
+            direct[place[signal], [place[source] for source in sources if source in place]] = True
+        owners = [signal.rpartition(".")[0] for signal in reads]
         _, label = connected_components(direct, connection="strong")
-        for number in dict.fromkeys(label.tolist()):
-            ring = np.flatnonzero(label == number)
+        for component in dict.fromkeys(label.tolist()):
+            ring = np.flatnonzero(label == component)
             if len(ring) > 1 or direct[ring[0], ring[0]]:
-                inside = {names[place] for place in ring}
+                inside = {owners[at] for at in ring}
                 yield [block.name for block in blocks if block.name in inside]
 
     def _direct_reads(self, blocks) -> dict[str, list[str]]:
@@ -202,9 +194,8 @@ class MultirateLoop:
         for block in blocks:
             direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
-                reads[f"{block.name}.{port}"] = [
-                    f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)
-                ]
+                inputs = [block.inputs[at] for at in np.flatnonzero(row)]
+                reads[f"{block.name}.{port}"] = [f"{block.name}.{name}" for name in inputs]
         return reads
 
     def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
@@ -213,20 +204,17 @@ class MultirateLoop:
 
         A block that is a loop in itself remains.
         """
-        placed = list(self.placed)
-        while True:
-            ports = _port_names([scheduled.block for scheduled in placed], "inputs")
-            read = set()
-            for signal in (*ports, *watched):
-                read.update(source.rpartition(".")[0] for source in self.sources(signal))
-            remaining = []
-            for scheduled in placed:
-                if scheduled.block.name in read or scheduled.block.ring:
-                    remaining.append(scheduled)
-            if len(remaining) == len(placed):
-                break
-            placed = remaining
-        return self if len(placed) == len(self.placed) else replace(self, placed=tuple(placed))
+        ports = _port_names([scheduled.block for scheduled in self.placed], "inputs")
+        read = set()
+        for signal in (*ports, *watched):
+            read.update(source.rpartition(".")[0] for source in self.sources(signal))
+        remaining = []
+        for scheduled in self.placed:
+            if scheduled.block.name in read or scheduled.block.ring:
+                remaining.append(scheduled)
+        if len(remaining) == len(self.placed):
+            return self
+        return replace(self, placed=tuple(remaining)).living(watched)
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
         """The different sets of blocks (indices) that run in a tick, and the number of the set
@@ -240,27 +228,23 @@ class MultirateLoop:
 
         watched: signals that are read in every tick.
         """
-        masks = {scheduled.block.name: scheduled.runs(self.ticks) for scheduled in self.placed}
-        readers = []
+        runs = {scheduled.block.name: scheduled.runs(self.ticks) for scheduled in self.placed}
+        readings = [(np.ones(self.ticks, bool), signal) for signal in watched]
         for scheduled in self.placed:
             block = scheduled.block
             for port in block.inputs:
-                readers.append((masks[block.name], f"{block.name}.{port}"))
-        every_tick = np.ones(self.ticks, bool)
-        for signal in watched:
-            readers.append((every_tick, signal))
-        held_signals = set()
-        for mask, signal in readers:
+                readings.append((runs[block.name], f"{block.name}.{port}"))
+        held = set()
+        for is_read, signal in readings:
             for source in self.sources(signal):
                 name = source.rpartition(".")[0]
-                if name in masks and np.any(mask & ~masks[name]):
-                    held_signals.add(source)
+                if name in runs and np.any(is_read & ~runs[name]):
+                    held.add(source)
         held_ports = {}
         for scheduled in self.placed:
             block = scheduled.block
-            held_ports[block.name] = [
-                port for port in block.outputs if f"{block.name}.{port}" in held_signals
-            ]
+            ports = [port for port in block.outputs if f"{block.name}.{port}" in held]
+            held_ports[block.name] = ports
         return held_ports
 
 

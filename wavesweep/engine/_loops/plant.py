@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.engine._drawing.drawn_block import Plant
 from wavesweep.engine._loops.algebraic import loop_inverse
 from wavesweep.engine._loops.block import Block, block_diagonal, numbers
-from wavesweep.engine._loops.blocks import continuous, held, pivot_of, sizes_of
+from wavesweep.engine._loops.blocks import Rates, continuous, pivot_of, sizes_of
 from wavesweep.engine._loops.dead_time import with_ports
 from wavesweep.engine.errors import IllPosedLoopError
 
@@ -35,27 +35,31 @@ def plant_of(
     entries, since springs and dampers of different signs may cancel. Errors: IllPosedLoopError if
     the direct terms make a loop without a solution.
     """
-    rates, sizes, states = [], [], []
+    matrices_of_members = []
+    sizes = []
     pivots = []
+    states = []
+    labels = []
     for block in plant.members:
         numbers_of_block = keys[block.name]
         names, matrices = continuous(block.type, numbers_of_block)
-        rates.append(matrices)
+        matrices_of_members.append(matrices)
         sizes.append(sizes_of(block.type, numbers_of_block, *matrices[:2]))
-        states += [(block.name, state) for state in names]
         pivots.append(pivot_of(block.type, numbers_of_block))
-    A, B, C, D = (block_diagonal(blocks) for blocks in zip(*rates, strict=True))
-    of_A, of_B = (block_diagonal(blocks) for blocks in zip(*sizes, strict=True))
+        for state in names:
+            states.append(plant.own(f"{block.name}.{state}"))
+            labels.append(f"{block.name} {LABELS.get(state, state)}")
+    A, B, C, D = (block_diagonal(parts) for parts in zip(*matrices_of_members, strict=True))
+    of_A, of_B = (block_diagonal(parts) for parts in zip(*sizes, strict=True))
     inputs, outputs = plant.drawn_ports
     K = _gains(gains, inputs, outputs)
     L = D @ K
     M = np.eye(len(outputs))
     of_M = np.eye(len(outputs))
-    determinant, facts = 1.0, {}
+    condition = 1.0
+    determinant = 1.0
     if L.any():
         M, of_M, condition, determinant = _closed(L, np.abs(D) @ np.abs(K), outputs, plant.name)
-        facts["condition"] = condition
-    facts["pivot"] = prod(pivots, start=determinant)
     shown = M @ C
     through = M @ D
     back = B @ K
@@ -66,23 +70,27 @@ def plant_of(
     of_B = of_B + of_back @ of_D
     A = A + back @ shown
     B = B + back @ through
-    E, G, *of_held = held(A, B, period, (of_A, of_B))
+    rates = Rates(A, B, of_A, of_B, period)
+    E, G, of_E, of_G = rates.over()
+    shown_inputs, shown_outputs = plant.ports
     block = Block(
         plant.name,
-        *map(tuple, plant.ports),
-        tuple(plant.own(f"{name}.{state}") for name, state in states),
+        tuple(shown_inputs),
+        tuple(shown_outputs),
+        tuple(states),
         *(E, G, shown, through),
-        terms=(*of_held, of_C, of_D),
-        labels=tuple(f"{name} {LABELS.get(state, state)}" for name, state in states),
+        condition=condition,
+        pivot=prod(pivots, start=determinant),
+        terms=(of_E, of_G, of_C, of_D),
+        labels=tuple(labels),
         ring=plant.acts_on_itself,
-        **facts,
     )
     if not (plant.arriving or plant.sensed):
         return block
-    return with_ports(block, plant, (A, B), (of_A, of_B), period, known, shares)
+    return with_ports(block, plant, rates, known, shares)
 
 
-LABELS = {"v": "velocity", "x": "position"}
+LABELS = {"v": "velocity", "x": "position"}  # of states of masses, for messages
 
 
 def _gains(gains, inputs, outputs):
