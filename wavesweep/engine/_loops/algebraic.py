@@ -51,7 +51,7 @@ def loop_inverse(
     return inverse, condition, determinant
 
 
-def _refined_inverse(difference, overflown):
+def _refined_inverse(difference: np.ndarray, overflown: np.ndarray) -> np.ndarray:
     """The inverse with two steps of Newton's, since small entries have lost their digits;
     infinite if one of the batch is singular."""
     try:

@@ -64,53 +64,55 @@ def domains(
 
 def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads,
-    and its root."""
+    and its root; not those of filters of order 0, which are connections."""
     numbers = scalars({**values, path: 0.0})
-    filters = [block for block in drawing.blocks if block.type == "butterworth"]
-    none = {
-        f"block.{block.name}.cutoff_hz"
-        for block in filters
-        if not int(values_of(dict(block.keys)["order"], numbers))
-    }
+    unused = set()
+    for block in drawing.blocks:
+        if block.type == "butterworth" and not int(values_of(dict(block.keys)["order"], numbers)):
+            unused.add(f"block.{block.name}.cutoff_hz")
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
-        if key in none:
-            continue
-        yield key, guard, {name: value for name, value in numbers.items() if name in read}, root
+        if key not in unused:
+            others = {name: value for name, value in numbers.items() if name in read}
+            yield key, guard, others, root
 
 
 def _limits(key, guard, root, known, name, span):
     """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known:
     other numbers, `(loops, 1)`."""
     low, high = span
-    to_zero = key.endswith(".cutoff_hz") and guard[0] == "name"  # a filter is smooth there as well
-    away = np.geomspace(1e-6, 1e3, 400) * (high - low)
-    within = np.linspace(low, high, 401)
-    with np.errstate(all="ignore"):
-        value = np.asarray(values_of(guard, {**known, name: within})).reshape(-1, within.size)
-        from_root = nothing = False
-        if root:
-            at_low = np.asarray(values_of(root, {**known, name: within[:1]})).reshape(-1)
-            known_at_low = np.isfinite(at_low)
-            shape = max(len(value), at_low.size), within.size
-            value = np.array(np.broadcast_to(value, shape))
-            nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
-            value[nothing] = 1.0
-            from_root = (value[:, 0] == 0) & known_at_low & (low == 0)
-            value[from_root, 0] = value[from_root, 1]
+    away = DISTANCES * (high - low)
+    within = np.linspace(low, high, POINTS_WITHIN)
+
+    def values_at(tree, points):
+        with np.errstate(all="ignore"):
+            return np.asarray(values_of(tree, {**known, name: points})).reshape(-1, points.size)
+
+    value = values_at(guard, within)
+    from_root = False
+    nothing = False
+    if root:
+        at_low = values_at(root, within[:1])[:, 0]
+        shape = max(len(value), at_low.size), within.size
+        value = np.array(np.broadcast_to(value, shape))
+        nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
+        value[nothing] = 1.0
+        from_root = (value[:, 0] == 0) & np.isfinite(at_low) & (low == 0)
+        value[from_root, 0] = value[from_root, 1]
     if not _keep_sign(value).all() or _touches_zero(guard, known, name, within):
         raise UsageError(
             f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
             f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
         )
+    is_cutoff = key.endswith(".cutoff_hz") and guard[0] == "name"
     limits = []
     for direction, end in ((-1, low), (1, high)):
         points = np.concatenate([[end], end + direction * away])
-        with np.errstate(all="ignore"):
-            good = _keep_sign(
-                np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size)
-            )
+        good = _keep_sign(values_at(guard, points))
         first = np.argmin(good, axis=-1)
-        limit = points[first - 1] if to_zero else (end + points[first]) / 2
+        if is_cutoff:  # a filter is smooth at 0 as well
+            limit = points[first - 1]
+        else:
+            limit = (end + points[first]) / 2
         limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
     lowest, highest = limits
     lowest = np.where(from_root, low, lowest)
@@ -155,6 +157,8 @@ def _keep_sign(value):
     return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
 
 
+POINTS_WITHIN = 401  # of a span, at which signs are looked at
+DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
 ZOOMS = 12  # towards a least size, each by a factor of ten
 # roundings of the number: the narrowest cell in which a least size is looked for
 NARROWEST_CELL = 40
@@ -213,12 +217,12 @@ def _guards_of(drawing, number):
     root reads, and that root."""
     guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
     guards |= {(tree, None): key for key, tree in divisors(drawing)}
-    found = []
+    guards_of_number = []
     for (guard, root), key in guards.items():
-        if number in {name for name, _ in names_in(guard)}:
+        if number in dict(names_in(guard)):
             read = frozenset(name for name, _ in names_in(root or guard))
-            found.append((key, guard, read, root))
-    return tuple(found)
+            guards_of_number.append((key, guard, read, root))
+    return tuple(guards_of_number)
 
 
 def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
@@ -244,22 +248,21 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as
     for `assembled`."""
     wrong = unsuitable(drawing, values)
-    if wrong.any():
-        from wavesweep.engine._drawing.conditions import faults
+    if not wrong.any():
+        return
+    from wavesweep.engine._drawing.conditions import faults
 
-        arrays = {
-            path: np.broadcast_to(value, wrong.shape)
-            for path, value in values.items()
-            if np.ndim(value)
-        }
-        at = int(np.flatnonzero(wrong)[0])
-        loop = {
-            path: float(arrays[path][at]) if path in arrays else value
-            for path, value in values.items()
-        }
-        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
-        path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
-        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {reason}")
+    first = int(np.flatnonzero(wrong)[0])
+    loop = dict(values)
+    texts = []
+    for path, value in values.items():
+        if np.ndim(value):
+            loop[path] = float(np.broadcast_to(value, wrong.shape)[first])
+            texts.append(f"{name_of(path)} = {loop[path]:g}")
+    path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
+    raise UsageError(
+        f"{', '.join(texts)} makes no loop: {path}: expected {expected}, found {reason}"
+    )
 
 
 def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
@@ -272,10 +275,12 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     single = tuple(item for item in values.items() if item[0] not in arrays)
     size = max((np.size(values[path]) for path in arrays), default=1)
     wrong = np.full(size, _unsuitable_alone(drawing, single, varied))
+    if not arrays:
+        return wrong
     numbers = numbers_of(values)
+    shared = SharedParts()
     with np.errstate(all="ignore"):
-        shared = SharedParts()
-        for condition in conditions(drawing) if arrays else ():
+        for condition in conditions(drawing):
             if condition.names & varied:
                 wrong |= _broken(condition, numbers, shared)
     return wrong
@@ -286,16 +291,17 @@ def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
     from wavesweep.engine._drawing.conditions import conditions
 
-    numbers, shared = numbers_of(dict(items)), SharedParts()
+    numbers = numbers_of(dict(items))
+    shared = SharedParts()
     with np.errstate(all="ignore"):
-        alone = (
-            condition
-            for condition in conditions(drawing)
-            if condition.names and not condition.names & others
-        )
-        return any(bool(np.any(_broken(condition, numbers, shared))) for condition in alone)
+        for condition in conditions(drawing):
+            alone = condition.names and not condition.names & others
+            if alone and np.any(_broken(condition, numbers, shared)):
+                return True
+    return False
 
 
 def _broken(condition, known, shared):
+    """Whether numbers break a condition, of each loop."""
     values = [values_of(tree, known, shared) for _, tree in condition.reads]
     return np.logical_not(computable(values[0]) & condition.holds(*values))

@@ -3,6 +3,7 @@ cutoff."""
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any
 
@@ -54,11 +55,10 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     if not np.any(lost > FEW_ROUNDINGS):
         return filter_
     lost = np.where(lost > FEW_ROUNDINGS, lost, 1.0)
-    sizes = (
-        lost[..., None, None] * np.abs(getattr(filter_, name_of_matrix))
-        for name_of_matrix in "EBCD"
-    )
-    return replace(filter_, condition=lost, terms=tuple(sizes))
+    terms = []
+    for matrix_of_filter in (filter_.E, filter_.B, filter_.C, filter_.D):
+        terms.append(lost[..., None, None] * np.abs(matrix_of_filter))
+    return replace(filter_, condition=lost, terms=tuple(terms))
 
 
 _known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share their filters
@@ -81,29 +81,39 @@ def _single(warped, highpass, library):
     """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
     gain = 1 / (1 + warped)
     root = library.sqrt(2 * warped) * gain
-    sign, through = (-1, gain) if highpass else (1, warped * gain)
-    return [[-2 * warped * gain]], [[root]], [[sign * root]], [[through]]
+    E = [[-2 * warped * gain]]
+    if highpass:
+        return E, [[root]], [[-root]], [[gain]]
+    return E, [[root]], [[root]], [[warped * gain]]
 
 
 def _pair(warped, angle, highpass, library):
-    """Second-order section of poles warped*exp(+-j angle), bilinear image of the balanced normal
-    form."""
+    """Second-order section of poles warped*exp(+-j angle): (E, B, C, D) after the bilinear
+    transform.
+
+    The normal form before it, with inputs and outputs balanced by b, is
+
+        A = [[alpha, beta], [-beta, alpha]],   B = [0, b],   C = [c1, c2]/b,   D = through
+
+    and with `(1 - A)^-1 = [[p, q], [-q, p]]` its image is
+
+        E = 2 A (1 - A)^-1,   sqrt(2) (1 - A)^-1 B,   sqrt(2) C (1 - A)^-1,   D + C (1 - A)^-1 B
+    """
     alpha = warped * library.cos(angle)
     beta = warped * abs(library.sin(angle))
     if highpass:
-        c1, c2, through = (alpha**2 - beta**2) / beta, 2 * alpha, 1.0
-        scale = library.sqrt(library.hypot(c1, c2))
+        c1 = (alpha**2 - beta**2) / beta
+        c2 = 2 * alpha
+        through = 1.0
+        b = library.sqrt(library.hypot(c1, c2))
     else:
-        c1, c2, through = (alpha**2 + beta**2) / beta, 0.0 * alpha, 0.0
-        scale = library.sqrt(c1)
-    return _bilinear(alpha, beta, scale, c1 / scale, c2 / scale, through, library)
-
-
-def _bilinear(alpha, beta, b, c1, c2, through, library):
-    """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D =
-    through, in delta form."""
+        c1 = (alpha**2 + beta**2) / beta
+        c2 = 0.0 * alpha
+        through = 0.0
+        b = library.sqrt(c1)
+    c1 = c1 / b
+    c2 = c2 / b
     size = (1 - alpha) ** 2 + beta**2
-    # (I - A)^-1 = [[p, q], [-q, p]], and E = 2 A (I - A)^-1 = [[real, imag], [-imag, real]]
     p = (1 - alpha) / size
     q = beta / size
     real = 2 * (alpha * p - beta * q)
@@ -116,12 +126,14 @@ def _bilinear(alpha, beta, b, c1, c2, through, library):
 
 
 def _assemble(name, sections) -> Block:
-    """Series connection of sections, the first nearest to the input."""
+    """Series connection of sections, the first nearest to the input.
+
+    With x, y of those before it, a section `z+ - z = e z + b y`, `out = c z + d y` adds the row
+    `[b C, e]` to E and `b D` to B, and the outputs become `[d C, c]` and `d D`.
+    """
     n = sum(E.shape[-1] for E, *_ in sections)
-    batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
-    kind = np.result_type(
-        float, *(matrix_of_section for section in sections for matrix_of_section in section)
-    )
+    batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections))
+    kind = np.result_type(float, *chain.from_iterable(sections))
     E = np.zeros((*batch, n, n), kind)
     B = np.zeros((*batch, n, 1), kind)
     C = np.zeros((*batch, 1, n), kind)
@@ -130,7 +142,7 @@ def _assemble(name, sections) -> Block:
     for e, b, c, d in sections:
         size = e.shape[-1]
         own = slice(at, at + size)  # states of the section
-        E[..., own, :] = b @ C  # what the sections so far feed on
+        E[..., own, :] = b @ C
         E[..., own, own] = e
         B[..., own, :] = b @ D
         C = d @ C
@@ -138,5 +150,7 @@ def _assemble(name, sections) -> Block:
         C[..., own] = c
         at += size
     states = tuple(f"{name}{k}" for k in range(n))
-    labels = tuple(f"filter {name}{f' ({k + 1} of {n})' if n > 1 else ''}" for k in range(n))
+    labels = (f"filter {name}",)
+    if n != 1:
+        labels = tuple(f"filter {name} ({k + 1} of {n})" for k in range(n))
     return Block(name, ("u",), ("y",), states, E, B, C, D, labels=labels)

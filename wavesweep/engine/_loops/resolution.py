@@ -21,9 +21,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import product
+from itertools import chain, product
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,17 +48,27 @@ from wavesweep.engine._loops.domain import divisors
 RHO = 4.25
 LARGER = 6.0, 9.0  # the same of the ellipses on which expressions are enclosed, one after the other
 RIM_DEGREE = 16  # N, as many as there are samples on a rim
+# highest degree along a side that is a logarithm, of which powers of the number are exponentials
+LOGARITHM_DEGREE = 4
 # part of the change of an expression that the rest of its series may be on the rim of RHO
 REST_OF_SERIES = 0.3
 NO_CHANGE = 1e-10  # of the expression itself, what counts as no change
 PARTS = 400  # of a box, in which extremes of an expression are looked for
 STEPS_TO_EXTREME = 60  # steps towards an extreme
 DEEPEST_RECTANGLE = 3  # times that a rectangle is halved both ways before an ellipse is given up
+MOST_SIDES = 3  # of an expression whose extremes are looked for, as places grow as a power of them
 COST = 1  # points of a loop that take as long as the balls of one rectangle
-RIM_PLACES = np.exp(1j * np.pi * (np.arange(RIM_DEGREE // 2) + 0.5) / (RIM_DEGREE // 2))
-RIM_PLACES = np.concatenate(
-    [(RHO * RIM_PLACES + 1 / (RHO * RIM_PLACES)) / 2, [-1.0, -0.5, 0.0, 0.5, 1.0]]
-)
+
+
+def _places_about_side():
+    """Where an expression is looked at about a side from -1 to 1: on the upper half of the ellipse
+    `(rho u + 1/(rho u))/2`, |u| = 1, and at real places."""
+    angles = np.pi * (np.arange(RIM_DEGREE // 2) + 0.5) / (RIM_DEGREE // 2)
+    rim = RHO * np.exp(1j * angles)
+    return np.concatenate([(rim + 1 / rim) / 2, [-1.0, -0.5, 0.0, 0.5, 1.0]])
+
+
+PLACES_ABOUT_SIDE = _places_about_side()
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +92,8 @@ class Resolution:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side]) -> None:
-        self.sides, self.used = sides, 0
+        self.sides = sides
+        self.used = 0
         names = tuple(side.path and name_of(side.path) for side in sides)
         numbers = {name: v for name, v in scalars(values).items() if v is not None}
         bent = expressions(drawing, names, any(side.scale for side in sides))
@@ -103,43 +114,39 @@ class Resolution:
         largest: members to try first.
 
         The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in
-        a few points; expressions of more than three sides are not looked at.
+        a few points; expressions of more than MOST_SIDES sides are not looked at.
         """
         extremes = [np.zeros((0, len(self.sides)))]
         for expression in self.parts:
             wide = [at for at in expression.bent if box[0, at] < box[1, at]]
-            if not 0 < len(wide) <= 3:
+            if not 0 < len(wide) <= MOST_SIDES:
                 continue
-            queue, points = [box], []
-            while queue and len(points) < PARTS:
-                piece = queue.pop(0)
-                if (unresolved := expression.unresolved(piece)).any():
-                    queue += halves(piece, to_divide(unresolved, piece, box))
-                shares = np.array(
-                    list(product(*[np.linspace(0, 1, 9 if len(wide) < 3 else 5)] * len(wide)))
-                )
-                places = np.repeat(piece.mean(0)[None], len(shares), 0)
-                places[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
-                points.append(places)
-            points = np.concatenate(points)
+            points = expression.points_in_parts(box, wide)
             value = expression.values(points)
-            for sign in (-1, 1) if np.isfinite(value).any() else ():
-                at = points[np.argmax(np.where(np.isfinite(value), sign * value, -np.inf))]
+            finite = np.isfinite(value)
+            if not finite.any():
+                continue
+            for sign in (-1, 1):
+                at = points[np.argmax(np.where(finite, sign * value, -np.inf))]
                 extremes.append(expression.climbed(at, box, wide, sign)[None])
         return np.unique(np.concatenate(extremes), axis=0)
 
 
 def halves(box: np.ndarray, side: int) -> list[np.ndarray]:
     """Return the halves of a box along a side."""
-    lower, upper = box.copy(), box.copy()
-    lower[1, side] = upper[0, side] = box[:, side].mean()
+    middle = box[:, side].mean()
+    lower = box.copy()
+    lower[1, side] = middle
+    upper = box.copy()
+    upper[0, side] = middle
     return [lower, upper]
 
 
 def to_divide(unresolved: np.ndarray, box: np.ndarray, whole: np.ndarray) -> int:
     """Return the side along which a box is divided: of those that are not resolved the widest,
     relative to the whole box."""
-    share = np.ptp(box, 0) / np.where(np.ptp(whole, 0) > 0, np.ptp(whole, 0), 1.0)
+    width = np.ptp(whole, 0)
+    share = np.ptp(box, 0) / np.where(width > 0, width, 1.0)
     return int(np.argmax(np.where(unresolved, share, -1.0)))
 
 
@@ -150,16 +157,16 @@ class ResolvedAlong:
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], path: str) -> None:
-        self.loops, self.path, self.known = (drawing, values), path, {}
-        read = {
-            name
-            for expression in expressions(drawing, (name_of(path),), logarithmic=True)
-            for name in expression.reads
-        }
+        self.drawing = drawing
+        self.values = values
+        self.path = path
+        self.known: dict[tuple[float, ...], Resolution] = {}
+        read = set()
+        for expression in expressions(drawing, (name_of(path),), logarithmic=True):
+            read |= expression.reads
         self.none = not read
-        self.varied = [
-            key for key, v in values.items() if np.ndim(v) and key != path and name_of(key) in read
-        ]
+        varied = [key for key, value in values.items() if np.ndim(value) and key != path]
+        self.varied = [key for key in varied if name_of(key) in read]
 
     def __call__(
         self,
@@ -173,17 +180,21 @@ class ResolvedAlong:
         all."""
         if self.none:
             return np.ones(column.size, bool)
-        (drawing, values), resolved = self.loops, []
+        side = Side(self.path, offset, scale)
+        resolved = []
         for at, *ends in zip(column.tolist(), low.tolist(), high.tolist(), strict=True):
-            loop_values = {key: float(values[key][at]) for key in self.varied}
-            key = (offset, scale, *loop_values.values())
-            if key not in self.known:
-                single = {name: v for name, v in values.items() if not np.ndim(v)}
-                self.known[key] = Resolution(
-                    drawing, {**single, **loop_values}, [Side(self.path, offset, scale)]
-                )
-            resolved.append(not self.known[key].unresolved(np.array(ends)[:, None]).any())
+            resolution = self._of_loop(at, side)
+            resolved.append(not resolution.unresolved(np.array(ends)[:, None]).any())
         return np.array(resolved, bool)
+
+    def _of_loop(self, at: int, side: Side) -> Resolution:
+        """The resolution of one of the loops, the same for loops with the same numbers."""
+        varied = {key: float(self.values[key][at]) for key in self.varied}
+        key = (side.offset, side.scale, *varied.values())
+        if key not in self.known:
+            single = {name: value for name, value in self.values.items() if not np.ndim(value)}
+            self.known[key] = Resolution(self.drawing, {**single, **varied}, [side])
+        return self.known[key]
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,26 +218,22 @@ def expressions(
     """Return the expressions of a drawing that are no polynomials of a small degree in these
     numbers: its numbers and 1 over its divisors. logarithmic: whether sides are logarithms of
     numbers, of which powers change faster."""
-    most, names_asked = 4 if logarithmic else RIM_DEGREE, {name for name in names if name}
-    trees = {cancelled(tree): None for _, tree in drawing.trees()}
-    plain = dict.fromkeys(
-        guard
-        for _, guard in divisors(drawing)
-        if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, names_asked)
-    )
-    trees |= {("/", ONE, guard, 0): None for guard in plain}
+    highest_degree = LOGARITHM_DEGREE if logarithmic else RIM_DEGREE
+    names_asked = {name for name in names if name}
+    trees = [cancelled(tree) for _, tree in drawing.trees()]
+    for _, divisor in divisors(drawing):
+        of_several = len(dict(names_in(divisor))) > 1
+        if of_several or any(degree(divisor, name) > 1 for name in names_asked):
+            trees.append(("/", ONE, divisor, 0))
     bent_expressions = []
-    for tree in trees:
+    for tree in dict.fromkeys(trees):
         reads = frozenset(name for name, _ in names_in(tree))
-        if bent := tuple(sorted(name for name in reads & names_asked if degree(tree, name) > most)):
-            bent_expressions.append(
-                Expression(partial(evaluate, named(tree)), reads, constants_of(tree), bent)
-            )
+        bent = [name for name in reads & names_asked if degree(tree, name) > highest_degree]
+        if bent:
+            value = partial(evaluate, named(tree))
+            expression = Expression(value, reads, constants_of(tree), tuple(sorted(bent)))
+            bent_expressions.append(expression)
     return (*bent_expressions, *_masses(drawing, names_asked))
-
-
-def _is_affine(guard, names_asked):
-    return all(degree(guard, name) <= 1 for name in names_asked)
 
 
 def _masses(drawing, names_asked) -> Iterator[Expression]:
@@ -235,17 +242,18 @@ def _masses(drawing, names_asked) -> Iterator[Expression]:
         if block.type != "mass_matrix":
             continue
         keys = dict(block.keys)
-        matrices = {name: [[named(tree) for tree in row] for row in keys[name]] for name in MASS}
-        trees = [tree for name in MASS for row in keys[name] for tree in row]
-        reads = frozenset(name for tree in trees for name, _ in names_in(tree))
-        if reads & names_asked:
-            constants = frozenset().union(*map(constants_of, trees))
-            yield Expression(
-                partial(_inverse_mass, keys, matrices),
-                reads,
-                constants,
-                tuple(sorted(reads & names_asked)),
-            )
+        matrices = {}
+        reads: set[str] = set()
+        constants: set[float] = set()
+        for key in MASS:
+            matrices[key] = [[named(tree) for tree in row] for row in keys[key]]
+            for tree in chain.from_iterable(keys[key]):
+                reads.update(name for name, _ in names_in(tree))
+                constants |= constants_of(tree)
+        bent = tuple(sorted(reads & names_asked))
+        if bent:
+            value = partial(_inverse_mass, keys, matrices)
+            yield Expression(value, frozenset(reads), frozenset(constants), bent)
 
 
 def _inverse_mass(keys, matrices, numbers, library, watch=None):
@@ -267,25 +275,28 @@ class _BoxedExpression:
     """An expression of a loop on boxes of some sides."""
 
     def __init__(self, expression: Expression, names, sides, known) -> None:
-        self.expression, self.used = expression, 0
+        self.expression = expression
+        self.names = names
+        self.sides = sides
+        self.used = 0
         self.own = [at for at, name in enumerate(names) if name in expression.reads]
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
-        self.names, self.sides, self.shown = names, sides, np.zeros((0, 2, len(self.own)))
-        unswept = expression.reads - {names[at] for at in self.own}
-        self.known = {name: float(known[name]) for name in unswept} | {
-            constant: constant for constant in expression.constants
-        }
+        self.shown = np.zeros((0, 2, len(self.own)))  # boxes of own sides that are resolved
+        self.known = {constant: constant for constant in expression.constants}
+        for name in expression.reads - {names[at] for at in self.own}:
+            self.known[name] = float(known[name])
 
     def unresolved(self, box):
         """See `Resolution`: all sides along which the expression is bent, since it may be too
         large for any of them."""
-        along, own_box = np.zeros(len(self.sides), bool), box[:, self.own]
+        along = np.zeros(len(self.sides), bool)
         wide = [at for at in self.bent if box[0, at] < box[1, at]]
+        if not wide:
+            return along
         # The ellipse about a part is within that about the whole.
-        if (
-            not wide
-            or ((self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])).all(-1).any()
-        ):
+        own_box = box[:, self.own]
+        contained = (self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])
+        if contained.all(-1).any():
             return along
         if self._resolved(box, wide):
             self.shown = np.concatenate([self.shown, own_box[None]])
@@ -293,8 +304,27 @@ class _BoxedExpression:
             along[wide] = True
         return along
 
+    def points_in_parts(self, box, wide):
+        """Points of a box in the parts of it that are resolved, and in those of which they are
+        halves, `(points, sides)`."""
+        of_each_side = np.linspace(0, 1, 9 if len(wide) < 3 else 5)
+        shares = np.array(list(product(of_each_side, repeat=len(wide))))
+        queue = [box]
+        points = []
+        while queue and len(points) < PARTS:
+            piece = queue.pop(0)
+            unresolved = self.unresolved(piece)
+            if unresolved.any():
+                queue += halves(piece, to_divide(unresolved, piece, box))
+            places = np.repeat(piece.mean(0)[None], len(shares), 0)
+            places[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
+            points.append(places)
+        return np.concatenate(points)
+
     def _resolved(self, box, wide):
-        middle, half = box.mean(0), (box[1] - box[0]) / 2
+        """Whether the rest of the series is small along all of these sides."""
+        middle = box.mean(0)
+        half = (box[1] - box[0]) / 2
         centre, change = self._samples(middle, half, wide)
         if not np.isfinite(change):
             return False
@@ -306,12 +336,12 @@ class _BoxedExpression:
         with np.errstate(all="ignore"):
             for at in self.own:
                 side = self.sides[at]
-                numbers[self.names[at]] = (
-                    side.offset + side.scale * np.exp(points[:, at])
-                    if side.scale
-                    else points[:, at]
-                )
-            return np.broadcast_to(np.asarray(self.expression.value(numbers, np)), (len(points),))
+                number = points[:, at]
+                if side.scale:
+                    number = side.offset + side.scale * np.exp(number)
+                numbers[self.names[at]] = number
+            value = self.expression.value(numbers, np)
+        return np.broadcast_to(np.asarray(value), (len(points),))
 
     def climbed(self, at, box, wide, sign):
         """A point near another one at which the value, times the sign, is larger, as far as
@@ -322,89 +352,124 @@ class _BoxedExpression:
             near[1:, wide] += np.concatenate([np.diag(step), -np.diag(step)])
             near = np.clip(near, *box)
             best = np.argmax(np.nan_to_num(sign * self.values(near), nan=-np.inf))
-            at, step = near[best], step if best else step / 2
+            at = near[best]
+            if best == 0:  # no neighbour is larger
+                step = step / 2
         return at
 
     def _samples(self, middle, half, wide):
         """The value in the middle, and the largest difference from it at places about each side,
-        with others at three each."""
+        with others at three each; in their middles if there are many."""
         wide_sides = [at for at in self.own if half[at] > 0]
-        points = []
+        middle = middle[None].astype(complex)
+        points = [middle]
         for at in wide:
-            rest = [side for side in wide_sides if side != at]
-            for shares in (
-                product((-1.0, 0.0, 1.0), repeat=len(rest))
-                if len(rest) < 4
-                else [(0.0,) * len(rest)]
-            ):
-                places = np.repeat(middle[None].astype(complex), RIM_PLACES.size, 0)
-                places[:, rest] += np.array(shares) * half[rest]
-                places[:, at] += half[at] * RIM_PLACES
+            others = [side for side in wide_sides if side != at]
+            of_each_side = (-1.0, 0.0, 1.0) if len(others) <= MOST_SIDES else (0.0,)
+            for shares in product(of_each_side, repeat=len(others)):
+                places = np.repeat(middle, PLACES_ABOUT_SIDE.size, 0)
+                places[:, others] += np.array(shares) * half[others]
+                places[:, at] += half[at] * PLACES_ABOUT_SIDE
                 points.append(places)
-        value = self.values(np.concatenate([middle[None].astype(complex), *points]))
+        value = self.values(np.concatenate(points))
         with np.errstate(all="ignore"):
             return value[0], np.abs(value - value[0]).max()
 
     def _is_small(self, at, middle, half, centre, change):
-        """Whether the rest of the series along a side is small for one of the larger ellipses."""
+        """Whether the rest of the series along a side is small for one of the larger ellipses:
+        with `2 M q^(N + 1)/(1 - q) <= allowed`, q = rho/R, it is small if the expression is within
+        M of its value in the middle."""
         from flint import acb, arb
 
         allowed = REST_OF_SERIES * change + NO_CHANGE * abs(centre)
+        balls = {name: acb(v) for name, v in self.known.items()}
+        for side in self.own:
+            anywhere = acb(_span(middle[side], half[side], -1.0, 1.0))
+            balls[self.names[side]] = self._number(side, anywhere)
         for larger in LARGER:
             ratio = RHO / larger
             most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (RIM_DEGREE + 1)))
-            if self._within(at, larger, most, middle, half, acb(complex(centre))):
+
+            def holds(rectangle, most=most):
+                ball = rectangle.ball(middle[at], half[at])
+                balls[self.names[at]] = self._number(at, ball)
+                return self._is_within(balls, acb(complex(centre)), most)
+
+            if _holds_on_ellipse(holds, larger):
                 return True
         return False
 
-    def _within(self, at, larger, most, middle, half, centre):
-        """Whether an expression is analytic on an ellipse about a side, and within so much of its
-        centre.
-
-        The upper half of the ellipse is covered with rectangles; the lower half is its mirror
-        image.
-        """
+    def _is_within(self, balls, centre, most):
+        """Whether the expression is analytic in balls of its numbers, and within so much of its
+        centre."""
         from flint import acb
 
-        across, up = (larger + 1 / larger) / 2, (larger - 1 / larger) / 2
-        balls = {name: acb(v) for name, v in self.known.items()}
-        for side in self.own:
-            balls[self.names[side]] = self._number(
-                side, acb(_span(middle[side], half[side], -1.0, 1.0))
-            )
-        queue = [(-across, across, 0.0, up, 0)]
-        while queue:
-            left, right, bottom, top, depth = queue.pop()
-            if (max(left, -right, 0.0) / across) ** 2 + (bottom / up) ** 2 > 1:
-                continue
-            self.used += 1
-            real, imag = _span(middle[at], half[at], left, right), _span(0.0, half[at], bottom, top)
-            balls[self.names[at]] = self._number(at, acb(real, imag))
-            try:
-                ball = acb(self.expression.value(balls, _library(), _watch)) - centre
-                good = ball.is_finite() and ball.abs_upper() <= most
-            except (_NotAnalyticError, ZeroDivisionError, OverflowError):
-                good = False
-            if good:
-                continue
-            if depth == DEEPEST_RECTANGLE:
-                return False
-            x, y = (left + right) / 2, (bottom + top) / 2
-            quarters = product(((left, x), (x, right)), ((bottom, y), (y, top)))
-            queue += [(*across_x, *across_y, depth + 1) for across_x, across_y in quarters]
-        return True
+        self.used += 1
+        try:
+            ball = acb(self.expression.value(balls, _library(), _watch)) - centre
+        except (_NotAnalyticError, ZeroDivisionError, OverflowError):
+            return False
+        return ball.is_finite() and ball.abs_upper() <= most
 
     def _number(self, at, ball):
+        """The number of a side from a ball of the side."""
         side = self.sides[at]
         return ball.exp() * side.scale + side.offset if side.scale else ball
+
+
+class _Rectangle(NamedTuple):
+    """A rectangle of the upper half plane about a side from -1 to 1, in half widths of it.
+
+    depth: how often that about the ellipse was divided. The lower half of the ellipse is the mirror
+    image of the upper one.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    depth: int = 0
+
+    def ball(self, middle, half):
+        """A ball with all of it, about a side of this middle and half width."""
+        from flint import acb
+
+        real = _span(middle, half, self.left, self.right)
+        return acb(real, _span(0.0, half, self.bottom, self.top))
+
+    def quarters(self):
+        """The four quarters of it."""
+        x = (self.left + self.right) / 2
+        y = (self.bottom + self.top) / 2
+        sides = product(((self.left, x), (x, self.right)), ((self.bottom, y), (y, self.top)))
+        return [_Rectangle(*across, *up, self.depth + 1) for across, up in sides]
+
+
+def _holds_on_ellipse(holds, larger):
+    """Whether a claim holds on rectangles that cover the upper half of the ellipse whose semi-axes
+    add up to `larger`."""
+    across = (larger + 1 / larger) / 2
+    up = (larger - 1 / larger) / 2
+    queue = [_Rectangle(-across, across, 0.0, up)]
+    while queue:
+        rectangle = queue.pop()
+        nearest = max(rectangle.left, -rectangle.right, 0.0)
+        is_beyond = (nearest / across) ** 2 + (rectangle.bottom / up) ** 2 > 1
+        if is_beyond or holds(rectangle):
+            continue
+        if rectangle.depth == DEEPEST_RECTANGLE:
+            return False
+        queue += rectangle.quarters()
+    return True
 
 
 def _span(middle, half, low, high):
     """A ball with all real numbers from `middle + low half` to `middle + high half`."""
     from flint import arb
 
-    centre, half = arb(float(middle)), arb(float(half))
-    return (centre + half * float(low)).union(centre + half * float(high))
+    centre = arb(float(middle))
+    half_width = arb(float(half))
+    return (centre + half_width * float(low)).union(centre + half_width * float(high))
 
 
 @lru_cache(maxsize=1)

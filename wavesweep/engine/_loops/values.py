@@ -60,14 +60,16 @@ def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.
     from wavesweep.engine._drawing.expressions import exactly
 
     at = np.flatnonzero(np.broadcast_to(lost, values.shape))
-    names = dict(names_in(tree))
-    columns = [
-        np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist() for name in names
-    ]
-    rows = zip(*columns, strict=True) if names else [()] * at.size
-    exact = np.array([exactly(tree, dict(zip(names, row, strict=True))) for row in rows])
-    keeps_type = values.dtype.kind == "c" or exact.dtype.kind != "c"
-    values.reshape(-1)[at] = exact if keeps_type else np.where(exact.imag == 0, exact.real, np.nan)
+    columns = {}
+    for name, _ in names_in(tree):
+        columns[name] = np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist()
+    exact_values = []
+    for row in range(at.size):
+        exact_values.append(exactly(tree, {name: column[row] for name, column in columns.items()}))
+    exact = np.array(exact_values)
+    if values.dtype.kind != "c" and exact.dtype.kind == "c":
+        exact = np.where(exact.imag == 0, exact.real, np.nan)
+    values.reshape(-1)[at] = exact
     return values if values.shape else values.item()
 
 
@@ -78,16 +80,18 @@ def keys_with(
     one that is a whole number."""
     types = TYPES[block.type].keys
 
-    def of(kind: str, entry: Any) -> Any:
+    def with_value(kind: str, entry: Any) -> Any:
         if kind == "number":
             return value(entry)
         if kind == "integer":
             return int((count or value)(entry))
         if kind == "list":
             return [value(tree) for tree in entry]
-        return [[value(tree) for tree in row] for row in entry] if kind == "rows" else entry
+        if kind == "rows":
+            return [[value(tree) for tree in row] for row in entry]
+        return entry
 
-    return {name: of(types[name].type, entry) for name, entry in block.keys}
+    return {name: with_value(types[name].type, entry) for name, entry in block.keys}
 
 
 def numbers_of(values: Mapping[str, object]) -> dict[str, object]:
