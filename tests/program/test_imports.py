@@ -21,6 +21,7 @@ NAMES = [each.name for each in CAPABILITIES]
 ENGINE = (
     "errors",
     "arguments",
+    "components",
     "rows",
     "_state_space",
     "doubts",

@@ -34,11 +34,13 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys
     that are skipped.
 
-    estimated: with the time and the disk that each command takes, for which samples of the work are
-    done.
+    estimated: with the loop, and the time and the disk that each command takes, for which samples
+    of the work are done; otherwise of each command whether it is possible, and its method.
     """
     drawing = spec.drawing
-    lines = [*(_drawn_lines(spec) if drawing else _loop_lines(spec))]
+    lines = []
+    if estimated:
+        lines += _drawn_lines(spec) if drawing else _loop_lines(spec)
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         if command != "zwidth" or not drawing or drawing.wall:
             lines += _interval_lines(spec, command, along, estimated)

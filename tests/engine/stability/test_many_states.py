@@ -7,10 +7,11 @@ import pytest
 import wavesweep
 from wavesweep.engine._monodromy import resolvent
 from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._monodromy.product import blocks_of
 from wavesweep.engine._monodromy.resolvent import ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._search.open_loops import open_loops
-from wavesweep.engine._stability import arcs
+from wavesweep.engine._stability import arcs, regions
 from wavesweep.engine._stability.arcs import arc_crossings
 from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._state_space import StateSpace
@@ -139,3 +140,51 @@ def test_crossings_of_many_states_are_polished_as_those_of_few(monkeypatch, dela
     assert alone.many is not None
     np.testing.assert_allclose(alone.value, whole.value, rtol=1e-9)
     np.testing.assert_array_equal(alone.jump, whole.jump)
+
+
+def late_lag(ticks, pole, sign):
+    """A lag 1/(s - pole), or an integrator, that K times its own late value acts on."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 1.0},
+        "block": {"lag": {"type": "tf", "num": [1.0], "den": [1.0, -pole]}, "late": {"type": "delay", "steps": ticks}},
+        "wire": {"late.u": "lag.y", "lag.u": f"{sign}K*late.y"},
+    }
+
+
+@pytest.mark.parametrize(
+    ("pole", "sign", "intervals"),
+    [(-0.5, "-", 1), (-0.5, "", 1), (0.8, "-", 1), (12.0, "-", 0), (0.0, "-", 1), (0.0, "", 0)],
+)
+def test_counts_from_0_through_a_long_delay_are_those_of_all_eigenvalues(monkeypatch, pole, sign, intervals):
+    """Nyquist's criterion, of loops that without the number are stable, are not, and drift; no closed loop is counted."""
+    counted = []
+    count_outside = regions.count_outside
+    monkeypatch.setattr(regions, "count_outside", lambda E, dE: counted.append(E) or count_outside(E, dE))
+    table = wavesweep.compile(late_lag(110, pole, sign)).stable_intervals("K", (0, 40))
+    assert len(counted) == 1
+    assert table.certified.all()
+    assert table.intervals[0] == intervals
+    lag = np.exp(pole * 1e-3)
+    gain = (lag - 1) / pole if pole else 1e-3
+    for K in np.append(np.linspace(0.05, 39, 8), 0.999 * table.high[:intervals]):
+        frame = np.eye(111, k=-1)
+        frame[0, 0] = lag
+        frame[0, 110] = -K * gain if sign else K * gain
+        stable = np.abs(np.linalg.eigvals(frame)).max() < 1
+        assert stable == ((table.low < K) & (table.high > K)).any(), K
+
+
+def test_blocks_of_patterns_are_those_of_their_powers():
+    """What acts comes before what is acted on, and parts of several states are those that reach one another."""
+    random = np.random.default_rng(7)
+    for _ in range(60):
+        n = int(random.integers(1, 30))
+        acts = random.random((n, n)) < random.choice([0.5, 1.0, 1.5, 3.0]) / n
+        reach = np.linalg.matrix_power(acts.astype(float) + np.eye(n), n) > 0
+        before = set()
+        for block in blocks_of(acts):
+            assert set(block.tolist()) == set(np.flatnonzero(reach[block[0]] & reach[:, block[0]]).tolist())
+            before |= {*block.tolist()}
+            assert set(np.flatnonzero(acts[block].any(0)).tolist()) <= before
+        assert len(before) == n

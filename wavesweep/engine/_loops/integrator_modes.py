@@ -137,10 +137,14 @@ class RestEquations:
         where its own entries say, `x = -E^-1 B u`."""
         inputs = [f"{block.name}.{port}" for port in block.inputs]
         if block.states:
-            E = np.array(_first(block.E))
-            B = np.array(_first(block.B)).reshape(len(block.states), len(inputs))
-            settled = np.linalg.solve(E, -B).tolist()
-            for state, row in zip(block.states, settled, strict=True):
+            E = _first(block.E)
+            B = _first(block.B)
+            n = len(block.states)
+            if np.array_equal(E, np.eye(n, k=-1) - np.eye(n)):  # a delay, whose states are alike
+                settled = np.cumsum(B, axis=0)
+            else:
+                settled = np.linalg.solve(E, -B)
+            for state, row in zip(block.states, settled.tolist(), strict=True):
                 by_inputs = [Fraction(value) for value in row]
                 self.states[f"{block.name}.{state}"] = _sum_of(inputs, by_inputs)
         for port, row in zip(block.outputs, D, strict=False):
@@ -310,15 +314,15 @@ def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
 
 
 def _first(matrix):
-    """The rows of the first of a batch of matrices, real."""
-    return matrix[(0,) * (matrix.ndim - 2)].real.tolist()
+    """The first of a batch of matrices, real."""
+    return matrix[(0,) * (matrix.ndim - 2)].real
 
 
 def _add_by_entries(rest, block):
     """Add a block that is known by its entries alone."""
     matrices = []
     for matrix in block.at_rest or (block.E, block.B, block.C, block.D):
-        matrices.append([[Fraction(value) for value in row] for row in _first(matrix)])
+        matrices.append([[Fraction(value) for value in row] for row in _first(matrix).tolist()])
     _add_matrices(rest, block, matrices)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.engine._keys.key import LONGEST_FRAME
 from wavesweep.engine._loops.block import Block
+from wavesweep.engine.components import strong_components
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 
 
@@ -170,8 +171,6 @@ class MultirateLoop:
     def _rings(self, running) -> Iterator[list[str]]:
         """Those among blocks (indices) that run together, by the terms that are not zero: the
         strong components of the graph of what signals depend on."""
-        from scipy.sparse.csgraph import connected_components
-
         blocks = [self.placed[index].block for index in running]
         reads = self._direct_reads(blocks)
         place = {signal: at for at, signal in enumerate(reads)}
@@ -179,9 +178,7 @@ class MultirateLoop:
         for signal, sources in reads.items():
             direct[place[signal], [place[source] for source in sources if source in place]] = True
         owners = [signal.rpartition(".")[0] for signal in reads]
-        _, label = connected_components(direct, connection="strong")
-        for component in dict.fromkeys(label.tolist()):
-            ring = np.flatnonzero(label == component)
+        for ring in sorted(strong_components(direct)):
             if len(ring) > 1 or direct[ring[0], ring[0]]:
                 inside = {owners[at] for at in ring}
                 yield [block.name for block in blocks if block.name in inside]

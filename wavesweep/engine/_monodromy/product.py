@@ -14,6 +14,8 @@ import numpy as np
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
+from wavesweep.engine.components import strong_components
+from wavesweep.engine.rows import different
 
 # ticks, or stretches of them, one after the other, over which errors are summed up
 SUMMED_STRETCHES = 128
@@ -219,15 +221,19 @@ def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
 
 @lru_cache(maxsize=256)
 def _components(pattern, n):
-    reach = np.frombuffer(pattern, bool).reshape(n, n) | np.eye(n, dtype=bool)
-    for _ in range(max(1, n).bit_length()):
-        reach = (reach.astype(float) @ reach) > 0
-    alike, members = reach & reach.T, {}
-    for state in range(n):
-        members.setdefault(int(np.flatnonzero(alike[state])[0]), []).append(state)
-    return tuple(
-        sorted(map(tuple, members.values()), key=lambda block: (int(reach[block[0]].sum()), block))
-    )
+    acts = np.frombuffer(pattern, bool).reshape(n, n)
+    component_of = np.zeros(n, int)
+    reaching = []  # of each component, the states that act on it, itself included, as bits
+    blocks = []
+    for block in strong_components(acts):
+        component_of[block] = len(blocks)
+        acting = sum(1 << state for state in block)
+        for before in different(component_of[acts[block].any(0)]).tolist():
+            if before < len(blocks):
+                acting |= reaching[before]
+        reaching.append(acting)
+        blocks.append((acting.bit_count(), tuple(block)))
+    return tuple(block for _, block in sorted(blocks))
 
 
 def _after(ramp, first, second):

@@ -11,7 +11,7 @@ from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.arc_panels import panel_roots
 from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles_at_one
-from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._stability.spectrum import count_outside, eigenvalues
 from wavesweep.engine._state_space import StateSpace
 
 SMALLEST_ARC = 1e-9  # rad; an arc this small that proves nothing is given up
@@ -42,7 +42,8 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     """
     opened = cut.open_in(along, fixed)
     lines = DelayLines.of(opened.E)
-    poles = np.linalg.eigvals(opened.E).astype(complex)
+    poles, _ = eigenvalues(opened.E)
+    poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
     solver = lines
     system = opened
     if lines.solved.size > FEW_SOLVED:

@@ -149,7 +149,8 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     counts of the other regions follow from the directions of the crossings before them. If
     eigenvalues were counted in a column's first region, they are also counted in every region whose
     count comes to 0, which makes an interval stable; in narrow regions they are counted in all
-    columns. If the crossings of a column are not all proved, or one of its counts is not clear,
+    columns. Of a loop of many states it follows from the count at 0 (`_count_from_zero`), where its
+    delays do not act on themselves. If the crossings of a column are not all proved, or one of its counts is not clear,
     every region of it is counted at many points, and a region has no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
@@ -172,9 +173,15 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     def count_first(columns):
         return count_where_clear(spans, first[columns], matrices)
 
-    begins, counted = _first_counts(
-        owner, crossings.growth_to_infinity, follows, least, count_first
-    )
+    from_zero = None
+    if crossings.many is not None and crossings.complete.all():
+        from_zero = _count_from_zero(cut.at(owner), along, fixed, span[0], slack, crossings)
+    if from_zero is None:
+        begins, counted = _first_counts(
+            owner, crossings.growth_to_infinity, follows, least, count_first
+        )
+    else:
+        begins, counted = np.array([from_zero]), np.array([False])
     unstable = (rise + begins[spans.column]).astype(int)
     doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
@@ -235,6 +242,28 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     begins[again] = count(again)
     counted[again] = True
     return begins, counted
+
+
+def _count_from_zero(cut, along, fixed, low, slack, crossings) -> int | None:
+    """Return the unstable eigenvalues in the first region of a single column, by Nyquist's
+    criterion; None if they do not follow.
+
+    Without the number as many are outside as `count_outside` says. From there to the region all
+    crossings are known with their directions, if it lies above 0: what is beyond the span on arcs
+    is so on both sides. An integrator is on the circle at 0, and outside next to it if it leaves.
+    """
+    if low < 0:
+        return None
+    zero = np.zeros(1)
+    matrices = (zero, fixed) if along == FIRST else (fixed, zero)
+    outside, sure = count_outside(cut.closed(*matrices), cut.errors_of_closed(*matrices))
+    leaves_zero = cut.integrates & (along == FIRST) & (crossings.theta == 0.0)
+    between = (crossings.value >= -slack) & (crossings.value <= low + slack) & ~leaves_zero
+    next_to_zero = between & (np.abs(crossings.value) <= slack)
+    if not sure.all() or next_to_zero.any():
+        return None
+    leaving = np.maximum(crossings.jump[leaves_zero], 0.0).sum()
+    return int(outside[0] + crossings.jump[between].sum() + leaving)
 
 
 def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine._monodromy.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
-from wavesweep.engine.rows import different
+from wavesweep.engine.components import strong_components
 
 CIRCLE_ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
@@ -22,8 +22,8 @@ BOUNDED_STATES = 100  # states, from which on a bound on a singular value stands
 STATES_WITHOUT_DELAYS = 40
 # of the largest entry, or of 1, errors of entries that are no more than roundings
 ROUNDED_ENTRIES = 1e-12
-# states, from which on an import pays that finds the blocks of a matrix of few entries
-SPARSE = 200
+# states, up to which a matrix with a single block of several is taken whole
+FEW_STATES = 200
 
 
 def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +36,7 @@ def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     finite = np.isfinite(E).all((-1, -2))
     E = np.where(finite[..., None, None], E, 0.0)
-    groups = diagonal_blocks(E)
+    groups = diagonal_blocks(E, fewest=2 if E.shape[-1] <= FEW_STATES else 0)
     if not groups:
         return np.linalg.eigvals(E).astype(complex), finite
     delta = np.empty((finite.size, E.shape[-1]), complex)
@@ -60,9 +60,9 @@ class AlikeBlocks(NamedTuple):
     alone: np.ndarray
 
 
-def diagonal_blocks(E) -> list[AlikeBlocks]:
-    """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have a
-    single one."""
+def diagonal_blocks(E, fewest: int = 2) -> list[AlikeBlocks]:
+    """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have fewer
+    than `fewest` of several states."""
     n = E.shape[-1]
     if n < 2 or not E.size:
         return []
@@ -76,7 +76,7 @@ def diagonal_blocks(E) -> list[AlikeBlocks]:
         kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
         kinds = pattern[np.unique(kind, return_index=True)[1]]
     groups = [_blocks_of_pattern(n, pattern.tobytes()) for pattern in kinds]
-    if max(len(several) for several, _ in groups) < 2:
+    if max(len(several) for several, _ in groups) < fewest:
         return []
     blocks = []
     for number, (several, alone) in enumerate(groups):
@@ -96,29 +96,15 @@ def states_of_blocks(E) -> list[np.ndarray]:
     return [*several, *(np.array([state]) for state in alone)]
 
 
-def _blocks_of(acts):
-    """A number for each state, the same for those that act on one another."""
-    n = len(acts)
-    if n > SPARSE:
-        from scipy.sparse.csgraph import connected_components
-
-        return connected_components(acts, connection="strong")[1]
-    acts = acts | np.eye(n, dtype=bool)
-    for _ in range((n - 1).bit_length()):
-        acts = (acts.astype(np.float32) @ acts.astype(np.float32)) > 0
-    return np.argmax(acts & acts.T, axis=-1)
-
-
 @lru_cache(maxsize=32)
 def _blocks_of_pattern(n, pattern):
-    """The states of every diagonal block of several, and those of no such block; a single block
-    has all."""
-    name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
-    blocks = [np.flatnonzero(name == value) for value in different(name)]
-    several = [block for block in blocks if block.size > 1]
-    if len(several) < 2:
+    """The states of every diagonal block of several, and those of no such block; of few states a
+    single block has all."""
+    blocks = sorted(strong_components(np.frombuffer(pattern, bool).reshape(n, n)))
+    several = [np.array(block) for block in blocks if len(block) > 1]
+    if len(several) < 2 and n <= FEW_STATES:
         return (np.arange(n),), np.zeros(0, int)
-    return tuple(several), np.array([block[0] for block in blocks if block.size == 1], int)
+    return tuple(several), np.array([block[0] for block in blocks if len(block) == 1], int)
 
 
 def excess(delta: np.ndarray) -> np.ndarray:
