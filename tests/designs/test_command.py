@@ -14,7 +14,7 @@ from wavesweep.designs import study
 from wavesweep.designs.best import miss
 from wavesweep.designs.family import Scenario, scenarios_of
 from wavesweep.designs.search import designs_of
-from wavesweep.designs.study import box_of, evaluated, job_of
+from wavesweep.designs.study import Evaluation, box_of, job_of
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.cli import main
 from wavesweep.program.results import read
@@ -247,7 +247,7 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
     spec = load(tables)
     genes = np.full((1, len(spec.design.vary)), 0.75)
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
-    evaluated(spec, scenarios_of(spec), designs, 1, 2e4, kind, box_of(spec))
+    Evaluation(spec, scenarios_of(spec), 2e4, kind, box_of(spec)).records(designs, 1)
     assert set(seen) == {hands.HandBox(*box)}
 
 

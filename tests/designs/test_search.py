@@ -8,7 +8,7 @@ import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
 from wavesweep.designs import study
-from wavesweep.designs.search import Judged, generations, spread, undominated
+from wavesweep.designs.search import Evolution, Judged, generations, spread, undominated
 from wavesweep.designs.study import design
 from wavesweep.program.analyses.own_design import own_design
 from wavesweep.program.spec import load
@@ -34,7 +34,7 @@ def zdt(number, x):
 
 
 def last(judge, genes=8, population=80, count=100, seed=0):
-    for best in generations(judge, genes, population, count, seed, np.zeros((0, genes))):
+    for best in generations(judge, Evolution(population, count, seed), [0] * genes, np.zeros((0, genes))):
         found = best
     return found
 
@@ -75,7 +75,7 @@ def test_the_first_generation_has_the_designs_that_are_given():
         seen.append(x)
         return Judged(x, x, np.zeros(len(x)))
 
-    next(generations(judge, 2, 10, 3, 0, given))
+    next(generations(judge, Evolution(10, 3, 0), (0, 0), given))
     assert (seen[0][0] == given).all()
 
 
@@ -111,7 +111,7 @@ def test_what_is_judged_otherwise_after_a_look_is_judged_again():
         looked.append(len(best.genes))
         return len(looked) == 1
 
-    for found in generations(judge, 4, 24, 40, 0, np.zeros((0, 4)), look=look):
+    for found in generations(judge, Evolution(24, 40, 0), (0, 0, 0, 0), np.zeros((0, 4)), look=look):
         best = found
     assert len(looked) == 3
     assert seen == list(range(40))
@@ -129,7 +129,7 @@ def test_every_kind_of_design_has_a_part_of_the_population_at_first():
         return Judged(x, np.where(kind == 1, np.minimum(3.0, 10 * well), 1 + well)[:, None], np.zeros(len(x)))
 
     kinds = []
-    for best in generations(judge, 4, 36, 40, 0, np.zeros((0, 4)), (3, 0, 0, 0)):
+    for best in generations(judge, Evolution(36, 40, 0), (3, 0, 0, 0), np.zeros((0, 4))):
         found = best
     assert (kinds[0] == 12).all()
     assert (kinds[17] == 12).all()

@@ -17,6 +17,6 @@ def prove():
         path = spec.names.find(number).path
         loop = loops_of(spec, dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()})
         drift = loop.changed({path: np.array([1.0, 2.0])}).drift()
-        return prove_column(*loop, path, span, drift, **more)
+        return prove_column(loop, path, span, drift, **more)
 
     return proof

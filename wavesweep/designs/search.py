@@ -85,29 +85,38 @@ class _Places:
         return np.where(local, neighbour, of_kind)
 
 
+@dataclass(frozen=True, slots=True)
+class Evolution:
+    """The settings of a search: designs of a generation, generations, and the seed of the random
+    numbers."""
+
+    population: int
+    generations: int
+    seed: int
+
+
 def generations(
     judge: Callable[[int, np.ndarray], Judged],
-    genes: int,
-    population: int,
-    count: int,
-    seed: int,
+    evolution: Evolution,
+    choices: Sequence[int],
     first: np.ndarray,
-    choices: Sequence[int] = (),
     look: Callable[[Judged], bool] | None = None,
 ) -> Iterator[Judged]:
     """Yield the best designs of all after each generation; no other design dominates them.
 
-    judge(number, x): returns the designs x `(designs, genes)` of that generation, judged. genes:
-    number of genes. population: designs of a generation. count: number of generations. seed: of the
-    random numbers. first: designs of the first generation besides random ones, `(designs, genes)`.
-    choices: for every gene the number of its values if these are few, or 0. Every combination of
+    judge(number, x): returns the designs x `(designs, genes)` of that generation, judged. choices:
+    for every gene the number of its values if these are few, or 0. Every combination of
     them is a kind of design, which has a share of the population to itself at first: a kind that is
-    good only if it is finely tuned would be lost among others. look(best): called at some
+    good only if it is finely tuned would be lost among others. first: designs of the first
+    generation besides random ones, `(designs, genes)`. look(best): called at some
     generations, with the designs that would be yielded last; it returns True if designs are judged
     differently from then on. Then one generation judges the population again, and the best designs
     are taken from that generation.
     """
-    rng = np.random.default_rng(seed)
+    genes = len(choices)
+    population = evolution.population
+    count = evolution.generations
+    rng = np.random.default_rng(evolution.seed)
     together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
     places = together
     apart = 0

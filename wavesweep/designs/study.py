@@ -1,6 +1,8 @@
 """A design study: a search in chunks on workers that can be resumed after an interruption, and
 the front as a table."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,6 +16,7 @@ from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
 from wavesweep.designs.keys import HAND
 from wavesweep.designs.search import (
+    Evolution,
     Judged,
     designs_of,
     differing,
@@ -125,49 +128,51 @@ def _task(job, chunk):
     designs = designs_of(job.grid.spec.design.vary, genes)
     last = number == job.chunks.loops - 1
     scenarios = study.finest if last else tuple(study.scenarios)
-    return _evaluation(job, scenarios, designs, len(genes), last)
+    return partial(Evaluation.of(job, scenarios, last=last).records, designs, len(genes))
 
 
-def _evaluation(job, scenarios, designs, count: int, last: bool):
-    """What computes the records of designs; last: whether they are of the front, for which more
-    is checked."""
-    spec = job.grid.spec
-    if last:
-        box = job.asked.box
-        proof = _proof_of(spec)
-    else:
-        box = None
-        proof = spec.for_all and spec.for_all.ranking(spec)
-    return partial(
-        evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """What is measured of designs: the wishes of a spec, at their worst over the scenarios.
 
-
-def evaluated(
-    spec: Spec,
-    scenarios: Sequence[Scenario],
-    designs: Mapping[str, np.ndarray],
-    count: int,
-    stop: float,
-    dtype: np.dtype,
-    box: Mapping[str, tuple[float, float]] | None = None,
-    proof: Any = None,
-) -> np.ndarray:
-    """A record for each design: its wishes, at their worst over the scenarios.
-
-    count: number of designs, which may be 0. box: of hands to check them for. proof: of [for_all].
+    stop: see `Study`. dtype: of the records, see `record_of`. box: of hands to check designs for.
+    proof: of [for_all].
     """
-    records = np.zeros(count, dtype)
-    records["slice"] = np.arange(count)
-    measured = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
-    for name, worst in measured.items():
-        records[name] = worst.value
-        records[f"{name}_scenario"] = worst.scenario
-        records[f"{name}_certified"] = worst.certified
-        records[f"{name}_at_end"] = worst.at_end
-    if box:
-        _hold(spec, scenarios, designs, box, records)
-    return records
+
+    spec: Spec
+    scenarios: Sequence[Scenario]
+    stop: float
+    dtype: np.dtype
+    box: Mapping[str, tuple[float, float]] | None = None
+    proof: Any = None
+
+    @staticmethod
+    def of(job: Job, scenarios: Sequence[Scenario], *, last: bool) -> Evaluation:
+        """That of a job; last: whether designs are of the front, for which more is checked."""
+        spec = job.grid.spec
+        study = job.asked
+        if last:
+            proof = _proof_of(spec)
+            return Evaluation(spec, scenarios, study.stop, job.dtype, study.box, proof)
+        ranking = spec.for_all and spec.for_all.ranking(spec)
+        return Evaluation(spec, scenarios, study.stop, job.dtype, proof=ranking)
+
+    def records(self, designs: Mapping[str, np.ndarray], count: int) -> np.ndarray:
+        """A record for each of `count` designs, which may be none."""
+        records = np.zeros(count, self.dtype)
+        records["slice"] = np.arange(count)
+        if not count:
+            return records
+        wishes = self.spec.design.wishes
+        measured = evaluate(self.spec, wishes, self.scenarios, designs, self.stop, self.proof)
+        for name, worst in measured.items():
+            records[name] = worst.value
+            records[f"{name}_scenario"] = worst.scenario
+            records[f"{name}_certified"] = worst.certified
+            records[f"{name}_at_end"] = worst.at_end
+        if self.box:
+            _hold(self.spec, self.scenarios, designs, self.box, records)
+        return records
 
 
 def _hold(spec, scenarios, designs, box, records):
@@ -234,15 +239,11 @@ def design(
         work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job)
     )
     wanted = spec.design
-    population = wanted.settings["population"]
-    rounds = wanted.settings["generations"]
-    seed = wanted.settings["seed"]
+    evolution = Evolution(**wanted.settings)
     own = genes_of(wanted.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in wanted.vary]
     with resumable(job, run.store, run.tally):
-        for tried in generations(
-            run.judge, len(wanted.vary), population, rounds, seed, own, choices, run.look
-        ):
+        for tried in generations(run.judge, evolution, choices, own, run.look):
             best = tried
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
@@ -259,11 +260,11 @@ def design(
             further.append(run.next_to(candidates, genes, NEARLY_THE_SAME, PROVED))
         further.append(run.next_to(candidates, genes, FRONT_DISTANCE, RUNNERS_UP))
         genes = np.unique(np.concatenate(further), axis=0)
-    job.asked.genes[rounds] = genes
+    job.asked.genes[evolution.generations] = genes
     proved = {}
     if spec.for_all:
         proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None}
-    checked = run.records(rounds)
+    checked = run.records(evolution.generations)
     of_own = own_design(spec, job, checked[(genes == own).all(1)])
     genes, records = run.kept(genes, checked)
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
@@ -566,7 +567,8 @@ class _Run:
         their records."""
         wanted = self.job.grid.spec.design
         designs = designs_of(wanted.vary, genes)
-        records = _evaluation(self.job, self.job.asked.finest, designs, len(genes), last=True)()
+        evaluation = Evaluation.of(self.job, self.job.asked.finest, last=True)
+        records = evaluation.records(designs, len(genes))
         _, violation = judged(wanted, records)
         good = violation == 0
         return genes[good], records[good]
@@ -610,10 +612,10 @@ def seconds_of(job: Job) -> float:
     spec = job.grid.spec
     own = genes_of(spec.design.vary, spec.values)
     designs = designs_of(spec.design.vary, np.stack([own, 0.9 * own]))
-    task = _evaluation(job, job.asked.scenarios, designs, 2, last=False)
-    task()
+    evaluation = Evaluation.of(job, job.asked.scenarios, last=False)
+    evaluation.records(designs, 2)
     started = time.perf_counter()
-    task()
+    evaluation.records(designs, 2)
     of_design = (time.perf_counter() - started) / 2
     return of_design * (job.chunks.loops - 1) * spec.design.settings["population"]
 
@@ -623,9 +625,8 @@ def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | N
     there is no value. records: its own, if it was checked as the front was."""
     if not len(records):
         nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-        finest = job.asked.finest
-        stop = job.asked.stop
-        records = evaluated(spec, finest, nominal, 1, stop, job.dtype, None, _proof_of(spec))
+        checked = replace(Evaluation.of(job, job.asked.finest, last=True), box=None)
+        records = checked.records(nominal, 1)
     values: dict[str, float | None] = {}
     for wish in spec.design.wishes:
         value = records[wish.name][0]

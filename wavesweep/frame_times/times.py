@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import MOST, Csv, option, read_csv
+from wavesweep.program.csv_files import MOST, option, read_csv
 
 MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
@@ -140,9 +140,15 @@ def read_run(
             else "are they in ms?"
         )
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
-    left_out = len(rows) - len(readings)
-    _refuse_lengths(path, file, left_out, name, durations, fast_hz, most)
-    return MeasuredFrames(begins, durations * fast_hz, file.sha256)
+    ticks = durations * fast_hz
+    begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
+    if wrong := _wrong_length(ticks, fast_hz, most):
+        frame, expected, hint = wrong
+        raise UsageError(
+            f"{path}:{file.line(begin + frame)}: {name}: expected frames of {expected}, "
+            f"found one of {1e3 * durations[frame]:.6g} ms{hint}"
+        )
+    return MeasuredFrames(begins, ticks, file.sha256)
 
 
 @dataclass(frozen=True)
@@ -209,22 +215,15 @@ def _refuse_several(path, file) -> None:
             )
 
 
-def _refuse_lengths(path, file: Csv, first, name, durations, fast_hz, most) -> None:
-    """Raise UsageError for frames shorter than a tick, or longer than the most ticks. first: row
-    of the first frame."""
-    ticks = durations * fast_hz
+def _wrong_length(ticks, fast_hz, most) -> tuple[int, str, str] | None:
+    """The first frame that is shorter than a tick, or longer than the most ticks, what is expected
+    and a hint; None if all are right."""
     tick = f"of {1e3 / fast_hz:.6g} ms"
-    for wrong, expected, hint in (
-        (ticks < 1 - FITS, f"at least a tick {tick}", ""),
-        (
-            ticks > most + FITS,
-            f"at most {most:g} ticks {tick}",
-            "; is it a pause of the recording? Cut it out",
-        ),
-    ):
-        if wrong.any():
-            row = int(wrong.argmax())
-            place = f"{path}:{file.line(first + row + (name == 'time'))}: {name}"
-            raise UsageError(
-                f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}"
-            )
+    short = ticks < 1 - FITS
+    if short.any():
+        return int(short.argmax()), f"at least a tick {tick}", ""
+    long = ticks > most + FITS
+    if long.any():
+        hint = "; is it a pause of the recording? Cut it out"
+        return int(long.argmax()), f"at most {most:g} ticks {tick}", hint
+    return None

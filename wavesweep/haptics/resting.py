@@ -128,8 +128,8 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     hand = drawn.inputs.index(ports.force)
     free = drawn.inputs.index(product) if factor else None
     structure = block.batch, hand, bool(ports.reaction), free
-    at_rest = _at_rest(block.E, block.B, block.C, block.D, *structure)
-    sizes = _at_rest(*block.terms, *structure)
+    at_rest = _at_rest((block.E, block.B, block.C, block.D), *structure)
+    sizes = _at_rest(block.terms, *structure)
     with np.errstate(all="ignore"):
         of_A = ENTRY_ROUNDING * sizes.A
         of_right = ENTRY_ROUNDING * np.abs(sizes.right)
@@ -150,13 +150,14 @@ class DcEquations(NamedTuple):
     direct: np.ndarray
 
 
-def _at_rest(E, B, C, D, batch, hand, reacts, free):
-    """Return the equations at rest.
+def _at_rest(matrices, batch, hand, reacts, free):
+    """Return the equations at rest of a block with the matrices E, B, C and D.
 
     hand, free: inputs that are the hand's force and the number's product, None without a number.
     reacts: whether the second signal is the force against the hand. They may be made of sizes as
     well; only `right` has the other sign then.
     """
+    E, B, C, D = matrices
     n = E.shape[-1]
     order = n + (free is not None)
     A = np.zeros((*batch, order, order))

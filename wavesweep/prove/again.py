@@ -52,7 +52,7 @@ def prove_again(
         )
 
     def difference(part, most):
-        proof = prove_column(*loop, search.along, part, drift, operations=most)
+        proof = prove_column(loop, search.along, part, drift, operations=most)
         return (
             None
             if proof is None

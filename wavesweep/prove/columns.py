@@ -3,16 +3,16 @@ as many bits as it takes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import nan
-from typing import Any
 
 from flint import arb, ctx
 
-from wavesweep.engine.drawing import Drawing, name_of
+from wavesweep.engine.drawing import name_of
 from wavesweep.engine.frames import MarginalModes
+from wavesweep.engine.loop import Loops
 from wavesweep.prove.ball_crossings import (
     Crossing,
     CrowdedError,
@@ -45,8 +45,7 @@ class Proof:
 
 
 def prove_column(
-    drawing: Drawing,
-    values: Mapping[str, Any],
+    loop: Loops,
     along: str,
     span: tuple[float, float],
     drift: MarginalModes,
@@ -58,7 +57,7 @@ def prove_column(
 
     They do if the operations are used up, or if no precision tells crossings apart.
 
-    drawing, values: of one loop, the values flat. drift: what drifts in it for every value of the
+    loop: a single one, the values flat. drift: what drifts in it for every value of the
     number by its structure, which does not decide stability. If digits show more eigenvalues that
     are 1 for every value, no value is stable. But beside a drift of a sum of which changes alone
     are read, as of an `impulse` or before a `difference`, these may be a drift too, and values at
@@ -67,13 +66,13 @@ def prove_column(
     ValueError for a loop with dead times in seconds.
     """
     budget = operations if isinstance(operations, Budget) else Budget(operations)
-    loop = None
+    in_balls = None
     crowded = 0
     for bits in precisions:
         with ctx.workprec(bits):
             try:
-                loop = loop or BallLoop(drawing, values, name_of(along))
-                return _proof(loop, span, drift, budget)
+                in_balls = in_balls or BallLoop(*loop, name_of(along))
+                return _proof(in_balls, span, drift, budget)
             except UndecidedError as error:
                 crowded += isinstance(error, CrowdedError)
                 if budget.left < 0 or crowded == HOPELESS_PRECISIONS:

@@ -41,7 +41,7 @@ def ball_prover(
         proof = None
         with suppress(IllPosedLoopError):
             drift = loop.changed({along: np.array(span)}).drift_of_frames()
-            proof = prove_column(*loop, along, span, drift, operations=budget)
+            proof = prove_column(loop, along, span, drift, operations=budget)
         if not proof:
             return None
         asked = dict(zip(span, (low, high), strict=True))

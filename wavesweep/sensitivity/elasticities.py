@@ -3,6 +3,7 @@ number of the loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -279,7 +280,8 @@ def _rows(loops, found, ends, members) -> dict:
         np.where(crossings.defective, "defective", ""),
         found["doubt"][row][at].astype(str),
     )
-    quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
+    end_error = crossings.error / size[at][:, None]
+    quantities = [Quantity("end", p[at], crossings.slope, end_error)]
     stiffness = loops.felt(varied, p.size * count)
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
@@ -290,13 +292,13 @@ def _rows(loops, found, ends, members) -> dict:
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
         else:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
-        quantities["felt"] = (felt_there, slope, error)
+        quantities.append(Quantity("felt", felt_there, slope, error))
     value = np.stack(
         [np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1
     )
     tables = []
-    for name, quantity in quantities.items():
-        rows_of = _quantity(loops, known_columns, value, doubt, name, *quantity)
+    for quantity in quantities:
+        rows_of = _rows_of(quantity, loops, known_columns, value, doubt)
         known = ~np.isnan(rows_of["limit_value"])
         tables.append({name_of_column: column[known] for name_of_column, column in rows_of.items()})
     joined_columns = {
@@ -353,20 +355,33 @@ def _states(share, labels) -> str:
     return ", ".join(f"{labels[i]} {100 * share[i]:.0f} %" for i in order)
 
 
-def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict:
+class Quantity(NamedTuple):
+    """What has a limit at each crossing, and how that moves.
+
+    limit `(crossings,)`. slope, error `(crossings, moving)`: change of the limit per relative
+    change of each moving number, and the relative error of that.
+    """
+
+    name: str
+    limit: np.ndarray
+    slope: np.ndarray
+    error: np.ndarray
+
+
+def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
     """The rows of one quantity: one for each crossing and number.
 
-    value `(crossings, numbers)`: of each number. slope, error `(crossings, moving)`: change of the
-    limit per relative change of each moving number, and the relative error of that. A number that
-    is zero has the elasticity 0 and no slope.
+    value `(crossings, numbers)`: of each number. A number that is zero has the elasticity 0 and no
+    slope.
     """
+    limit = quantity.limit
     spec = loops.spec
     numbers = loops.numbers
     columns = [numbers.index(path) for path in loops.moving]
     change = np.zeros(value.shape)
-    change[:, columns] = slope
+    change[:, columns] = quantity.slope
     bound = np.zeros(value.shape)
-    bound[:, columns] = error
+    bound[:, columns] = quantity.error
     with np.errstate(all="ignore"):
         elasticity = np.where(
             value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None])
@@ -379,8 +394,8 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     of_crossings = known | {"limit_value": limit}
     for name, column in of_crossings.items():
         rows[name] = np.repeat(column, len(numbers))
-    unit = spec.units_felt[0] if quantity == "felt" else spec.names.find(loops.axis.path).unit
-    for name, text in (("along", loops.axis.name), ("quantity", quantity), ("unit", unit)):
+    unit = spec.units_felt[0] if quantity.name == "felt" else spec.names.find(loops.axis.path).unit
+    for name, text in (("along", loops.axis.name), ("quantity", quantity.name), ("unit", unit)):
         rows[name] = np.full(value.size, text, object)
     names = [_name(spec, path) for path in numbers]
     units = [spec.names.find(path).unit for path in numbers]

@@ -68,21 +68,14 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     far[np.arange(first.size), first] = -1.0  # before all others
     order = np.argsort(far, -1, kind="stable")[:, :MOST_CROSSINGS]
     balanced, units = balance(E)
+    ends = _Ends(balanced, units, dE_end, dE, size, rising)
     batches = []
     for number in range(order.shape[1]):
         present = np.flatnonzero(
             np.isfinite(np.take_along_axis(far, order[:, number : number + 1], -1)[:, 0])
         )
         chosen = delta[present, order[present, number]]
-        crossing, near = _crossing(
-            balanced[present],
-            units[present],
-            dE_end[present],
-            dE[present],
-            chosen,
-            size[present],
-            rising[present],
-        )
+        crossing, near = _crossing(ends.take(present), chosen)
         batches.append(
             EndCrossings(present, np.full(present.size, number), *crossing).take(
                 near & certain[present] if number else slice(None)
@@ -95,22 +88,33 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     return replace(joined, number=np.arange(joined.end.size) - starts, error=error)
 
 
-def _crossing(E, units, dE_end, dE, delta, size, rising):
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ends(Rows):
+    """Ends of intervals with their frames, see `crossings_of`; E in even units of the states."""
+
+    E: np.ndarray
+    units: np.ndarray
+    dE_end: np.ndarray
+    dE: np.ndarray
+    size: np.ndarray
+    rising: np.ndarray
+
+
+def _crossing(ends: _Ends, delta):
     """The fields for one eigenvalue of each end, and whether it is on the circle within the
     distance of a corner."""
-    mode = _mode(E, delta)
-    scale = (units[:, None, :] / units[:, :, None])[:, None]
+    mode = _mode(ends.E, delta)
+    scale = (ends.units[:, None, :] / ends.units[:, :, None])[:, None]
     with np.errstate(all="ignore"):
-        F_end, off_end = _growth(dE_end[:, None] * scale, mode)
-        F, off = _growth(dE * scale, mode)
+        F_end, off_end = _growth(ends.dE_end[:, None] * scale, mode)
+        F, off = _growth(ends.dE * scale, mode)
         slope = -F / F_end
         error = (off + np.abs(slope) * off_end) / np.maximum(np.abs(F_end) - off_end, 0.0)
-        near = np.abs(excess(delta)) <= CORNER * np.abs(F_end[:, 0]) * size
+        near = np.abs(excess(delta)) <= CORNER * np.abs(F_end[:, 0]) * ends.size
     share = np.abs(mode.left * mode.right)
     share /= np.maximum(share.sum(-1, keepdims=True), np.finfo(float).tiny)
-    wrong = ~near | (
-        (F_end[:, 0] > 0) != rising
-    )  # not the crossing that sets the end, as far as doubles tell
+    # not the crossing that sets the end, as far as doubles tell
+    wrong = ~near | ((F_end[:, 0] > 0) != ends.rising)
     error = np.where(wrong[:, None] | ~np.isfinite(error), np.inf, error)
     return (delta, slope, error, share, np.abs(mode.overlap) < DEFECTIVE), near & ~wrong
 

@@ -7,6 +7,7 @@ from support.exports import LEVELS, made, present, written
 import wavesweep
 from wavesweep.check.planning import within_ticks
 from wavesweep.engine.errors import SpecError
+from wavesweep.engine.loop import Loops
 
 A, T, I = 0.2, 0.002, 0.025
 DECAY = np.exp(-1.0 / 0.1 * T)
@@ -85,7 +86,9 @@ def test_a_torque_with_the_velocity_before_the_step_is_explicit(torque, sign):
     from wavesweep.prove import columns as prove
 
     nothing_drifts = MarginalModes((), (), (), ())
-    ((low, high, *_),) = prove.prove_column(spec.drawing, spec.values, "numbers.kp", (0.0, 1e6), nothing_drifts).intervals
+    ((low, high, *_),) = prove.prove_column(
+        Loops(spec.drawing, spec.values), "numbers.kp", (0.0, 1e6), nothing_drifts
+    ).intervals
     found = wavesweep.compile(joint(torque)).stable_intervals("kp", (0.0, 1e6))
     assert found.certified.all()
     assert (low, high) == pytest.approx((0.0, limit), rel=1e-12)

@@ -11,10 +11,13 @@ A table in parts is a folder of Parquet files, which is moved as one, as the fol
 `design` is; the folder or the file in its place is moved away first.
 """
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext
+from dataclasses import dataclass
 from itertools import chain
 from numbers import Integral
 from pathlib import Path
@@ -88,7 +91,7 @@ def publish(
             f"partition: expected a whole number of rows >= 1, found {partition!r:.60}"
         )
     directory, facts = Path(directory), dict(table.facts)
-    fields, blocks = _opened(table)
+    rows = _Rows.of(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
         if not overwrite:
             refuse_other_spec(
@@ -98,11 +101,15 @@ def publish(
         folder.mkdir(0o700)
         try:
             stem = folder / table.kind
-            _write_all(stem, table, fields, blocks, formats, partition)
+            _write_all(stem, table, rows, formats, partition)
             if table.extra_files is not None:
                 table.extra_files(folder)
             package = package_text(
-                table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"])
+                table.kind,
+                rows.fields,
+                facts,
+                stem,
+                _figures(stem, directory, facts["spec_sha256"]),
             )
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory)
@@ -158,9 +165,8 @@ def _of_folder(error: OSError, directory: Path) -> OSError:
 def _write_all(
     stem: Path,
     table: Table,
-    fields: tuple[Field, ...],
-    blocks,
-    formats,
+    rows: _Rows,
+    formats: Iterable[str],
     partition: int | None,
     only: str = "",
 ) -> None:
@@ -168,20 +174,23 @@ def _write_all(
     from concurrent.futures import ThreadPoolExecutor
 
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
-    place, csv = stem.with_suffix(".parquet"), None
+    place = stem.with_suffix(".parquet")
+    csv = None
     parquet: Any = None
     with ExitStack() as opened:
         if partition is not None:
-            parquet = opened.enter_context(closing(ParquetParts(place, fields, lasting, partition)))
+            parquet = opened.enter_context(
+                closing(ParquetParts(place, rows.fields, lasting, partition))
+            )
         elif only in ("", ".parquet"):
-            parquet = opened.enter_context(closing(ParquetFile(place, fields, lasting)))
+            parquet = opened.enter_context(closing(ParquetFile(place, rows.fields, lasting)))
         if partition is None and only in ("", ".csv"):
             csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
-            csv.write(csv_header(fields))
+            csv.write(csv_header(rows.fields))
         second = opened.enter_context(
             ThreadPoolExecutor(1)
         )  # writes Parquet, the CSV is written here: Arrow lets both run at once
-        for group in _groups(fields, blocks, partition):
+        for group in rows.groups(partition):
             written = second.submit(parquet.append, group) if parquet else None
             if csv:
                 csv.write(csv_rows(group))
@@ -213,7 +222,7 @@ def save(table: Table, path: Path) -> Path:
     UsageError if something else than a file is in its place, WavesweepError and OSError as
     `publish`.
     """
-    fields, blocks = _opened(table)
+    rows = _Rows.of(table)
     if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):
         raise UsageError(
             f"{path}: expected a file or none, found a link, a folder or a device; move it away"
@@ -224,8 +233,7 @@ def save(table: Table, path: Path) -> Path:
             _write_all(
                 folder / table.kind,
                 table,
-                fields,
-                blocks,
+                rows,
                 [suffix[1:]] if suffix in FIGURES else (),
                 None,
                 suffix,
@@ -244,10 +252,10 @@ def stream(table: Table, out: BinaryIO) -> None:
 
     Raises WavesweepError before the first byte if rows are unfit.
     """
-    fields, blocks = _opened(table)
+    rows = _Rows.of(table)
     with SpooledTemporaryFile(IN_MEMORY) as spooled:
-        spooled.write(csv_header(fields))
-        spooled.writelines(csv_rows(group) for group in _groups(fields, blocks))
+        spooled.write(csv_header(rows.fields))
+        spooled.writelines(map(csv_rows, rows.groups()))
         spooled.seek(0)
         copyfileobj(spooled, out)
     out.flush()
@@ -264,35 +272,44 @@ def pictured(table: Table) -> tuple[bytes, str]:
         return text.getvalue(), figure.read_text(encoding="utf-8")
 
 
-def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
-    """Give the table's fields, and its blocks, the first of which is checked."""
-    blocks = iter(table.blocks())
-    first = next(blocks)
-    fields = table.fields or fields_of(table.kind, first, table.facts)
-    return fields, chain([checked(fields, first)], blocks)
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """The rows of a table that is to be written: its fields, and its blocks, of which the first is
+    checked."""
 
+    fields: tuple[Field, ...]
+    blocks: Iterable[Columns]
 
-def _groups(
-    fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None
-) -> Iterator[Columns]:
-    """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no group spans two parts."""
-    pending, waiting, rows = [], 0, 0
-    for block in blocks:
-        pending.append(checked(fields, block, rows))
-        length = len(pending[-1][fields[0].name])
-        rows, waiting = rows + length, waiting + length
-        if waiting < _rows_after(rows - waiting, partition):
-            continue
-        group, start = joined(pending), 0
-        while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
-            yield {name: column[start : start + size] for name, column in group.items()}
-            start += size
-        pending, waiting = (
-            [{name: column[start:] for name, column in group.items()}],
-            waiting - start,
-        )
-    if waiting:
-        yield joined(pending)
+    @staticmethod
+    def of(table: Table) -> _Rows:
+        """Ask a table for its first block, and check it."""
+        blocks = iter(table.blocks())
+        first = next(blocks)
+        fields = table.fields or fields_of(table.kind, first, table.facts)
+        return _Rows(fields, chain([checked(fields, first)], blocks))
+
+    def groups(self, partition: int | None = None) -> Iterator[Columns]:
+        """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no
+        group spans two parts."""
+        pending: list[Columns] = []
+        waiting = 0
+        rows = 0
+        for block in self.blocks:
+            pending.append(checked(self.fields, block, rows))
+            length = len(pending[-1][self.fields[0].name])
+            rows += length
+            waiting += length
+            if waiting < _rows_after(rows - waiting, partition):
+                continue
+            group = joined(pending)
+            start = 0
+            while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
+                yield {name: column[start : start + size] for name, column in group.items()}
+                start += size
+            pending = [{name: column[start:] for name, column in group.items()}]
+            waiting -= start
+        if waiting:
+            yield joined(pending)
 
 
 def _rows_after(rows: int, partition: int | None) -> int:
