@@ -180,6 +180,12 @@ class Chances:
             return False
         return True
 
+    def decay_from_zero(self, x: float) -> bool:
+        """Whether second moments are proved to decay for all numbers above 0 and up to x, where a
+        shift of the loop stays at 0 itself."""
+        frames = self.family.free() if self.in_matrices else None
+        return frames is not None and frames.decay(self.graph, self.weights(x, x)[0], x)
+
     def refuted(self, x: float) -> bool:
         """Whether second moments are proved to grow at x."""
         enclosed = self._enclosed(x, x)
@@ -753,6 +759,8 @@ def _bracket(loop, part, limits, tolerance):
     """What is proved of a part, from its middle on, and what is refuted beyond its ends."""
     sides = [_side(loop, sum(part) / 2, *ends) for ends in zip(part, limits, strict=True)]
     (low, below, down), (high, above, up) = sides
+    if limits[0] == 0 < low and np.isnan(below) and loop.decay_from_zero(low):
+        low = 0.0
     near = [
         abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
         for end, reached in (

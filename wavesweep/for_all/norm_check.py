@@ -141,7 +141,7 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     P = norms.P
     graph = norms.graph
     n = P.shape[-1]
-    if not (_symmetric(P) and definite(P, np.zeros_like(P)) and _are_chances(weight, graph)):
+    if not (_symmetric(P) and definite(P, np.zeros_like(P)) and are_chances(weight, graph)):
         return False
     root = _root(weight)
     whole = np.eye(n) + E
@@ -205,7 +205,7 @@ def shrink_over(
     if weight is None:
         allowed = graph.is_complete(follows)
     else:
-        allowed = _are_chances(weight, graph)
+        allowed = are_chances(weight, graph)
     # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
     if not (allowed and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
         return False, slack
@@ -338,8 +338,8 @@ def _root(weight):
     return np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT)[:, None, None]
 
 
-def _are_chances(weight, graph):
-    """Whether the edges from each node have probabilities of the sum 1."""
+def are_chances(weight: np.ndarray, graph: Graph) -> bool:
+    """Return whether the edges from each node have probabilities of the sum 1."""
     whole = np.bincount(graph.source, weight, graph.nodes)
     return bool((weight >= 0).all() and (np.abs(whole - 1) <= WEIGHED).all())
 
