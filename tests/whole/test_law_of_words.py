@@ -4,11 +4,12 @@
 """
 
 import pytest
+from words.devices import hold_device
 from words.hands import hold_hands
 from words.law import OTHERS, hold_spec
 
-# Numbers that are refuted; the others are of the thorough lane.
-FEW = (19,)
+# Numbers that are refuted, with holes, and losses at random; the others are of the thorough lane.
+FEW = (2, 14)
 SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(60) if seed not in FEW)]
 
 
@@ -20,6 +21,19 @@ SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in rang
 def test_what_is_said_of_a_spec_is_so(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hold_spec(seed, () if seed in FEW else OTHERS)
+
+
+# Masses that are not known, and a port; the others look for designs, and prove frames.
+QUICK_DEVICES = (4, 5)
+DEVICES = [*QUICK_DEVICES, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(20) if seed not in QUICK_DEVICES)]
+
+
+@pytest.mark.slow
+@pytest.mark.asks("for_all", "passive", "designs", "explain")
+@pytest.mark.parametrize("seed", DEVICES)
+def test_what_is_said_of_a_device_is_so(seed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hold_device(seed)
 
 
 @pytest.mark.slow

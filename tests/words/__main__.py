@@ -1,14 +1,17 @@
-"""Hold what commands say of many random specs: `python -m tests.words --seeds 200 --first 1000`."""
+"""Hold what commands say of many random specs: `python tests/words --seeds 200 --first 1000`, or `--of devices`."""
 
 import argparse
 import os
 import sys
 import tempfile
 import traceback
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from words.devices import hold_device
+from words.hands import hold_hands
 from words.law import OTHERS, hold_spec
 
 if __name__ == "__main__":
@@ -16,13 +19,18 @@ if __name__ == "__main__":
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--each", type=int, default=1, help="of how many specs one goes through all commands")
+    parser.add_argument("--of", choices=("loops", "devices", "hands", "boxes"), default="loops")
     asked = parser.parse_args()
+    held = {"devices": hold_device, "hands": hold_hands, "boxes": partial(hold_hands, box=True)}
     red = 0
     for seed in range(asked.first, asked.first + asked.seeds):
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)
             try:
-                hold_spec(seed, () if seed % asked.each else OTHERS)
+                if asked.of in held:
+                    held[asked.of](seed)
+                else:
+                    hold_spec(seed, () if seed % asked.each else OTHERS)
             except Exception:  # noqa: BLE001 (each is a fault, and the next spec is tried)
                 red += 1
                 last = traceback.format_exc().strip().splitlines()

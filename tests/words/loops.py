@@ -3,6 +3,9 @@
 In each tick `x[k+1] = x[k] + T (r - a x[k] - c f(K) y)`, where y is x at the last sample that came through and f is K, or
 `(K - u)(K - v)/v`, which is 0 at u and v. So a frame of n ticks multiplies x by `q - g`, where `q = (1 - a T)^n`,
 `g = c f(K) (1 - q)/a` (`n T c f(K)` with a = 0). With up to m samples lost in a row it is as if n were `(m + 1) n`, with a = 0.
+If each is lost with probability p, its mean square decays for 0 < g < 2 (1 - p)/(1 + p), with a = 0.
+
+A loop that conserves is a mass on a spring by leapfrog, `v+ = v - T K x`, `x+ = x + T v+`: of it nothing may be said.
 """
 
 from dataclasses import dataclass, field
@@ -27,7 +30,9 @@ ASKS = (
     "Ms",
     "disk",
 )
-VARYING = ("frames", "both", "losses")
+# Of every tenth seed, in place of those.
+AT_RANDOM, CONSERVES = "at random", "conserves"
+VARYING = ("frames", "both", "losses", AT_RANDOM)
 OF_ONE_TICK = ("damping_ratio", "gain", "Ms", "disk")  # which have a closed form without a hold
 
 
@@ -43,15 +48,25 @@ class Case:
     leak: float = 0.0
     level: float = 0.0
 
+    @property
+    def start(self):
+        """Where the range of K begins."""
+        return self.tables["sweep"]["K"]["start"]
+
     def held(self, n, c, f):
         """Pole of the frame with a sample of f(K) = f."""
         q = (1 - self.leak * T) ** n
         return q - c * f * ((1 - q) / self.leak if self.leak else n * T)
 
-    def bounds(self, n, c, required):
-        """The open interval of values f for which a frame has what is asked; required: with [sweep] require."""
+    def bounds(self, n, c, required, lost=0.0):
+        """The open interval of values f for which a frame has what is asked; required: with [sweep] require.
+
+        lost: the probability that a sample is lost.
+        """
         q = (1 - self.leak * T) ** n
         low, high = q - 1, q + 1  # of g
+        if lost:
+            high = 2 * (1 - lost) / (1 + lost)
         if required and self.asks == "radius":
             low, high = q - self.level**n, q + self.level**n
         if required and self.asks == "settling":
@@ -71,7 +86,10 @@ class Case:
 
     def inside(self, members, required=True):
         """The intervals of K in START to STOP with what is asked of all members, as (low, high)."""
-        pairs = [self.bounds(n, c, required) for n, c in product(members["n"], members["c"])]
+        if self.asks == CONSERVES:
+            return []
+        lost = members.get("lost", 0.0)
+        pairs = [self.bounds(n, c, required, lost) for n, c in product(members["n"], members["c"])]
         low = max(each[0] for each in pairs)
         high = min(each[1] for each in pairs)
         if low >= high:
@@ -88,7 +106,7 @@ class Case:
             found = [(middle - at(high), middle - at(low)), (middle + at(low), middle + at(high))]
             if half**2 + v * low < 0:
                 found = [(middle - at(high), middle + at(high))]
-        clipped = [(max(a, START), min(b, STOP)) for a, b in found]
+        clipped = [(max(a, self.start), min(b, STOP)) for a, b in found]
         return [(a, b) for a, b in clipped if a < b]
 
     def own(self, c=None):
@@ -105,12 +123,13 @@ def drawn(seed):
     """A random case."""
     rng = np.random.default_rng(seed)
     asks = str(rng.choice(ASKS, p=[0.08, 0.14, 0.12, 0.12, 0.12, 0.1, *[0.32 / 6] * 6]))
+    asks = {4: AT_RANDOM, 9: CONSERVES}.get(seed % 10, asks)
     lengths = sorted(rng.choice([1, 2, 3, 4, 6], size=rng.integers(1, 4), replace=False).tolist())
-    own = 1 if asks in OF_ONE_TICK else int(rng.choice(lengths)) if rng.random() < 0.8 else 5
+    own = 1 if asks in (*OF_ONE_TICK, CONSERVES) else int(rng.choice(lengths)) if rng.random() < 0.8 else 5
     factors = sorted(rng.choice([-1.0, 0.5, 1.0, 2.0], p=[0.1, 0.3, 0.3, 0.3], size=2, replace=False).tolist())
     stiffness = float(np.round(2 / (T * max(lengths) * 2) * rng.choice([0.3, 0.9, 1.5, 3.0]), 3))
     case = Case(seed, asks, {}, {"n": [own], "c": [1.0]})
-    if asks not in VARYING and asks not in ("contact", "damping_ratio") and rng.random() < 0.35:
+    if asks not in (*VARYING, "contact", "damping_ratio", CONSERVES) and rng.random() < 0.35:
         case.zeros = (float(rng.choice([200.0, 400.0])), float(rng.choice([900.0, 1500.0])))
     if asks == "contact" or (asks in ("nothing", "numbers") and rng.random() < 0.3):
         case.leak = float(rng.choice([20.0, 50.0]))
@@ -135,6 +154,14 @@ def drawn(seed):
         lost = int(rng.integers(1, 3))
         tables["block"]["h"] = {"type": "channel", "every": "n", "lost": lost}
         case.members["n"] = [own * (1 + each) for each in range(lost + 1)]
+    if asks == AT_RANDOM:
+        lost = float(rng.choice([0.05, 0.2, 0.4]))
+        tables["block"]["h"] = {"type": "channel", "every": "n", "loss": lost}
+        tables["sweep"]["K"]["start"] = float(rng.choice([0.0, START]))
+        case.members["lost"] = lost
+    if asks == CONSERVES:
+        tables["block"] |= {"v": {"type": "integrator"}, "g": {"type": "hold", "every": "n"}}
+        tables["wire"] = {"h.u": "p.y", "g.u": "v.y - c*K/1000*h.y", "p.u": "g.y", "v.u": "c*r - c*K*h.y"}
     if asks == "contact":
         tables["block"]["s"] = {"type": "saturation", "low": -5.0, "high": 5.0}
         tables["wire"] |= {"s.u": "K*h.y", "p.u": f"c*r{leak} - c*s.y"}

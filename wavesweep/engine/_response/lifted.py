@@ -66,10 +66,11 @@ class Stretch:
 
     def showing(self, rows: slice) -> "Stretch":
         """Return the frame with some outputs, and the states that these need to know of it."""
-        n = self.E[0].shape[-1]
+        change = self.E[0]
+        n = change.shape[-1]
         observability = [outputs[..., rows, :, :] for outputs in self.observability]
-        reads = ((self.E[0] + np.eye(n)) != 0).reshape(-1, n, n).any(0)
-        shown = (observability[0] != 0).reshape(-1, n).any(0)
+        reads = (change + np.eye(n) != 0).any(tuple(range(change.ndim - 2)))
+        shown = (observability[0] != 0).any(tuple(range(observability[0].ndim - 1)))
         index = reached(shown, reads)
         return replace(
             self,
@@ -335,7 +336,9 @@ class Lifted:
 
 def _all(frame, test):
     rows = (
-        outputs.reshape(*outputs.shape[:-3], -1, outputs.shape[-1])
+        outputs.reshape(
+            *outputs.shape[:-3], outputs.shape[-3] * outputs.shape[-2], outputs.shape[-1]
+        )
         for outputs in frame.observability
     )
     matrices = (*frame.E, *frame.controllability, *rows)
