@@ -7,11 +7,10 @@ here.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.engine.sets import Polynomials, monomials
+from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import SIZING, operator_of
 from wavesweep.for_all.norm_check import cholesky_of_each
@@ -64,36 +63,17 @@ def forms_of_each(A: Polynomials) -> tuple[list[tuple[Centre, np.ndarray] | None
         forms[0] = basis.mT @ P @ basis
         forms[0] = (forms[0] + forms[0].mT) / 2
         moved[0] = forms[0] @ after[0]
-        for order, pairs in enumerate(_pairs_by_order(A.numbers, A.order), 1):
+        for order in range(1, A.order + 1):
             here = degree == order
-            moved[here] = _products(forms, after, pairs)
-            forms[here] = _summed(powers, _products(after.mT, moved, pairs))
+            A.multiply_degree(moved, forms, after, A.numbers, A.order, order)
+            A.multiply_degree(forms, after.mT, moved, A.numbers, A.order, order)
+            forms[here] = _summed(powers, forms[here])
             moved[here] += forms[here] @ after[0]
     for at, cell in enumerate(decaying.tolist()):
         own = forms[:, at : at + 1]
         if np.isfinite(own).all():
             found[cell] = Centre(own[0], ALONE, basis[at], to[at]), own[1:]
     return found, work
-
-
-@lru_cache(maxsize=16)
-def _pairs_by_order(numbers, most):
-    """The pairs of monomials whose product has each degree from 1 on, sorted by that product,
-    and where each product begins."""
-    table, first, second, target = monomials(numbers, most)
-    degree = table.sum(1)[target]
-    by_order = []
-    for order in range(1, most + 1):
-        here = degree == order
-        starts = np.flatnonzero(np.diff(target[here], prepend=-1))
-        by_order.append((first[here], second[here], starts))
-    return by_order
-
-
-def _products(one, other, pairs):
-    """The sums of the products of matrices that belong to each monomial of a degree."""
-    first, second, starts = pairs
-    return np.add.reduceat(one[first] @ other[second], starts, axis=0)
 
 
 def _powers(M):

@@ -2,10 +2,9 @@
 they rank before that."""
 
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 
-from wavesweep.for_all.patterns import Word, seems_refuted, seems_refuted_from
+from wavesweep.for_all.patterns import seems_refuted, seems_refuted_from
 from wavesweep.for_all.rows import (
     ForAllGuarantee,
     cases_of,
@@ -29,7 +28,8 @@ class DesignProof:
     def of(spec: Spec) -> "DesignProof":
         """The proof of the designs of a spec."""
         rules = Rules.of(spec)
-        return DesignProof(replace(rules, for_all=rules.for_all.beside(spec.design)))
+        for_all = rules.for_all.beside(spec.design)
+        return DesignProof(replace(rules, for_all=for_all, words=defaultdict(list)))
 
     @property
     def vary(self) -> bool:
@@ -58,12 +58,7 @@ class DesignProof:
 @dataclass(frozen=True, slots=True)
 class DesignRanking(DesignProof):
     """Ranks designs whose frames vary by what short patterns of frames refute, at the spec's own
-    values of ranges.
-
-    words: that refuted earlier designs, for each rule of which frames may follow which.
-    """
-
-    words: defaultdict[bytes, list[Word]] = field(default_factory=partial(defaultdict, list))
+    values of ranges."""
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
@@ -87,7 +82,7 @@ class DesignRanking(DesignProof):
         )
 
     def _known(self, family):
-        return self.words[family.follows.tobytes()]
+        return self.rules.words[family.follows.tobytes()]
 
     def _families(self, spec, along):
         cases = cases_of(self.rules, along, (0.0, 0.0), loops_of(spec, dict(spec.values), along))

@@ -1,7 +1,7 @@
 """Whether all products of matrices in any allowed order decay, and the interval of a number for
 which they do."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -370,12 +370,16 @@ def _back(family, centre, factor, aim, reached, work):
 
 
 def nearest_refuted(
-    family: Family, start: float, limit: float, tolerance: float
+    family: Family, start: float, limit: float, tolerance: float, known: Sequence[Word] = ()
 ) -> tuple[float, Word]:
     """Return the refuted number closest to the start that a search finds, and its word; NaN and
-    () if there is none."""
+    () if there is none.
+
+    known: words that refute other families of the same symbols. Where one of them grows, others are
+    looked for from there.
+    """
     way = _Way(family, start, limit, tolerance)
-    fails, word = _first_refuted(way)
+    fails, word = _first_refuted(way, known)
     if not word:
         return fails, word
     for share in (*BACK, tolerance / 4):
@@ -389,14 +393,20 @@ def nearest_refuted(
     return nearest(family, word, start, fails), word
 
 
-def _first_refuted(way: _Way) -> tuple[float, Word]:
-    """The refuted number of the first words that grow on the way, and its word; NaN and () if
-    none grows."""
+def _first_refuted(way: _Way, known: Sequence[Word]) -> tuple[float, Word]:
+    """The refuted number of the first words that grow on the way, the known ones before others, and
+    its word; NaN and () if none grows."""
     family = way.family
     before = way.start
     follows = family.follows
-    short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
     scanned = way.start + (way.limit - way.start) * np.geomspace(1e-4, 1.0, NUMBERS_SCANNED)
+    for x in scanned if known else ():
+        grows = growing_of(family.at(x), known)
+        if grows:
+            return _first(family, grows, before, x, way.limit)
+        before = x
+    before = way.start
+    short = list(dict.fromkeys((*short_words(follows), *shortest_through(follows))))
     for index, x in enumerate(scanned):
         A = family.at(x)
         grows = growing_of(A, short)

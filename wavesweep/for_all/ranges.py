@@ -11,7 +11,7 @@ proved is divided along the side that moves the slack most.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from heapq import heapify, nsmallest
-from itertools import count
+from itertools import count, pairwise
 from operator import itemgetter
 from typing import Protocol
 
@@ -88,12 +88,13 @@ class _Outcome:
     """What a trial of a part gave.
 
     parts: those of it that remain to be proved, None if it cannot be divided or a word grows. used:
-    operations.
+    operations. norms: in which all of it shrinks, of several matrices.
     """
 
     parts: list["_Part"] | None
     used: float
     word: Word = ()
+    norms: Centre | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +121,7 @@ def cover(
     words: Sequence[Word] = (),
     report: Callable[[float, float], None] | None = None,
     gain: float = 0.0,
+    stretches: int = 1,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that
     are left open.
@@ -129,16 +131,23 @@ def cover(
     words: those that grow fastest beyond the box. report: is called with the value of the first
     side that the proof has reached, and the share of the box that is proved. gain: of the first
     side, below which the proof ends at a part without norms in its middle, since it can reach no
-    further than that middle. Errors: RuntimeError if a part of the box is lost, which is neither
+    further than that middle. stretches: equal ones of the first side, with which the proof begins.
+    Errors: RuntimeError if a part of the box is lost, which is neither
     proved nor open.
     """
     number = count()
-    queue = [(0.0, next(number), _Part(box))]
+    queue = []
+    ends = np.linspace(*box[:, 0], 1 + stretches)
+    for low, high in pairwise(ends[:: 1 if up else -1].tolist()):
+        part = box.copy()
+        part[:, 0] = sorted((low, high))
+        queue.append((low if up else -low, next(number), _Part(part)))
     narrow = NARROWEST_SIDE * (box[1] - box[0])
     used = proved = 0.0
     outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
     enclosed: dict[int, Enclosed | int] = {}
     word: Word = ()  # that grows
+    norms = None  # of the part that was proved last
     # stretches of the first side in whose middle there were no norms: they are divided for all
     # other numbers
     divided = set()
@@ -159,7 +168,10 @@ def cover(
                     found = _tried_together(ahead, enclosed, narrow)
                 else:
                     rest = work - used
-                    found = {first: _tried(part, enclosed.get(first), follows, rest, narrow, words)}
+                    begun = replace(part, start=part.start or norms)
+                    tried = _tried(begun, enclosed.get(first), follows, rest, narrow, words)
+                    norms = tried.norms or norms
+                    found = {first: tried}
             used += sum(outcome.used for outcome in found.values())
             outcomes |= found
         outcome = outcomes[first]
@@ -334,7 +346,7 @@ def _judgement(part, known, A, found, judged, narrow, *, alone=False):
     single matrix."""
     proved, moves, errors, used = judged
     if proved:
-        return _Outcome([], used)
+        return _Outcome([], used, norms=found[0])
     share, due = _left_out(A, found)
     keep = errors * (1 - share) < SHARED
     if errors > SLACK_OF_ERRORS:

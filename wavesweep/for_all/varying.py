@@ -3,6 +3,7 @@ delays and lost results, or whose messages may be late or lost, by what their ch
 
 import logging
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -50,7 +51,7 @@ from wavesweep.for_all.mean_square import (
     losses_at_random,
 )
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
-from wavesweep.for_all.patterns import is_refuted
+from wavesweep.for_all.patterns import Word, is_refuted
 from wavesweep.for_all.plan import FRAME, LOST, Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
@@ -76,7 +77,8 @@ class Rules:
     results are in place with the next frame. elapsed: whether the slow environment integrates over
     the time since its last frame. messages: whether the loop has channels; at_random: whether these
     lose messages at random, or frames and results are taken to be at random. work: operations of a
-    proof over ranges beside what varies.
+    proof over ranges beside what varies. words: that refuted earlier loops of a search for designs,
+    for each rule of which frames may follow which; None where each loop is looked at for itself.
     """
 
     for_all: ForAllRanges
@@ -86,6 +88,7 @@ class Rules:
     messages: bool = False
     at_random: bool = False
     work: float = WORK_OVER
+    words: defaultdict[bytes, list[Word]] | None = field(default=None, repr=False, compare=False)
 
     @staticmethod
     def of(spec: Spec) -> "Rules":
@@ -334,7 +337,10 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
 
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
-    loops = partial(LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes)
+    known = [] if rules.words is None else rules.words[members.follows.tobytes()]
+    loops = partial(
+        LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes, known=known
+    )
     if not rules.at_random:
         return loops(growth=growth_in_words(members.at, members.states, members.follows))
     if steps:

@@ -2,7 +2,7 @@
 worst point that a search finds, and proved box by box."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,7 +39,9 @@ SOON = 4e9  # operations of a proof that is tried before members are searched, h
 UPWARD = 0.6  # part of the work for the way to the upper end
 FIRST_PROOF_PART = 0.4  # of the way to the refuted number, at which a proof is begun
 INWARD = 1e-12  # of a side, by which the ends of a proof stay within it
-UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
+# ratio of the ends of the number between which units of the states are found
+UNITS = 64.0
+STRETCH = np.log(2)  # of the logarithm of the number: that of those with which a proof begins
 REFUTING_ROUNDS = 3  # of the search for refutations, after the proof has met one
 
 Report = Callable[[float, float, float], None]
@@ -79,7 +81,8 @@ class LoopsOver:
     those of the box. on_average: if frames are at random; families are then `Chances`, and the word
     of what grows is (0,). growth: of members, at points of that number and of the box. starts:
     members that are tried in any case, `(points, numbers)`; extremes: gives further ones, at which
-    an expression is least or largest.
+    an expression is least or largest. known: words that refute other loops of the same symbols, to
+    which those that are found are added.
     """
 
     family: Callable[[tuple[float, ...]], Family]
@@ -90,6 +93,7 @@ class LoopsOver:
     starts: np.ndarray
     extremes: Callable[[], np.ndarray]
     on_average: OnAverage | None = None
+    known: list[Word] = field(default_factory=list)
 
     @property
     def middle(self) -> tuple[float, ...]:
@@ -118,7 +122,10 @@ def bracket_over(
     way up or down at which the proof is.
     """
     limits = max(limits[0], least), limits[1]
-    below, above = (_worst(loops, start, limit) for limit in limits)
+    above = _worst(loops, start, limits[1])
+    below = Refuted()
+    if (loops.growth.of(np.insert(loops.starts, 0, limits[0], axis=1)) >= 1).any():
+        below = _worst(loops, start, limits[0])
     follows = loops.follows
     first = loops.sides[0]
     rounds = REFUTING_ROUNDS
@@ -127,28 +134,24 @@ def bracket_over(
     if above.word:
         start = max(start, first.zero + FIRST_PROOF_PART * (above.x - first.zero))
     high = low = start
+    units = None
+    if not first.zero:
+        units = units_of(loops.frames, _layer(loops, start / UNITS, start), follows)
 
     def proved(bottom, top, most, up):
         def reached(side, share):
             end = float(first.number(side))
             report(min(start, end), max(high, end), 100 * share)
 
-        ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
-        units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
         frames = replace(loops.frames, units=units, about=layer.mean(0))
         told = reached if report else None
-        found = cover(
-            frames,
-            layer,
-            follows,
-            most - spent,
-            up,
-            words,
-            told,
-            (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE,
-        )
+        gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
+        stretches = 1
+        if not first.zero:
+            stretches = 2 ** max(0, int(np.ceil(np.log2(np.ptp(layer[:, 0]) / STRETCH))))
+        found = cover(frames, layer, follows, most - spent, up, words, told, gain, stretches)
         return (
             found,
             float(first.number(found.end - INWARD if up else found.end + INWARD)),
@@ -167,6 +170,8 @@ def bracket_over(
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
         low = min(low, end)
+        if found.open and not below.word:
+            below = _worst(loops, start, limits[0])
         open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
@@ -224,6 +229,8 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
         ):
             break
     if best.word and not loops.on_average:
+        if best.word not in loops.known:
+            loops.known.append(best.word)
         return replace(best, x=nearest(loops.family(best.point), best.word, start, best.x))
     return best
 
@@ -253,11 +260,11 @@ def _refuted_at(loops, point, start, limit, best):
     """What is refuted at a point if it is closer to the start than the best."""
     limit = best.x if best.word else limit
     family = loops.family(point)
-    x, word = (
-        nearest_growing(family, start, limit)
-        if loops.on_average
-        else nearest_refuted(family, start, limit, BRACKET_TOLERANCE)
-    )
+    if loops.on_average:
+        x, word = nearest_growing(family, start, limit)
+    else:
+        known = [*loops.known, best.word] if best.word else loops.known
+        x, word = nearest_refuted(family, start, limit, BRACKET_TOLERANCE, known)
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
     return best

@@ -36,7 +36,7 @@ MARKED = 1e-3  # of that interval: the terms that say on what it depends
 SERIES_BLOCK = 4  # of that series: powers above this one are products of its own
 OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
 SUMMED_NORM = 0.25  # norm of a matrix, up to which that series is summed
-SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
+SHRINKS = 0.9  # norm up to which what an inverse leaves out has a geometric series
 BALANCED = 6  # sweeps of balancing
 PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays are slow for being new
 
@@ -75,21 +75,54 @@ def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 @lru_cache(maxsize=32)
 def _degrees(numbers, order):
-    """The total degree of each monomial, and at which index each degree begins."""
+    """At which index the monomials of each degree begin, and where the last ones end."""
     degree = monomials(numbers, order)[0].sum(1)
-    return degree, np.searchsorted(degree, np.arange(order + 1))
+    return np.searchsorted(degree, np.arange(order + 2)).tolist()
+
+
+class _Piece(NamedTuple):
+    """Pairs of monomials whose products are computed at once, in rounds.
+
+    first, second: the pairs. targets: the monomials that they add up to, those of most pairs first.
+    Each round has a pair of each of the first so many targets, and the first round one of all.
+    rounds: how many pairs each further round has, and where it begins.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    targets: np.ndarray
+    rounds: list[tuple[int, int]]
+
+    @staticmethod
+    def of(first, second, targets, counts) -> _Piece:
+        """Return pairs of some targets, sorted by these, of each of which there are so many."""
+        begins = np.cumsum(counts) - counts
+        by_count = np.argsort(-counts, kind="stable")
+        rounds = []
+        places = []
+        begun = 0
+        for at in range(counts.max()):
+            own = begins[by_count[counts[by_count] > at]] + at
+            if at:
+                rounds.append((own.size, begun))
+            places.append(own)
+            begun += own.size
+        place = np.concatenate(places)
+        return _Piece(first[place], second[place], targets[by_count], rounds)
 
 
 @lru_cache(maxsize=512)
-def _pairs(numbers, order, one, two, at_once):
+def _pairs(numbers, order, one, two, at_once, degree=None):
     """The plan of a product in pieces of about so many pairs, of the monomials that are present in
     both factors.
 
-    one, two: which are, as bytes of booleans. Each piece: the pairs, where the pairs of each
-    product begin, and that product.
+    one, two: which are, as bytes of booleans. degree: that of the product if only its terms of that
+    degree are wanted.
     """
-    _, first, second, target = monomials(numbers, order)
+    table, first, second, target = monomials(numbers, order)
     kept = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
+    if degree is not None:
+        kept &= table.sum(1)[target] == degree
     first, second, target = first[kept], second[kept], target[kept]
     starts = np.flatnonzero(np.diff(target, prepend=-1))
     ends = np.append(starts[1:], target.size)
@@ -98,10 +131,31 @@ def _pairs(numbers, order, one, two, at_once):
     for at in range(len(starts)):
         if at + 1 == len(starts) or ends[at + 1] - starts[begun] > at_once:
             pairs = slice(starts[begun], ends[at])
-            own = starts[begun : at + 1]
-            pieces.append((first[pairs], second[pairs], own - own[0], target[own]))
+            own = slice(begun, at + 1)
+            counts = ends[own] - starts[own]
+            pieces.append(_Piece.of(first[pairs], second[pairs], target[starts[own]], counts))
             begun = at + 1
     return pieces
+
+
+def _multiply_into(terms, one, two, plan, multiply):
+    """Put the sums of the products of two series of terms where a plan says."""
+    one = np.ascontiguousarray(one)  # `take` would copy all of them for every piece
+    two = np.ascontiguousarray(two)
+    for piece in plan:
+        products = multiply(one.take(piece.first, 0), two.take(piece.second, 0))
+        if len(piece.targets) == 1:
+            terms[piece.targets[0]] = products.sum(0)
+            continue
+        total = products[: len(piece.targets)]
+        for count, begin in piece.rounds:
+            total[:count] += products[begin : begin + count]
+        terms[piece.targets] = total
+
+
+def _at_once(entries):
+    """How many products of so many entries are computed at once: a power of 2."""
+    return 1 << max(0, int(log2(PIECE / 8 / max(entries, 1))))
 
 
 def midpoint(value: Any) -> tuple[float, float]:
@@ -208,8 +262,7 @@ class TaylorModel:
         at_once = max(1, PIECE // max(1, int(np.prod(shape))))
         terms = np.zeros((len(self.terms), *shape))
         plan = _pairs(self.numbers, self.order, *(each.tobytes() for each in present), at_once)
-        for first, second, starts, target in plan:
-            terms[target] = np.add.reduceat(self.terms[first] * other.terms[second], starts, axis=0)
+        _multiply_into(terms, self.terms, other.terms, plan, np.multiply)
         one, two = (_by_degree(each, self.numbers, self.order) for each in (one, two))
         all_one, all_two = one.sum(0), two.sum(0)
         # of degrees above the index
@@ -488,7 +541,11 @@ def _by_degree(size, numbers, order):
     """The sums of sizes over the monomials of each degree."""
     if len(size) == 1:  # without numbers there is no degree but 0
         return np.concatenate([size, np.zeros((order, *size.shape[1:]))])
-    return np.add.reduceat(size, _degrees(numbers, order)[1], axis=0)
+    sums = np.empty((order + 1, *size.shape[1:]))
+    begins = _degrees(numbers, order)
+    for degree in range(order + 1):
+        sums[degree] = size[begins[degree] : begins[degree + 1]].sum(0)
+    return sums
 
 
 def _derivatives(four, order):
@@ -552,6 +609,16 @@ class Polynomials:
                     terms[0, ..., i, j], rest[..., i, j] = midpoint(entry)
         return Polynomials(terms, rest, numbers, order)
 
+    @staticmethod
+    def multiply_degree(
+        terms: np.ndarray, one: np.ndarray, two: np.ndarray, numbers: int, order: int, degree: int
+    ) -> None:
+        """Put the terms of a degree of the product of two matrices in their places; all are terms
+        `(monomials, ..., n, m)`, of a total degree up to `order`."""
+        every = np.ones(len(terms), bool).tobytes()
+        plan = _pairs(numbers, order, every, every, _at_once(terms[0].size), degree)
+        _multiply_into(terms, one, two, plan, np.matmul)
+
     @property
     def exponents(self) -> np.ndarray:
         """The exponents of each monomial, `(monomials, numbers)`."""
@@ -602,16 +669,12 @@ class Polynomials:
         )
         if one.present[1:].any() and two.present[1:].any():
             rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
-        entries = max(self.rest.size, other.rest.size, rest.size)
-        at_once = 1 << max(0, int(log2(PIECE / 8 / max(entries, 1))))
+        at_once = _at_once(max(self.rest.size, other.rest.size, rest.size))
         terms = np.zeros((len(self.terms), *rest.shape))
         plan = _pairs(
             self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once
         )
-        for first, second, starts, target in plan:
-            terms[target] = np.add.reduceat(
-                multiply(self.terms[first], other.terms[second]), starts, axis=0
-            )
+        _multiply_into(terms, self.terms, other.terms, plan, multiply)
         return self._like(terms, rest)
 
     def scaled(self, model: TaylorModel | Any) -> Polynomials:
@@ -734,28 +797,25 @@ class Polynomials:
         """The inverses of square matrices: with C near to that of its middle, `(I - D)^-1 C` for `D
         = I - C A`.
 
-        The geometric series is `(I + D)(I + D^2)(I + D^4) ...`, up to a degree k - 1 above that of
-        its polynomials; the rest is at most `X^k (I - X)^-1`, entry by entry, for the sizes X of D.
-        Errors: UnresolvedError if these do not shrink.
+        The terms X of `(I - D)^-1 = I + D (I - D)^-1` follow degree by degree. For `R = I - (I - D)
+        X` the inverse is `X (I - R)^-1`, and the rest of X is at most `|X| |R| (I - |R|)^-1`, entry
+        by entry, whatever X is. Errors: UnresolvedError if R does not shrink.
         """
-        n = self.rest.shape[-1]
         with np.errstate(all="ignore"):
             C = Polynomials.constant(_inverses(self.terms[0]), self.numbers, self.order)
             one = self.identity()
             D = one - C @ self
-            size = D.whole
-            units = _units(size)
-            scaled = D.times(units[..., None, :] / units[..., :, None])
-        scaled.refuse(~(scaled.whole.sum(-1).max(-1, initial=0.0) < SHRINKS))
-        total = one
-        for _ in range(self.order + 1):
-            total = one + D @ total
-        left_out = (
-            np.linalg.matrix_power(size, self.order + 2)
-            @ np.abs(np.linalg.inv(np.eye(n) - size))
-            * (1 + 1e-6)
-        )
-        return self._like(total.terms, total.rest + left_out) @ C
+            units = _units(D.whole)
+            ratio = units[..., None, :] / units[..., :, None]
+            D = D.times(ratio)
+            X = self._like(one.terms.copy(), one.rest)
+            for degree in range(1, self.order + 1):
+                self.multiply_degree(X.terms, D.terms, X.terms, self.numbers, self.order, degree)
+            R = one - X + D @ X
+            size = R.whole
+        D.refuse(~(size.sum(-1).max(-1, initial=0.0) < SHRINKS))
+        left_out = X.whole @ size @ np.abs(np.linalg.inv(one.terms[0] - size)) * (1 + 1e-6)
+        return self._like(X.terms, left_out).times(1 / ratio) @ C
 
 
 def _combined(matrices, factors):
