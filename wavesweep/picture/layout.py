@@ -384,8 +384,8 @@ def _packed(spans: Mapping[str, Iterable[float]]) -> dict[str, int]:
     return lanes
 
 
-def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
-    """Net, x and y of the points at which a net branches."""
+def dots(lines: Sequence[Line]) -> list[tuple[str, float, float]]:
+    """Net, x and y of the points at which a net branches, in the same order in every run."""
     joints = set()
     for net in dict.fromkeys(line[0] for line in lines):
         own_lines = [
@@ -404,4 +404,4 @@ def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
                 2 * through - ending > 2
             ):  # two ends of a line that it is inside, one of a line that ends there
                 joints.add((net, x, y))
-    return joints
+    return sorted(joints)

@@ -247,12 +247,12 @@ def _settle(canvas: Any) -> None:
     it are then placed anew. The layout's solver has rounding errors that may differ between runs,
     and the shade of a pixel can depend on them.
     """
-    canvas.draw_without_rendering()
+    _lay_out(canvas)
     for _ in range(LINE_PASSES):  # with more lines of one name the panels are smaller
         wrapped = [_wrapped(axes) for axes in canvas.axes]
         if not any(wrapped):
             break
-        canvas.draw_without_rendering()
+        _lay_out(canvas)
     again = [
         axes
         for axes in canvas.axes
@@ -263,10 +263,15 @@ def _settle(canvas: Any) -> None:
         pad = _STYLE["figure.constrained_layout.w_pad"] + PANELS_APART / 2 / 72
         canvas.get_layout_engine().set(w_pad=pad)
     if again or close:
-        canvas.draw_without_rendering()
-    canvas.set_layout_engine("none")
+        _lay_out(canvas)
+    canvas.set_layout_engine(None)  # with "none" `savefig` would draw it once more before
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _lay_out(canvas: Any) -> None:
+    """Place all panels, with their texts as they will be drawn: what a drawing does first."""
+    canvas.get_layout_engine().execute(canvas)
 
 
 def _without_legend(canvas: Any) -> None:
