@@ -19,8 +19,6 @@ ROWS = {
         "#D55E00",
         2,
         unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
-        settled="every row of the box is proved (settled 1), but for a thousandth next to an end that a hand sets, and a "
-        "ten-thousandth next to 0",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",

@@ -93,12 +93,12 @@ class BoxGuarantee(Guarantee):
     kind = "box"
     order = 1
     replaces = True
-    status = Status.SEARCHED
+    status = Status.PROVED
     dtype = BOX_RECORD
     method = (
-        "exact intervals of the hands found to matter, intersected; where settled, quadratic forms that decrease in every cell "
-        "of hand and number, checked by Cholesky with bounds on all errors, prove all but a thousandth at either end; else "
-        "searched"
+        "exact intervals of the hands found to matter, intersected; of these, quadratic forms that decrease in every cell of "
+        "hand and number, checked by Cholesky with bounds on all errors, prove what is a thousandth away from ends that hands "
+        "set; else searched"
     )
 
     @property
@@ -117,10 +117,16 @@ class BoxGuarantee(Guarantee):
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop; it takes from tenths of a second to some seconds."""
-        return self.records(held_loop(loop), along, span)
+        return self.records(held_loop(loop), along, span, of_proof=True)
 
-    def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
-        """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
+    def records(
+        self, loop: HeldLoop, along: str, span: tuple[float, float], *, of_proof: bool = False
+    ) -> np.ndarray:
+        """Intervals of the key `along` within `span` for one loop, as records of slice 0.
+
+        of_proof: whether those that are proved end where the proof does, and are certified; without
+        it all end where the hands do that set their ends.
+        """
         loop, ends = loop.with_hand(), self.box.ranges()
         ranges = [
             Axis(path, path, (), low, high, structural=False)
@@ -142,6 +148,11 @@ class BoxGuarantee(Guarantee):
         records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
         for record, (interval, proved) in zip(records, proved_parts, strict=False):
             record["settled"] &= _all_but_margin(interval, proved)
+            if of_proof and record["settled"]:
+                record["low"] = proved.low
+                record["high"] = proved.high
+                record["certified"] = True
+                record["doubt"] = Doubt.NONE
             for end in ("low", "high"):
                 record[f"{end}_omega"] = getattr(interval, f"{end}_omega")
                 if by := getattr(interval, f"{end}_by"):

@@ -20,7 +20,7 @@ class RowKind:
 
     meaning: of its word in the column, `hand` or `guarantee`. legend, colour, line: in a figure;
     line: place in `style.LINES`. unsettled: the warning about rows of which some are not settled,
-    with {rows} and the {words} of their kinds; settled: the line if all are.
+    with {rows} and the {words} of their kinds.
     """
 
     meaning: str = ""
@@ -29,7 +29,6 @@ class RowKind:
     line: int = 0
     column: str = "hand"
     unsettled: str = ""
-    settled: str = ""
 
 
 OPEN_BETWEEN = "{rows} of {words} not settled: between what is proved and what is refuted more than 1 % is not known"

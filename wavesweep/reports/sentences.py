@@ -153,15 +153,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
 
 
 def _proof(row: Columns, claim: Claim) -> str:
-    """Whether a row is certified, proved by the checker of a guarantee, or checked.
-
-    Of hands only what is settled is proved, but for the last thousandth next to an end that a hand
-    sets.
-    """
-    if claim.status is Status.SEARCHED:
-        return (
-            "proved but for a thousandth at its ends" if row["settled"] else "not proved: searched"
-        )
+    """Whether a row is certified, proved by the checker of a guarantee, or checked."""
     word = "proved" if claim.status is Status.PROVED else claim.vouched
     if row["certified"]:
         return word

@@ -537,12 +537,20 @@ class Claim:
     @property
     def vouched(self) -> str:
         """What rows are that are known as the claim says."""
-        return "checked" if self.status is Status.CHECKED else "certified"
+        words = {Status.CHECKED: "checked", Status.SEARCHED: "proved"}
+        return words.get(self.status, "certified")
 
     @property
     def guaranteed(self) -> bool:
         """Whether it is of more than one loop, and proved or searched as such."""
         return self.status in (Status.PROVED, Status.SEARCHED)
+
+    def of_row(self, *, certified: bool) -> Claim:
+        """The claim of a row: of one that is not certified a search alone knows what others are
+        proved for."""
+        if certified or self.status is not Status.PROVED:
+            return self
+        return replace(self, status=Status.SEARCHED)
 
     def value(self, name: str) -> str:
         """A value of a number that the rows have."""
@@ -588,7 +596,7 @@ class Claim:
 
     def unless(self, known: bool) -> str:
         """What is added to a bound of a row of which that is not known; nothing to one that is."""
-        return "" if known or self.status is Status.SEARCHED else f", not {self.vouched}"
+        return "" if known else f", not {self.vouched}"
 
 
 def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) -> Claim:

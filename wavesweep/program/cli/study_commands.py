@@ -59,8 +59,8 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
 
     With --for-hands the rows go to zwidth-hands.*, beside zwidth.*, with a column hand that says
     for whom each is: free, the device alone; operator, the spec's own; or a word of --for-hands.
-    The column settled is 1 if a row for a box is proved but for a thousandth of the interval at
-    each end, and 0 if a search found no unstable hand.
+    A row for a box is certified if it is proved; its ends are then those of the proof, which stays
+    a thousandth away from an end that a hand sets. In doubt ("search") it is what a search found.
 
     Of several specs the table is zwidth-specs.*, with the column spec, and the figure has a colour
     for each.

@@ -122,9 +122,8 @@ def _members_of_hands(
             continue
         claim = of_rows(facts, word, columns)
         name = row_kind(word).legend
-        searched = claim.status is Status.SEARCHED and "settled" in rows
-        if searched:
-            name += " (settled)" if rows["settled"].all() else " (searched)"
+        if claim.of_row(certified=bool(rows["certified"].all())).status is Status.SEARCHED:
+            name += " (searched)"
         elif word not in COMPUTED and claim.scope.hands == OPERATOR and "operator" in kinds:
             name += " (operator)"
         drawn = _as_drawn(rows, claim)
@@ -135,12 +134,9 @@ def _members_of_hands(
 def _as_drawn(rows: Columns, claim: Claim) -> Columns:
     """Rows as a figure takes them.
 
-    What is searched for is as good as certified where it is settled. What is proved for all has an
-    end wherever a counterexample or nothing is known beyond it.
+    What is proved for all has an end wherever a counterexample or nothing is known beyond it.
     """
-    if claim.status is Status.SEARCHED and "settled" in rows:
-        return {**rows, "certified": rows["settled"]}
-    if claim.status is not Status.PROVED:
+    if claim.status is not Status.PROVED or "fails_from" not in rows:
         return rows
     ends = {
         omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)

@@ -111,14 +111,13 @@ class Sentences:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += HAND.format(**largest["ended_by_hand"])
+        claim = self._claim.of_row(certified=largest["certified"])
         # An end that is exact may itself be refuted.
         below = "just below " * (largest.get("refuted_from", np.inf) <= largest["value"])
-        value = f"largest {self._claim.value(self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
+        value = f"largest {claim.value(self._along)}: {below}{rounded_down(largest['value'])}{self._unit}"
         open_places = None if self._numbers["few_slices"] else largest["open"]
-        gap = self._gap(largest["from"], open_places)
-        return (
-            f"{value}{gap}{self._place(largest)}{ended}{self._claim.unless(largest['certified'])}"
-        )
+        gap = self._gap(claim, largest["from"], open_places)
+        return f"{value}{gap}{self._place(largest)}{ended}{claim.unless(largest['certified'])}"
 
     def _none(self) -> str:
         """That there is no interval, or none that could be found."""
@@ -153,12 +152,13 @@ class Sentences:
             return ""
         if least["value"] == largest["from"] and largest["ended_by"] == "stability":
             return ""
-        said = f"least {self._claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
+        claim = self._claim.of_row(certified=least["certified"])
+        said = f"least {claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
             said += ", below which it is not known"
-        said += self._claim.unless(least["certified"])
+        said += claim.unless(least["certified"])
         if upwards:
             goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
             said += f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends"
@@ -169,9 +169,10 @@ class Sentences:
         without = self._numbers["largest_without_gap"]
         if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
-        first = f"{self._claim.everywhere()} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
+        claim = self._claim.of_row(certified=without["certified"])
+        first = f"{claim.everywhere()} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
         number = rounded_down(without["value"])
-        return f"{first} {number}{self._unit}{self._place(without)}{self._claim.unless(without['certified'])}"
+        return f"{first} {number}{self._unit}{self._place(without)}{claim.unless(without['certified'])}"
 
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
@@ -186,8 +187,8 @@ class Sentences:
         if felt["falls"] or self._numbers["unit"] not in STIFFNESS:
             said += ", at an end of an interval"
         said += f": {rounded_down(felt['value'])} {felt['unit']}"
-        said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(felt['from'])}"
-        return f"{said}{self._place(felt)}{self._claim.unless(felt['certified'])}"
+        said += f" with {self._along} = {self._inside(felt)}{self._unit}{self._gap(self._claim, felt['from'])}"
+        return f"{said}{self._place(felt)}{self._claim.of_row(certified=felt['certified']).unless(felt['certified'])}"
 
     def _inside(self, felt: Numbers) -> str:
         """An end of an interval, rounded into it."""
@@ -215,23 +216,21 @@ class Sentences:
         if not same:
             texts.append(self.stiffest_felt())
         yield from ((f"  {text}", False) for text in texts if text)
-        # Of rows that are searched none is certified: those of a box are proved or not.
-        if self._claim.status is not Status.SEARCHED:
-            said, in_doubt = self.certified()
-            yield f"  {said}", in_doubt
+        said, in_doubt = self.certified()
+        yield f"  {said}", in_doubt
 
-    def _gap(self, low: float, open_places: Numbers | None = None) -> str:
+    def _gap(self, claim: Claim, low: float, open_places: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
 
-        open_places: of the interval, which are named too.
+        claim: of the row. open_places: of the interval, which are named too.
         """
         start = self._numbers["range"][0]
         at_start = start is not None and low <= start
-        if self._claim.status is Status.PROVED:
+        if claim.status is Status.PROVED:
             at_start |= low <= NEXT_TO_ZERO * self._numbers["largest"]["value"]
         said = []
         if not at_start:
-            begins = "met" if self._numbers["required"] else self._claim.everywhere()
+            begins = "met" if self._numbers["required"] else claim.everywhere()
             said.append(f"{begins} from {rounded_up(low)} on")
         if open_places:
             said.append(open_in_words(open_places, self._unit))
@@ -280,8 +279,6 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
                 kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
                 True,
             )
-        elif kind.settled:
-            yield kind.settled, False
 
 
 def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
