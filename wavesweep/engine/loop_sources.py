@@ -189,28 +189,30 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
     if isinstance(block, StateSpaceBlock | Mapping):
         return block
     dt = getattr(block, "dt", None)
-    if dt is None and not type(block).__module__.startswith(
-        "scipy.signal"
-    ):  # where None means continuous
+    none_is_continuous = type(block).__module__.startswith("scipy.signal")
+    if dt is None and not none_is_continuous:
         expected = "a system that says its time: dt = 0 for continuous, or its sample time in s"
         raise UsageError(
             f"block {name}: expected {expected}, found dt = None, which leaves it open"
         )
     every = _every(name, dt, rate_hz)
     if all(hasattr(block, matrix) for matrix in "ABCD"):
-        outputs, inputs = np.shape(block.D)
-        labels = [getattr(block, f"{side}_labels", None) for side in ("input", "output", "state")]
-        ports = _ports(labels[0], inputs, "u"), _ports(labels[1], outputs, "y")
-        states = tuple(labels[2]) if labels[2] and all(map(is_name, labels[2])) else ()
-        return StateSpaceBlock(block.A, block.B, block.C, block.D, every, 0, *ports, states)
+        rows, columns = np.shape(block.D)
+        inputs = _ports(getattr(block, "input_labels", None), columns, "u")
+        outputs = _ports(getattr(block, "output_labels", None), rows, "y")
+        labels = getattr(block, "state_labels", None) or ()
+        states = tuple(labels) if all(map(is_name, labels)) else ()
+        matrices = block.A, block.B, block.C, block.D
+        return StateSpaceBlock(*matrices, every, 0, inputs, outputs, states)
     if hasattr(block, "num") and hasattr(block, "den"):
-        coefficients = [np.squeeze(np.asarray(array, float)) for array in (block.num, block.den)]
-        if all(array.ndim < 2 for array in coefficients):
-            num, den = (np.atleast_1d(array).tolist() for array in coefficients)
-            return {"type": "tf", "num": num, "den": den, **_timing(every, 0)}
-        raise UsageError(
-            f"block {name}: expected a transfer function with one input and one output; convert it to state space"
-        )
+        num = np.squeeze(np.asarray(block.num, float))
+        den = np.squeeze(np.asarray(block.den, float))
+        if num.ndim > 1 or den.ndim > 1:
+            raise UsageError(
+                f"block {name}: expected a transfer function with one input and one output; convert it to state space"
+            )
+        coefficients = {"num": np.atleast_1d(num).tolist(), "den": np.atleast_1d(den).tolist()}
+        return {"type": "tf", **coefficients, **_timing(every, 0)}
     expected = (
         "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
     )

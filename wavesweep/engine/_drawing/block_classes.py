@@ -214,29 +214,30 @@ class _Instance:
     def placed(self, path: Path, leaf: Leaf) -> Iterator[tuple[Path, Leaf]]:
         """Yield where a leaf of the class stands in this block, and the leaf, or that which the
         block itself gives for it."""
-        table, rest = path[0] if path else "", path[1:]
-        if table == "numbers" and rest:
-            value = self.own.pop(rest[:1], None) if rest[1:] in ((), ("value",)) else None
-            yield ("numbers", f"{self.name}_{rest[0]}", *rest[1:]), value or self.renamed(leaf)
-        elif table == "block" and rest:
-            value = self.own.pop(rest, None)
-            yield (
-                ("block", f"{self.name}.{rest[0]}", *rest[1:]),
-                value or (leaf if rest[-1] in WORDS else self.renamed(leaf)),
-            )
-        elif table in ("signals", "wire") and rest:
-            yield (table, *".".join((self.name, *rest)).rsplit(".", 1)), self.renamed(leaf)
-        elif path[:2] == ("ports", "outputs") and len(path) > 2:
-            yield ("signals", f"{self.name}.{path[2]}"), self.renamed(leaf)
+        if len(path) < 2:
+            return
+        table, name, *rest = path
+        if table == "numbers":
+            is_value = rest in ([], ["value"])
+            value = self.own.pop((name,), None) if is_value else None
+            yield ("numbers", f"{self.name}_{name}", *rest), value or self.renamed(leaf)
+        elif table == "block":
+            value = self.own.pop(path[1:], None)
+            if not value:
+                value = leaf if path[-1] in WORDS else self.renamed(leaf)
+            yield ("block", f"{self.name}.{name}", *rest), value
+        elif table in ("signals", "wire"):
+            in_full = ".".join((self.name, name, *rest))
+            yield (table, *in_full.rsplit(".", 1)), self.renamed(leaf)
+        elif (table, name) == ("ports", "outputs") and rest:
+            yield ("signals", f"{self.name}.{rest[0]}"), self.renamed(leaf)
 
     def renamed(self, leaf: Leaf) -> Leaf:
         """The leaf with the names of this block in place of those of the class."""
         value = self._renamed(leaf.value)
-        return (
-            leaf
-            if value == leaf.value
-            else replace(leaf, value=value, place=replace(leaf.place, exact=False))
-        )
+        if value == leaf.value:
+            return leaf
+        return replace(leaf, value=value, place=replace(leaf.place, exact=False))
 
     def _renamed(self, value: object) -> object:
         if isinstance(value, list):

@@ -355,41 +355,37 @@ class _TableReader(PortReader):
         built_in = {name: tree for name, tree in self.meanings.items() if name not in texts}
 
         def expanded(tree: Tree, without: str = "") -> Tree:
-            names = {name for name, _ in names_in(tree)} & texts.keys()
-            meanings = {
-                name: ("number", 0.0, 0) if name == without else expanded(texts[name], without)
-                for name in names
-            }
+            """The tree with the meanings of names; 0 is the meaning of one."""
+            meanings = {}
+            for name in dict(names_in(tree)):
+                if name == without:
+                    meanings[name] = ("number", 0.0, 0)
+                elif name in texts:
+                    meanings[name] = expanded(texts[name], without)
             return remembered(with_trees(with_trees(tree, meanings), built_in), self.signals)[0]
 
         of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
-        texts_of_wires = {
-            port: leaf.value
-            for port, leaf in tables["wire"].items()
-            if port.rpartition(".")[0] in plants
-        }
-        into_plants = {
-            port: parse(text) for port, text in texts_of_wires.items() if isinstance(text, str)
-        }
+        into_plants = {}
+        for port, leaf in tables["wire"].items():
+            if port.rpartition(".")[0] in plants and isinstance(leaf.value, str):
+                into_plants[port] = parse(leaf.value)
         in_full = {port: expanded(tree) for port, tree in into_plants.items()}
         for name, text in texts.items():
             read = of_plants & {signal for signal, _ in linear(expanded(text), self.signals)}
-            acts: tuple[list[str], list[str]] = [], []  # ports: held there, or continuous
+            held_in: list[str] = []
+            continuous_in: list[str] = []
             for port, tree in into_plants.items():
                 trees = in_full[port], expanded(tree, name)
-                continuous = (
-                    None
-                    if trees[0] == trees[1]
-                    else self._acts_continuously(port, trees, read, plants)
-                )
+                if trees[0] == trees[1]:
+                    continue
+                continuous = self._acts_continuously(port, trees, read, plants)
                 if continuous is not None:
-                    acts[continuous].append(port)
-            if acts[0] and acts[1]:
-                expected = f"{name} as in {acts[1][0]}, where it acts continuously, or the output of a hold in both"
-                leaf = tables["wire"][acts[0][0]]
-                self.refuse(
-                    leaf, f"wire.{acts[0][0]}", expected, f"{name} held over a tick", of_key=False
-                )
+                    (continuous_in if continuous else held_in).append(port)
+            if held_in and continuous_in:
+                expected = f"{name} as in {continuous_in[0]}, where it acts continuously, or the output of a hold in both"
+                leaf = tables["wire"][held_in[0]]
+                path = f"wire.{held_in[0]}"
+                self.refuse(leaf, path, expected, f"{name} held over a tick", of_key=False)
 
     def _acts_continuously(
         self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]

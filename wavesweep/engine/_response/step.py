@@ -2,6 +2,7 @@
 that follow the last one."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -136,20 +137,61 @@ def step_of(port: Port, most: int = MOST_SAMPLED_STATES) -> Step:
     E, dE = (matrix[np.ix_(moved, moved)] for matrix in (E, dE))
     C, dC = (rows[:, moved] for rows in (C, dC))
     g, dg = (column[moved] for column in (g, dg))
+    rest = _until_rest(E, g, C, D, most)
+    X = rest.states
+    later = np.vstack([X[1:], rest.after])
+    steps = X @ E.T + g
+    terms = np.abs(X) @ np.abs(E).T + np.abs(g)
+    rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
+    residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
+    of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
+    read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
+    error = rest.gain * float((residual / rest.unit).max(initial=0.0)) + float(read.max())
+    final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
+    if np.isnan(of_final * final):
+        # which all later frames have, but for the tail
+        final = float(rest.value[-1].mean())
+        error = error + rest.tail
+    else:
+        error = error + of_final * abs(final)
+    time_s = np.arange(rest.value.size) * port.period
+    return Step(time_s, rest.value.ravel(), port.period, ticks, final, error, rest.tail)
+
+
+class _Rest(NamedTuple):
+    """Frames of a loop from the step on until it is at rest.
+
+    states: at their starts, `(frames, n)`. after: those at the start of the one after them. value:
+    the samples, `(frames, ticks)`. unit: of the states, in which none exceeds 1. gain: S, how far a
+    change of states by 1 moves a later sample. tail: how far all later samples may be off those of
+    the last frame.
+    """
+
+    states: np.ndarray
+    after: np.ndarray
+    value: np.ndarray
+    unit: np.ndarray
+    gain: float
+    tail: float
+
+
+def _until_rest(E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most: int) -> _Rest:
+    """Return the frames of `x[j+1] - x[j] = E x[j] + g`, samples `C x[j] + D`, by doubling their
+    number until they are at rest; see `step_of`."""
     power = E  # A^n - 1
-    X = np.zeros((1, moved.size))  # states at the starts of n frames
+    X = np.zeros((1, len(g)))  # states at the starts of n frames
     after = g  # and of the one after them
     rows = C[None]  # C A^j
     with np.errstate(all="ignore"):  # of a loop that is not stable
         while True:
             largest = np.abs(np.vstack([X, after])).max(0, initial=0.0)
             unit = np.where(largest > 0, largest, 1.0)
-            size = float((np.abs(np.eye(moved.size) + power) @ unit / unit).max(initial=0.0))
+            size = float((np.abs(np.eye(len(g)) + power) @ unit / unit).max(initial=0.0))
             value = X @ C.T + D
             gain = float((np.abs(rows) @ unit).sum(0).max(initial=0.0) / (1 - size))
             tail = gain * float((np.abs(after - X[-1]) / unit).max(initial=0.0))
             if size <= HALF and tail <= REST * np.abs(value).max():
-                break
+                return _Rest(X, after, value, unit, gain, tail)
             if not np.isfinite(largest).all() or 2 * rows.size > most:
                 raise UsageError(
                     "step: expected a loop that comes to rest, found one that is unstable, or too slow to tell"
@@ -158,19 +200,3 @@ def step_of(port: Port, most: int = MOST_SAMPLED_STATES) -> Step:
             rows = np.concatenate([rows, rows + rows @ power])
             after = after + power @ after + after
             power = power + power + power @ power
-    later = np.vstack([X[1:], after])
-    steps = X @ E.T + g
-    terms = np.abs(X) @ np.abs(E).T + np.abs(g)
-    rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
-    residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
-    of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
-    read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
-    error = gain * float((residual / unit).max(initial=0.0)) + float(read.max())
-    final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
-    if np.isnan(of_final * final):
-        final = float(value[-1].mean())  # which all later frames have, but for the tail
-        error = error + tail
-    else:
-        error = error + of_final * abs(final)
-    time_s = np.arange(value.size) * port.period
-    return Step(time_s, value.ravel(), port.period, ticks, final, error, tail)

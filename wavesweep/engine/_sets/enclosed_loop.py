@@ -152,42 +152,38 @@ class LoopModel:
         C x`.
         """
         placed = [scheduled.block for scheduled in loop.placed]
-        runs = [bool(scheduled.runs(place + 1)[place]) for scheduled in loop.placed]
-        models = [
-            self._exactly(block)
-            if block.name in exact or block.name not in self.blocks
-            else self.blocks[block.name]
-            for block in placed
-        ]
         n = sum(len(block.states) + len(held[block.name]) for block in placed)
         ports = [f"{block.name}.{port}" for block in placed for port in block.inputs]
         made = [f"{block.name}.{port}" for block in placed for port in block.outputs]
-        A, B, C, D = (
-            self._zeros(*shape)
-            for shape in ((n, n), (n, len(ports)), (len(made), n), (len(made), len(ports)))
-        )
-        state = entry = out = 0
-        for block, model, on in zip(placed, models, runs, strict=True):
+        A = self._zeros(n, n)
+        B = self._zeros(n, len(ports))
+        C = self._zeros(len(made), n)
+        D = self._zeros(len(made), len(ports))
+        state = 0
+        entry = 0
+        out = 0
+        for scheduled in loop.placed:
+            block = scheduled.block
             own = slice(state, state + len(block.states))
             into = slice(entry, entry + len(block.inputs))
+            shown = slice(out, out + len(block.outputs))
             rows = [block.outputs.index(port) for port in held[block.name]]
             holding = np.arange(own.stop, own.stop + len(rows))
-            shown = slice(out, out + len(block.outputs))
-            if on:
-                for whole, part, place_of in (
-                    (A, model.E, (own, own)),
-                    (B, model.B, (own, into)),
-                    (C, model.C, (shown, own)),
-                    (D, model.D, (shown, into)),
-                    (A, model.C.at(rows, range(model.C.rest.shape[-1])), (holding, own)),
-                    (B, model.D.at(rows, range(model.D.rest.shape[-1])), (holding, into)),
-                ):
-                    whole.terms[..., *place_of] = part.terms
-                    whole.rest[..., *place_of] = part.rest
+            if scheduled.runs(place + 1)[place]:
+                is_exact = block.name in exact or block.name not in self.blocks
+                model = self._exactly(block) if is_exact else self.blocks[block.name]
+                A.put((own, own), model.E)
+                B.put((own, into), model.B)
+                C.put((shown, own), model.C)
+                D.put((shown, into), model.D)
+                A.put((holding, own), model.C.at(rows, range(len(block.states))))
+                B.put((holding, into), model.D.at(rows, range(len(block.inputs))))
                 A.terms[0, ..., holding, holding] = -1.0
             else:
                 C.terms[0, ..., [out + row for row in rows], holding] = 1.0
-            state, entry, out = own.stop + len(rows), into.stop, shown.stop
+            state = own.stop + len(rows)
+            entry = into.stop
+            out = shown.stop
         K = self._wires(loop, ports, made)
         return A + B @ self._closed(K @ D, K @ C)
 
@@ -375,43 +371,45 @@ class _Evaluation:
         every = int(value_of(block.every, self.loop.known))
         period = tick * every / max(1, len(block.phases))
         if TYPES[block.type].formula:
-            of_names, keys = block.core(ONE, named=True), self._keys(block)
-            numbers = {
-                name: value for name, value in keys.items() if not isinstance(value, str)
-            } | {"T": period}
-            coefficients = []
-            for _, trees in of_names.keys[:2]:
-                coefficients.append([self._in_names(tree, numbers) for tree in trees])
-            discrete = of_names.keys[2][1]
-            if discrete == DELTA:
-                return self._arranged(definitions.controllable(*coefficients))
-            return self._discrete(*coefficients, [None] * len(coefficients[1]))
+            return self._of_formula(block, period)
         core = block.core(ONE)
         keys = self._keys(core)
         if core.type == "butterworth":
             highpass = keys["pass"] == "high"  # noqa: S105 - the side that passes
             return self._filter(keys["order"], keys["cutoff_hz"], highpass, period)
         if core.type == "tf" and keys["discrete"] is True:
-            trees = dict(core.keys)
-            written = [
-                None if dict(names_in(tree)) else float(evaluate(tree, {})) for tree in trees["den"]
-            ]
+            written: list[float | None] = []
+            for tree in dict(core.keys)["den"]:
+                written.append(None if dict(names_in(tree)) else float(evaluate(tree, {})))
             return self._discrete(keys["num"], keys["den"], written)
         if core.type not in CONTINUOUS:
             return self._arranged(definitions.running(core.type, period, keys, self.library.sqrt))
         equations = definitions.continuous(core.type, keys)
         if core.type == "spring":
             return self._arranged(equations)
+        if keys.get("discrete") is True:
+            less_identity = []
+            for i, row in enumerate(equations.E):
+                less_identity.append([entry - int(i == j) for j, entry in enumerate(row)])
+            equations = equations._replace(E=less_identity)
         if keys.get("discrete"):
-            if keys["discrete"] is True:
-                E = [
-                    [entry - int(i == j) for j, entry in enumerate(row)]
-                    for i, row in enumerate(equations.E)
-                ]
-                equations = equations._replace(E=E)
             return self._arranged(equations)
         rates = self._arranged(equations)
         return BlockModel(*self._held(rates.E, rates.B, period), rates.C, rates.D)
+
+    def _of_formula(self, block: DrawnBlock, period: Any) -> BlockModel:
+        """A block of firmware: the transfer function whose coefficients are formulas of its keys
+        and of T."""
+        core = dict(block.core(ONE, named=True).keys)
+        numbers = {"T": period}
+        for name, value in self._keys(block).items():
+            if not isinstance(value, str):
+                numbers[name] = value
+        num = [self._in_names(tree, numbers) for tree in core["num"]]
+        den = [self._in_names(tree, numbers) for tree in core["den"]]
+        if core["discrete"] == DELTA:
+            return self._arranged(definitions.controllable(num, den))
+        return self._discrete(num, den, [None] * len(den))
 
     def _in_names(self, tree, numbers):
         constants = {constant: arb(constant) for constant in constants_of(tree)}

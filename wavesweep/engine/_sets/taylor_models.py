@@ -708,6 +708,11 @@ class Polynomials:
         place = np.ix_(rows, columns)
         return self._like(self.terms[..., *place], self.rest[..., *place])
 
+    def put(self, place: tuple[Any, Any], part: Polynomials) -> None:
+        """Set the rows and columns of a place to another matrix."""
+        self.terms[..., *place] = part.terms
+        self.rest[..., *place] = part.rest
+
     def within(self, middle: np.ndarray, half: np.ndarray) -> Polynomials:
         """The same matrices for s = middle + half t, as polynomials in t, `(numbers,)` each."""
         e = self.exponents
