@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._stability.intervals import Intervals
     from wavesweep.engine._stability.positive import FunctionValues, positive
     from wavesweep.engine._stability.regions import SHARE_OF_SPAN
+    from wavesweep.engine._stability.sampled_frames import ParametricFrames
 else:
     __getattr__ = on_demand(
         {
@@ -33,5 +34,6 @@ else:
             "_stability.intervals": ("Intervals",),
             "_stability.positive": ("FunctionValues", "positive"),
             "_stability.regions": ("SHARE_OF_SPAN",),
+            "_stability.sampled_frames": ("ParametricFrames",),
         }
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
-from wavesweep.engine.intervals import stable_along_any
+from wavesweep.engine.intervals import ParametricFrames, stable_along_any
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import (
     NORM_TOLERANCE,
@@ -223,7 +223,9 @@ class LiftedLoop:
             across = np.concatenate([error, error], -1)
             return _real_form(up, down).real, np.concatenate([across, across], -2)
 
-        return stable_along_any(frames, (0.0, np.pi), 1, np.array([self.period]), errors=errors)
+        return stable_along_any(
+            ParametricFrames(frames, np.array([self.period]), errors=errors), (0.0, np.pi)
+        )
 
 
 def _real_form(up, down):

@@ -137,23 +137,30 @@ class Bound:
             sizes.append(np.maximum(spiral, np.log(gone)))
         return np.stack(sizes, -1) + 1j * theta[..., None]
 
-    def intervals(
-        self, frames, errors, turns, ticks: int, span, columns: int, period, bounds, resolved
-    ) -> Intervals:
+    def intervals(self, frames, span) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that
         conserves."""
         from wavesweep.require.by_discs import along_by_discs
 
         if self.bounded:
-            place, turns = RequiredCircle(), None
+            place = RequiredCircle()
+            turns = None
         else:
-            place = self.damped.spiral(period, ticks)
-            turns = turns if ticks > 1 else None
-        return along_by_discs(frames, errors, turns, span, columns, period, bounds, resolved, place)
+            place = self.damped.spiral(frames.period, frames.ticks)
+            turns = frames.turns if frames.ticks > 1 else None
+        return along_by_discs(
+            frames.frames,
+            frames.errors,
+            turns,
+            span,
+            frames.period.size,
+            frames.period,
+            frames.bounds,
+            frames.resolved,
+            place,
+        )
 
-    def within_gain(
-        self, loops, along: str, span, period, bounds, resolved, stable: Intervals
-    ) -> list[Intervals]:
+    def within_gain(self, frames, span, stable: Intervals) -> list[Intervals]:
         """The intervals in which each gain is small enough, looked for where the loops may be
         stable."""
         from wavesweep.program.analyses.signals import routed
@@ -161,6 +168,8 @@ class Bound:
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.time_intervals import along_time
 
+        loops, along, period = frames.loops, frames.along, frames.period
+        bounds, resolved = frames.bounds, frames.resolved
         small = []
         for wanted in self.gains:
             find = along_time if isinstance(wanted, TimeBound) else along_gain

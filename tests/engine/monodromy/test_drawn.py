@@ -22,6 +22,7 @@ from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import port_of
 from wavesweep.engine._response.steady import respond
 from wavesweep.engine._stability.along_any import stable_along_any
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 
@@ -30,7 +31,7 @@ def along_any(draw, span):
     """The stable intervals along p by eigenvalues, and whether they are certified."""
     drift, first = MarginalModes.of(draw(7.3), draw(8.9)), draw(7.3)
     period = np.array([float(first.period) * first.ticks])
-    found = stable_along_any(lambda _, p: drift.closed_frame(draw(p)), span, 1, period)
+    found = stable_along_any(ParametricFrames(lambda _, p: drift.closed_frame(draw(p)), period), span)
     return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
 
 

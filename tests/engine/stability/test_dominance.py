@@ -8,6 +8,7 @@ from wavesweep.engine._stability import along_any, covering
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.dominance import DominanceTests
 from wavesweep.engine._stability.entries import panels_of
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 
 SPAN = (-1.0, 1.0)
 KINDS = "touches", "crosses", "meets", "wild"
@@ -84,7 +85,7 @@ def tiles_of(matrices, off):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(along_any, "tiles_of", keep)
         errors = lambda _, p: (matrices(_, p), np.broadcast_to(np.abs(off), matrices(_, p).shape))  # noqa: E731
-        stable_along_any(matrices, SPAN, 1, np.ones(1), errors=errors)
+        stable_along_any(ParametricFrames(matrices, np.ones(1), errors=errors), SPAN)
     return found[0] if found else covering.Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
 
 

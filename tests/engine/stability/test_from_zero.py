@@ -10,6 +10,7 @@ import wavesweep
 from wavesweep.engine._drawing.expressions import degree
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._stability.along_any import BENT, stable_along_any
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine.errors import UsageError
 
 T, M = 0.005, 0.1
@@ -74,7 +75,7 @@ def crossing_at_0_6(column, p):
 
 @pytest.mark.parametrize("high", [1e3, 1e9, 1e11])
 def test_a_crossing_next_to_the_low_end_is_no_drift(high):
-    found = stable_along_any(crossing_at_0_6, (0.0, high), 1, np.ones(1), variable=BENT)
+    found = stable_along_any(ParametricFrames(crossing_at_0_6, np.ones(1)), (0.0, high), variable=BENT)
     assert found.certified.all()
     assert found.low.tolist() == [0.0]
     np.testing.assert_allclose(found.high, 0.6, rtol=1e-9, atol=1e-14 * high)
@@ -86,7 +87,7 @@ def test_frames_that_are_not_known_next_to_the_low_end_leave_the_column_in_doubt
         E[np.broadcast_arrays(column, p)[1].ravel().real < 5] = np.nan
         return E
 
-    found = stable_along_any(frames, (0.0, 1e11), 1, np.ones(1), variable=BENT)
+    found = stable_along_any(ParametricFrames(frames, np.ones(1)), (0.0, 1e11), variable=BENT)
     assert not found.certified.any()
     assert found.low.tolist() == [0.0]  # of what is not known, where all that is stable lies
 

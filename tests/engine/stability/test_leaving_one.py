@@ -8,6 +8,7 @@ import wavesweep
 from wavesweep.engine._stability import covering
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.entries import EPS
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 
 OFF = 1e-11  # of the entries at 0, what they may be off by
 
@@ -54,7 +55,7 @@ def proved(matrices, error=0.0):
     covering_proof = covering.proved_from_one
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(covering, "proved_from_one", keep)
-        stable_along_any(matrices, (0.0, 1.0), 1, np.ones(1), errors=errors, from_one=True)
+        stable_along_any(ParametricFrames(matrices, np.ones(1), errors=errors), (0.0, 1.0), from_one=True)
     return [(float(reached[0]), int(outside[0])) for reached, outside in found]
 
 

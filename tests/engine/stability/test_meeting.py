@@ -5,6 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine._stability.along_any import stable_along_any
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 
 
 def line(every, **numbers):
@@ -97,6 +98,6 @@ def test_a_pair_that_crosses_elsewhere_is_not_taken_for_one_that_meets(off):
         E[:, 2, 2] = np.exp(-0.2 * (p - 1)) - 1
         return E
 
-    found = stable_along_any(evaluate, (0.5, 1.6), 1, np.ones(1))
+    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.5, 1.6))
     assert not found.certified.any() or found.count.tolist() == ([1] if off > 0 else [0])
     assert found.certified.all() or off < 1e-6

@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine._stability import along_any, reduced_equation
-from wavesweep.engine._stability.sampled_frames import Frames
+from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
 from wavesweep.engine.doubts import Doubt
 
 STATES = 30  # of the delay
@@ -45,7 +45,7 @@ def regions_of(parts):
         E = frames(_, p).E
         return E, np.finfo(float).eps * np.abs(E)
 
-    return along_any.regions_along_any(frames, (-1.0, 1.0), 1, errors=errors)
+    return along_any.regions_along_any(ParametricFrames(frames, np.ones(1), errors=errors), (-1.0, 1.0))
 
 
 def labels(regions, p):

@@ -10,6 +10,7 @@ from support.specs import values_of
 
 import wavesweep
 from wavesweep.engine._stability.along_any import BENT, stable_along_any
+from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 
@@ -92,7 +93,8 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     loop = wavesweep.compile(spec)
     cut = wall_cut(loop.spec.values).at(np.newaxis)
     exact = loop.stable_intervals(span=(1.0, 20000.0))
-    found = stable_along_any(lambda column, K: cut.at(column).closed(K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
+    frames = ParametricFrames(lambda column, K: cut.at(column).closed(K, 1.0), np.full(1, 0.02))
+    found = stable_along_any(frames, (1.0, 20000.0))
     assert found.certified.all()
     np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
     np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
@@ -116,7 +118,7 @@ def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     def errors(column, K):
         return evaluate(column, K), cut.at(column).errors_of_closed(K, 1.0)
 
-    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), variable=BENT, errors=errors)
+    found = stable_along_any(ParametricFrames(evaluate, np.full(12, 0.02), errors=errors), span, variable=BENT)
     assert found.certified.all() or low == 0  # next to which doubles alone do not tell what leaves z = 1
     assert (exact.low[exact.count > 0] == low).any()
     assert integration == "trapezoidal" or (exact.high < span[1]).all()
@@ -132,7 +134,7 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
         E[..., 0, 0], E[..., 1, 1] = p - 1, -0.5
         return E
 
-    found = stable_along_any(evaluate, (0.1, 5.0), 1, np.ones(1))
+    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.1, 5.0))
     assert found.count.tolist() == [1]
     assert found.certified.all()
     np.testing.assert_allclose(found.high, 1.0, rtol=1e-12)
@@ -150,7 +152,7 @@ def test_two_close_crossings_are_both_found():
         E[..., 0, 1], E[..., 1, 0] = size * np.sin(angle), -size * np.sin(angle)
         return E
 
-    found = stable_along_any(evaluate, (0.0, 1.0), 1, np.ones(1))
+    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.0, 1.0))
     if found.certified.all():
         np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
         np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)
@@ -168,7 +170,7 @@ def test_states_that_only_some_values_have_are_no_crossings():
             E[..., 1, 1] = -0.7
         return E
 
-    found = stable_along_any(evaluate, (0.0, 3.0), 1, np.ones(1))
+    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.0, 3.0))
     assert found.certified.all()
     np.testing.assert_allclose([found.low, found.high], [[0.0], [1.5]], rtol=1e-12)
 
@@ -259,7 +261,7 @@ def test_a_loop_of_many_states_is_proved_where_it_is_stable_and_where_it_is_not(
         return turn @ (z[..., None] * turn.T) - np.eye(16)
 
     for span, highs in (((0.1, 5.0), [1.0]), ((3.0, 5.0), [])):
-        found = stable_along_any(evaluate, span, 1, np.ones(1))
+        found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), span)
         assert found.certified.all()
         np.testing.assert_allclose(found.high[found.count > 0], highs, rtol=1e-9)
 
@@ -286,7 +288,7 @@ def test_ends_are_those_that_were_put_there(seed):
         E[..., 4, 4] = np.exp(steep[2] * (p - at[2])) * (1 if seed % 2 else -1) - 1
         return T.T @ E @ T
 
-    found = stable_along_any(evaluate, (0.5, 9.5), 1, np.ones(1))
+    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.5, 9.5))
     low = max([0.5, *at[steep < 0]])
     high = min([9.5, *at[steep > 0]])
     assert found.certified.all()

@@ -7,7 +7,6 @@ nearby. Stretches in doubt are asked of balls, if there is a prover.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -29,31 +28,27 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
     from wavesweep.engine._stability.along_any import BENT, FROM_ZERO, stable_along_any
 
-    loops, along, span, bound = slices.loops, question.along, question.span, question.bound
+    loops = slices.loops
+    along = question.along
+    span = question.span
+    bound = question.bound
     frames = FramesAlong.of(question, loops, slices.size)
     frames = replace(frames, radius=bound and bound.radius_of(frames.period))
     stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
-    variable = ""
-    if span[0] == 0:
-        bends = bends_at_zero(loops.drawing, along)
-        if bends or (stops_a_drift and _several_are_one_at_zero(frames, slices.size)):
-            variable = FROM_ZERO
+    leaves_as_power = span[0] == 0 and (
+        bends_at_zero(loops.drawing, along)
+        or (stops_a_drift and _several_are_one_at_zero(frames, slices.size))
+    )
+    variable = FROM_ZERO if leaves_as_power else ""
     of_wall = question.number in (loops.drawing.wall or ())
     if of_wall and span[0] >= 0:
         variable = BENT
-    balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
+    balls = None
+    if question.prover and not bound:
+        balls = question.prover(loops, along, frames.period)
+    from_one = stops_a_drift and span[0] == 0 and variable != FROM_ZERO
     intervals = stable_along_any(
-        frames.frames,
-        span,
-        slices.size,
-        frames.period,
-        bounds=frames.bounds,
-        variable=variable,
-        errors=frames.errors,
-        balls=balls,
-        resolved=frames.resolved,
-        tight=partial(frames.errors, tight=True),
-        from_one=stops_a_drift and span[0] == 0 and variable != FROM_ZERO,
+        frames.family, span, variable=variable, balls=balls, from_one=from_one
     )
     if stops_a_drift:
         intervals = _meeting_one_at_zero(span, intervals)
@@ -63,11 +58,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
 def _drifts_at_zero_alone(question, loops):
     """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1
     where the number is 0."""
-
-    held, free = (
-        loops.changed({question.along: value}).drift_of_frames()
-        for value in (np.array(question.span), 0.0)
-    )
+    held = loops.changed({question.along: np.array(question.span)}).drift_of_frames()
+    free = loops.changed({question.along: 0.0}).drift_of_frames()
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
 
 
@@ -84,12 +76,13 @@ def _meeting_one_at_zero(span, intervals):
     promised."""
     from wavesweep.engine._stability.crossings import SLIVER
 
-    nothing, changes = SLIVER * (span[1] - span[0]), {}
+    nothing = SLIVER * (span[1] - span[0])
+    changes = {}
     for end in ("low", "high"):
-        value, omega = getattr(intervals, end), getattr(intervals, f"{end}_omega")
+        value = getattr(intervals, end)
+        omega = getattr(intervals, f"{end}_omega")
         at_zero = np.abs(value) <= nothing
+        alone = at_zero & ~(omega > 0)  # another mode may cross there as well
         changes[end] = np.where(at_zero, 0.0, value)
-        changes[f"{end}_omega"] = np.where(
-            at_zero & ~(omega > 0), 0.0, omega
-        )  # another mode may cross there as well
+        changes[f"{end}_omega"] = np.where(alone, 0.0, omega)
     return replace(intervals, **changes)

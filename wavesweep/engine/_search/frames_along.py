@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -18,7 +19,7 @@ from wavesweep.engine._search.lines_of_loops import lines_in_discs
 from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO
 from wavesweep.engine._search.question import Question
 from wavesweep.engine._stability.intervals import Intervals
-from wavesweep.engine._stability.sampled_frames import Frames
+from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct_rows
@@ -28,15 +29,16 @@ from wavesweep.engine.rows import distinct_rows
 class FramesAlong:
     """Loops of a batch at values p of the number `along`; `number` says which of the loops.
 
-    period: of their frames, s. bounds: of the values with which there are loops. resolved: between
-    which of them all expressions of a loop are resolved. open_ticks: the loops without the number
-    in their ticks, if it is one scalar gain of them. shared: path of another number that is one, in
-    which loops differ: without it in their ticks these are the same loops. radius: of each loop, a
-    circle in place of the unit circle.
+    ticks: of a frame. period: of their frames, s. bounds: of the values with which there are loops.
+    resolved: between which of them all expressions of a loop are resolved. open_ticks: the loops
+    without the number in their ticks, if it is one scalar gain of them. shared: path of another
+    number that is one, in which loops differ: without it in their ticks these are the same loops.
+    radius: of each loop, a circle in place of the unit circle.
     """
 
     loops: Loops
     along: str
+    ticks: int
     period: np.ndarray
     bounds: tuple
     resolved: ResolvedAlong
@@ -49,29 +51,41 @@ class FramesAlong:
     def of(question: Question, loops: Loops, size: int) -> "FramesAlong":
         """The loops of `size` slices within the span, without the number in their ticks if it is
         one scalar gain of them."""
-        drawn, along, span, open_ticks, shared = (
-            loops.drawn(),
-            question.along,
-            question.span,
-            None,
-            "",
-        )
+        along = question.along
+        drawn = loops.drawn()
+        open_ticks = None
         if scalar_place(loops.drawing, question.number):
             with suppress(IllPosedLoopError), np.errstate(all="ignore"):
                 at_one = loops.changed({along: 1.0})
-                open_ticks = OpenTicks.of(
-                    at_one.drawn(question.number), at_one.drawn(), PRODUCT, FACTOR
-                )
-        if open_ticks is None:
-            others = [path for path, v in loops.values.items() if np.ndim(v) and path != along]
-            shared = next(
-                (path for path in others if scalar_place(loops.drawing, name_of(path))), ""
-            )
-        drift = loops.changed({along: np.array(span)}).drift_of_frames()
-        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-        bounds = domains(*loops, along, span, size)
+                opened = at_one.drawn(question.number)
+                open_ticks = OpenTicks.of(opened, at_one.drawn(), PRODUCT, FACTOR)
+        scalars = []
+        for path, value in loops.values.items():
+            is_other = np.ndim(value) and path != along
+            if is_other and open_ticks is None and scalar_place(loops.drawing, name_of(path)):
+                scalars.append(path)
         return FramesAlong(
-            loops, along, period, bounds, ResolvedAlong(*loops, along), drift, open_ticks, shared
+            loops=loops,
+            along=along,
+            ticks=drawn.ticks,
+            period=np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,)),
+            bounds=domains(*loops, along, question.span, size),
+            resolved=ResolvedAlong(*loops, along),
+            drift=loops.changed({along: np.array(question.span)}).drift_of_frames(),
+            open_ticks=open_ticks,
+            shared=scalars[0] if scalars else "",
+        )
+
+    @property
+    def family(self) -> ParametricFrames:
+        """The same as functions of the number."""
+        return ParametricFrames(
+            frames=self.frames,
+            period=self.period,
+            bounds=self.bounds,
+            errors=self.errors,
+            tight=partial(self.errors, tight=True),
+            resolved=self.resolved,
         )
 
     def _at(self, number, p):
@@ -81,21 +95,21 @@ class FramesAlong:
         """The frames, number and p being broadcast together; NaN for loops of direct terms
         without a solution."""
         p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
-        varied, shape = self._at(number, p), p.shape
-        if self.open_ticks is None:
-            frames = self._shared(number, p) if self.shared else None
-            frames = frames_where_solvable(varied, self.drift, shape) if frames is None else frames
-        else:
+        shape = p.shape
+        varied = self._at(number, p)
+        frames = None
+        if self.open_ticks is not None:
             E, *facts = self.open_ticks.frames(number, p)
             frames = _frames(self.drift.removed_from(E), facts, shape)
+        elif self.shared:
+            frames = self._shared(number, p)
+        if frames is None:
+            frames = frames_where_solvable(varied, self.drift, shape)
         if self.radius is not None:
-            frames = replace(
-                frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel())
-            )
-        divisors = varied.guards_at(self.along, shape)
-        return replace(
-            frames, pivots=np.concatenate([frames.pivots, divisors.reshape(p.size, -1)], axis=-1)
-        )
+            radius = np.broadcast_to(self.radius[number], shape).ravel()
+            frames = replace(frames, E=within(frames.E, radius))
+        divisors = varied.guards_at(self.along, shape).reshape(p.size, -1)
+        return replace(frames, pivots=np.concatenate([frames.pivots, divisors], axis=-1))
 
     def _shared(self, number, p):
         """The frames from ticks without the shared number; None if too few loops share them, or
@@ -152,21 +166,15 @@ class FramesAlong:
             ticks = self._closed(number, p)
         except IllPosedLoopError:
             if p.size == 1:
-                return (
-                    np.full(
-                        (1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))),
-                        np.nan,
-                    ),
-                ) * 2
-            points = zip(
-                *(array.reshape(-1, 1) for array in np.broadcast_arrays(number, p)), strict=True
-            )
-            return tuple(
-                np.concatenate(arrays)
-                for arrays in zip(
-                    *(self.errors(*point, tight=tight) for point in points), strict=True
-                )
-            )
+                order = max(2, len(self.drift.remaining))
+                unknown = np.full((1, order, order), np.nan)
+                return unknown, unknown
+            frames, bounds = [], []
+            for one, value in zip(*np.broadcast_arrays(number, p), strict=True):
+                E, dE = self.errors(one[None], value[None], tight=tight)
+                frames.append(E)
+                bounds.append(dE)
+            return np.concatenate(frames), np.concatenate(bounds)
         with np.errstate(all="ignore"):
             arrays = self.drift.frames_with_errors(ticks, tight=tight)
         E, dE = (np.broadcast_to(array, (p.size, *array.shape[-2:])) for array in arrays)
@@ -179,13 +187,14 @@ class FramesAlong:
 def _frames(E, facts, shape):
     """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after
     the other."""
-    size, (pivot, condition) = prod(shape), facts
-    arrays = zip(
-        (E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True
-    )
-    return Frames(
-        *(np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail) for array, tail in arrays)
-    )
+    pivot, condition = facts
+    size = prod(shape)
+
+    def flat(array, *tail):
+        return np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail)
+
+    pivots = flat(np.asarray(pivot)[..., None], 1)
+    return Frames(flat(E, *E.shape[-2:]), pivots, flat(condition))
 
 
 def _ticks(loops, *, terms=False):
@@ -208,13 +217,14 @@ def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, 
         if size == 1:
             order = max(2, len(drift.remaining))
             return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
-    loops = loops.changed(
-        {path: np.broadcast_to(v, shape).ravel() for path, v in loops.values.items() if np.ndim(v)}
-    )
+    flat = {}
+    for path, value in loops.values.items():
+        if np.ndim(value):
+            flat[path] = np.broadcast_to(value, shape).ravel()
+    loops = loops.changed(flat)
     halves = np.array_split(np.arange(size), 2)
-    return Frames.join(
-        [frames_where_solvable(loops.some(half), drift, half.shape) for half in halves]
-    )
+    parts = [frames_where_solvable(loops.some(half), drift, half.shape) for half in halves]
+    return Frames.join(parts)
 
 
 def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:

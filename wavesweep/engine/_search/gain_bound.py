@@ -25,11 +25,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     loops, bound = slices.loops, question.bound
     stable = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
-    of_gains = bound.within_gain(
-        loops, question.along, question.span, frames.period, frames.bounds, frames.resolved, stable
-    )
     together = [stable]
-    for small in of_gains:
+    for small in bound.within_gain(frames, question.span, stable):
         # Ends of stability are in their own time already; those of the gain have a minus.
         timed = in_own_time(small, loops, question.along)
         omegas = {}

@@ -49,16 +49,6 @@ def _in_region(question, slices):
     """The intervals in which every eigenvalue is in the region, by its own search."""
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 
-    bound, frames = question.bound, FramesAlong.of(question, slices.loops, slices.size)
-    intervals = bound.intervals(
-        frames.frames,
-        frames.errors,
-        frames.turns,
-        slices.loops.drawn().ticks,
-        question.span,
-        slices.size,
-        frames.period,
-        frames.bounds,
-        frames.resolved,
-    )
+    frames = FramesAlong.of(question, slices.loops, slices.size)
+    intervals = question.bound.intervals(frames, question.span)
     return in_own_time(intervals, slices.loops, question.along)

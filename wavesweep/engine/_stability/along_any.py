@@ -14,7 +14,7 @@ from wavesweep.engine._stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.engine._stability.reduced_equation import LONG_LINES, tiles_by_lines
 from wavesweep.engine._stability.regions import SHARE_OF_SPAN, Regions
-from wavesweep.engine._stability.sampled_frames import Frames
+from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
 from wavesweep.engine.doubts import Doubt
 
 BENT_AT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
@@ -28,71 +28,41 @@ COLUMN_ENTRIES_AT_ONCE = 2**21
 
 
 def stable_along_any(
-    frames: Callable[..., Any],
+    family: ParametricFrames,
     span: tuple[float, float],
-    columns: int,
-    period: np.ndarray,
     *,
-    bounds: tuple[Any, Any] = (-np.inf, np.inf),
     variable: str = "",
-    errors: Callable[..., Any] | None = None,
-    tight: Callable[..., Any] | None = None,
     balls: Callable[..., Any] | None = None,
-    resolved: Any = None,
     from_one: bool = False,
 ) -> Intervals:
-    """All stable intervals of every column within span = (low, high) of a parameter p that may
-    enter in any smooth way.
+    """All stable intervals of every column within span = (low, high) of the number of a family.
 
-    period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
+    The others, and the accuracy: see `regions_along_any`.
     """
-    regions = regions_along_any(
-        frames,
-        span,
-        columns,
-        bounds=bounds,
-        variable=variable,
-        errors=errors,
-        tight=tight,
-        balls=balls,
-        resolved=resolved,
-        from_one=from_one,
-    )
-    return intervals_of(regions, doubts_of(regions, np.full(columns, Doubt.NONE)), period)
+    regions = regions_along_any(family, span, variable=variable, balls=balls, from_one=from_one)
+    doubts = doubts_of(regions, np.full(family.columns, Doubt.NONE))
+    return intervals_of(regions, doubts, family.period)
 
 
 def regions_along_any(
-    frames,
-    span,
-    columns: int,
+    family: ParametricFrames,
+    span: tuple[float, float],
     *,
-    bounds=(-np.inf, np.inf),
-    variable="",
-    errors=None,
-    tight=None,
-    balls=None,
-    resolved=None,
+    variable: str = "",
+    balls: Callable[..., Any] | None = None,
     from_one: bool = False,
 ) -> Regions:
-    """The parts of the span = (low, high) of a parameter p in which each column is stable,
-    unstable, or not known.
+    """The parts of the span = (low, high) of the number p of a family in which each column is
+    stable, unstable, or not known.
 
-    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or
-    matrices `(..., order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if
-    column is `(m, 1)`. columns: number of columns. bounds: p beyond them has no loop, a number or
-    `(columns,)` each. errors(column, p): frames less identity in the same states, and bounds on the
-    errors of their entries; by default these are a few roundings. variable: BENT, the logarithm of
-    the distance from the low end and a BENT_AT-th of the span, as stiffnesses and dampings have
-    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from
-    0, at which the loop need not be analytic and eigenvalues may leave z = 1 as any power of p;
-    otherwise it is that of p if high > LOGARITHMIC_RATIO low > 0, as masses, impedances and cutoffs
-    act by their ratios, or else p. balls(column, low, high): stable intervals of what is left in
-    doubt, see `covering.proved_by_balls`; by default it stays so. resolved(column, low, high,
-    offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
-    if scale is 0, with t from low to high, `(n,)` all; see `_loops.resolution`. By default they
-    have none anywhere. tight(column, p): what errors does, with bounds that are tighter and take
-    longer, for windows that are too wide otherwise. from_one: whether an eigenvalue is exactly 1 at
-    the low end of the span, see `leaving_one`; not for FROM_ZERO.
+    variable: BENT, the logarithm of the distance from the low end and a BENT_AT-th of the span, as
+    stiffnesses and dampings have poles below zero; FROM_ZERO, the logarithm of p from where ends
+    are told from 0, for a span from 0, at which the loop need not be analytic and eigenvalues may
+    leave z = 1 as any power of p; otherwise it is that of p if high > LOGARITHMIC_RATIO low > 0, as
+    masses, impedances and cutoffs act by their ratios, or else p. balls(column, low, high): stable
+    intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
+    from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not
+    for FROM_ZERO.
 
     The entries of the frame are followed on panels as polynomials with a bound on their error
     (`entries`). From places on these it is proved how far to both sides no eigenvalue is on the
@@ -107,7 +77,7 @@ def regions_along_any(
         low = END_ROUNDING * SHARE_OF_SPAN * high
     v = _variable_of(low, high, variable)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
-        bounds = np.stack([np.zeros(columns) + end for end in bounds])
+        bounds = np.stack([np.zeros(family.columns) + end for end in family.bounds])
         bounds = np.where(bounds > low - v.unit, v.into(bounds), -np.inf)
 
     def slack(t):
@@ -115,29 +85,20 @@ def regions_along_any(
             return END_ROUNDING + 0 * t
         return END_ROUNDING * (np.abs(v.out(t)) + SHARE_OF_SPAN * (high - low)) / v.slope(t)
 
-    def through(function, column, t):
-        with np.errstate(over="ignore"):  # beside the largest doubles
-            p = v.out(t)
-        return function(column, p)
-
-    if errors is None:
-        errors = partial(_rounded, frames)
     search = _Search(
-        frames=partial(through, frames),
-        errors=partial(through, errors),
-        tight=partial(through, errors if tight is None else tight),
+        family=family,
+        variable=v,
         span=(v.into(low), v.into(high)),
         slack=slack,
         balls=balls and _in_variable(balls, v.into, v.out),
-        resolved=resolved
-        and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale)),
         from_one=from_one,
     )
-    order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
+    in_middle = family.frames(np.zeros(1, int), np.array([(low + high) / 2]))
+    order = Frames.of(in_middle).E.shape[-1]
     few = max(1, COLUMN_ENTRIES_AT_ONCE // (2 * (DEGREES[-1] + 1) * order**2))
     portions = []
-    for first in range(0, columns, few):
-        names = np.arange(first, min(first + few, columns))
+    for first in range(0, family.columns, few):
+        names = np.arange(first, min(first + few, family.columns))
         portions.append(search.regions(names, bounds[:, names]))
     regions = Regions.join(portions)
     # 0 within the range is what it is but for rounding.
@@ -202,40 +163,41 @@ def _in_variable(balls, into, out):
         if intervals is None:
             return None
         exact = {a: low, b: high}
-        return [
-            (*(exact.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in intervals
-        ]
+        in_variable = []
+        for first, last, *others in intervals:
+            ends = [exact.get(end, float(into(end))) for end in (first, last)]
+            in_variable.append((*ends, *others))
+        return in_variable
 
     return proved_there
 
 
-def _rounded(frames, column, p):
-    E = Frames.of(frames(column, p)).E
-    return E, 4 * EPS * np.abs(E)
-
-
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """What is asked of columns in the variable: see `regions_along_any`. slack(t): how far an
-    end may be off."""
+    """What is asked of columns of a family in the variable t: see `regions_along_any`. span: of t.
+    slack(t): how far an end may be off."""
 
-    frames: Callable
-    errors: Callable
-    tight: Callable
+    family: ParametricFrames
+    variable: _Variable
     span: tuple[float, float]
     slack: Callable
     balls: Callable | None
-    resolved: Callable | None
     from_one: bool
+
+    def at(self, function, column, t):
+        """The value of a function of columns and of the number, at values of the variable."""
+        with np.errstate(over="ignore"):  # beside the largest doubles
+            p = self.variable.out(t)
+        return function(column, p)
 
     def regions(self, names, bounds) -> Regions:
         """The regions of some columns."""
         of_columns = _InEvenUnits.of(self, names)
         points = of_columns.points
         columns = names.size
-        resolved = self.resolved and (
-            lambda column, low, high: self.resolved(names[column], low, high)
-        )
+        resolved = None
+        if self.family.resolved is not None:
+            resolved = partial(self._resolved, names)
         order = of_columns.ratio.shape[-1]
         panels, lost = panels_of(
             of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order
@@ -262,6 +224,11 @@ class _Search:
         regions = regions_of(tiles, lost, self.span, columns, attached)
         return replace(regions, column=names[regions.column])
 
+    def _resolved(self, names, column, low, high):
+        """Whether frames have no narrow features for the variable from low to high."""
+        offset, scale = self.variable.offset, self.variable.scale
+        return self.family.resolved(names[column], low, high, offset, scale)
+
 
 @dataclass(frozen=True, slots=True)
 class _InEvenUnits:
@@ -284,7 +251,8 @@ class _InEvenUnits:
         points = low + (high - low) * np.array(TYPICAL)
         columns = names.size
         column = np.arange(columns)[:, None]
-        E = Frames.of(search.frames(names[column], np.tile(points, (columns, 1)))).E
+        sampled = search.at(search.family.frames, names[column], np.tile(points, (columns, 1)))
+        E = Frames.of(sampled).E
         E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
         sizes = np.abs(E).reshape(columns, points.size, *E.shape[1:])
         # Frames that grow are large in any units.
@@ -304,20 +272,21 @@ class _InEvenUnits:
 
     def frames(self, column, t) -> Frames:
         """The frames of columns, counted from 0, at values of the variable."""
-        sampled = Frames.of(self.search.frames(self.names[column], t))
+        sampled = self.search.at(self.search.family.frames, self.names[column], t)
+        sampled = Frames.of(sampled)
         return replace(sampled, E=self._scaled(sampled.E, column, t))
 
     def errors(self, column, t) -> tuple[np.ndarray, np.ndarray]:
         """The same, each by itself, with bounds on the errors of entries."""
-        return self._with_bounds(self.search.errors, column, t)
+        return self._with_bounds(self.search.family.with_errors, column, t)
 
     def tight(self, column, t) -> tuple[np.ndarray, np.ndarray]:
         """The same with tight bounds."""
-        return self._with_bounds(self.search.tight, column, t)
+        return self._with_bounds(self.search.family.with_tight_errors, column, t)
 
     def _with_bounds(self, function, column, t):
         column, t = np.broadcast_arrays(column, t)
-        E, bounds = function(self.names[column.ravel()], t.ravel())
+        E, bounds = self.search.at(function, self.names[column.ravel()], t.ravel())
         return self._scaled(E, column, t), self._scaled(bounds, column, t)
 
 

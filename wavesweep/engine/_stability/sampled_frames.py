@@ -1,11 +1,15 @@
 """Frames of a loop at values of a number, and whether they are analytic in it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from wavesweep.engine.rows import Rows
 
+# relative: what entries of a frame may be off by if nothing is said of them, four roundings
+FRAME_ROUNDING = 4 * 2.0**-52
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
 ZERO_LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
 
@@ -34,6 +38,45 @@ class Frames(Rows):
             return frames
         E = frames.reshape(-1, *frames.shape[-2:])
         return Frames(E, np.ones((len(E), 1)), np.ones(len(E)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParametricFrames:
+    """The frames of columns of loops as functions of a number p that may enter in any smooth way.
+
+    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or
+    matrices `(..., order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if
+    column is `(m, 1)`. period: of the frame of each column, s, `(columns,)`. bounds: p beyond them
+    has no loop, a number or `(columns,)` each. errors(column, p): frames less identity in the same
+    states, and bounds on the errors of their entries; by default these are a few roundings.
+    tight(column, p): what errors does, with bounds that are tighter and take longer, for windows
+    that are too wide otherwise. resolved(column, low, high, offset, scale): whether frames have no
+    narrow features for p = offset + scale exp(t), or p = t if scale is 0, with t from low to high,
+    `(n,)` all; see `_loops.resolution`. By default they have none anywhere.
+    """
+
+    frames: Callable[..., Any]
+    period: np.ndarray
+    bounds: tuple[Any, Any] = (-np.inf, np.inf)
+    errors: Callable[..., Any] | None = None
+    tight: Callable[..., Any] | None = None
+    resolved: Callable[..., Any] | None = None
+
+    @property
+    def columns(self) -> int:
+        """The number of columns."""
+        return int(self.period.size)
+
+    def with_errors(self, column: Any, p: Any) -> Any:
+        """What `errors` gives; of frames without it, with some roundings of their entries."""
+        if self.errors is not None:
+            return self.errors(column, p)
+        E = Frames.of(self.frames(column, p)).E
+        return E, FRAME_ROUNDING * np.abs(E)
+
+    def with_tight_errors(self, column: Any, p: Any) -> Any:
+        """What `tight` gives, or `with_errors`."""
+        return self.with_errors(column, p) if self.tight is None else self.tight(column, p)
 
 
 def level(pivots: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
