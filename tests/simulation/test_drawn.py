@@ -9,7 +9,7 @@ from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._response.lifted import Lifted
-from wavesweep.engine._response.port import port_of
+from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.steady import respond
 from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.inputs import Tone
@@ -79,7 +79,7 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     signals = {"f_h": force, "x": seen["m.x"], "f_device": seen["m.f"]}
     f, x, reaction = components(signals, tone, 1 / drawn.period, drawn.ticks)
     ports = Ports("hand", "m.x", "m.f")
-    linear = respond(Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ("m.x", "m.f")))), [frequency])
+    linear = respond(Lifted.of(Port.of(drawn, ports, MarginalModes.of(drawn, drawn, ("m.x", "m.f")))), [frequency])
     assert abs(x / f - linear.admittance[0]) <= 1e-9 * abs(linear.admittance[0])
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
 

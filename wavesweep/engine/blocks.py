@@ -6,7 +6,6 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._loops.block import Block
-    from wavesweep.engine._loops.dead_time import built, shares, timing
     from wavesweep.engine._loops.definitions import Rows, continuous, running
     from wavesweep.engine._loops.device import impulse_and_step, motion
     from wavesweep.engine._loops.from_drawing import (
@@ -17,10 +16,6 @@ if TYPE_CHECKING:
         PRODUCT,
         REACTION,
         Ports,
-        axes_of,
-        hand_of,
-        scalar_place,
-        seen_by_hand,
     )
     from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
     from wavesweep.engine._loops.values import values_of
@@ -29,7 +24,6 @@ else:
     __getattr__ = on_demand(
         {
             "_loops.block": ("Block",),
-            "_loops.dead_time": ("built", "shares", "timing"),
             "_loops.definitions": ("Rows", "continuous", "running"),
             "_loops.device": ("impulse_and_step", "motion"),
             "_loops.from_drawing": (
@@ -40,10 +34,6 @@ else:
                 "PRODUCT",
                 "Ports",
                 "REACTION",
-                "axes_of",
-                "hand_of",
-                "scalar_place",
-                "seen_by_hand",
             ),
             "_loops.multirate": ("MultirateLoop", "ScheduledBlock"),
             "_loops.values": ("values_of",),

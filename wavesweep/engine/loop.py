@@ -10,7 +10,7 @@ from wavesweep.engine._drawing import gain_at_signal
 from wavesweep.engine._drawing.drawing import Drawing, path_of
 from wavesweep.engine._loops import dead_time, domain, from_drawing
 from wavesweep.engine._loops.common_tick import with_common_tick
-from wavesweep.engine._loops.from_drawing import hand_of
+from wavesweep.engine._loops.from_drawing import Ports
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
@@ -115,6 +115,10 @@ class Loops(NamedTuple):
         drawing = dead_time.in_whole_ticks(self.drawing, self.values, along)
         return None if drawing is None else Loops(drawing, self.values)
 
+    def dead_times(self) -> dict[str, dead_time.DeadTime]:
+        """The dead times of the loops by the names of their blocks."""
+        return dead_time.of_loops(self.drawing, self.values)
+
     def breaks(self, path: str, span: Span) -> list[float]:
         """The ends of a number's span and the values within it at which dead times decide anew how one loop is built."""
         return dead_time.breaks(self.drawing, self.values, path, span)
@@ -173,7 +177,7 @@ class Loops(NamedTuple):
 
     def drift_at_hand(self) -> MarginalModes:
         """The drift as the hand's port sees it."""
-        return self.drift(watched=hand_of(self.drawing).signals)
+        return self.drift(watched=Ports.of_hand(self.drawing).signals)
 
     def frames(self, drift: MarginalModes) -> Floats:
         """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; NaN where rounding leaves nothing of them."""

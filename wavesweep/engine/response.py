@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame
     from wavesweep.engine._response.linear_systems import solved
     from wavesweep.engine._response.peak import PeakGain, l1_norm
-    from wavesweep.engine._response.port import NoPositionError, Port, port_between, port_of
+    from wavesweep.engine._response.port import NoPositionError, Port
     from wavesweep.engine._response.static import Response
     from wavesweep.engine._response.steady import respond, static_response, transfer
     from wavesweep.engine._response.step import BAND, MOST_SAMPLED_STATES, Step, step_of
@@ -29,7 +29,7 @@ else:
             "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
             "_response.linear_systems": ("solved",),
             "_response.peak": ("PeakGain", "l1_norm"),
-            "_response.port": ("NoPositionError", "Port", "port_between", "port_of"),
+            "_response.port": ("NoPositionError", "Port"),
             "_response.static": ("Response",),
             "_response.steady": ("respond", "static_response", "transfer"),
             "_response.step": ("BAND", "MOST_SAMPLED_STATES", "Step", "step_of"),

@@ -21,7 +21,6 @@ from wavesweep.engine.blocks import (
     Block,
     MultirateLoop,
     ScheduledBlock,
-    scalar_place,
 )
 from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.errors import UsageError
@@ -158,7 +157,7 @@ def frames_with_messages(
     number that the loop reads in several places, for channels with too many things that may happen,
     or for messages that carry what drifts.
     """
-    if number and not scalar_place(drawing, name_of(number)):
+    if number and not drawing.scalar_place(name_of(number)):
         raise UsageError(
             f"intervals along {number}: where messages may be late or lost, expected a number that one wire or gain reads "
             "linearly, found another; look along another one"

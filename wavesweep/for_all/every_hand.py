@@ -12,7 +12,6 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.blocks import scalar_place
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import degree
@@ -119,7 +118,7 @@ def _refuse_loop(spec, rules, drawing):
 def _acts_once(ruled: Drawing, name: str) -> bool:
     """Whether a single wire or gain of a loop with a ruler reads a number, and what it gives
     does not come back to it."""
-    place = scalar_place(ruled, name)
+    place = ruled.scalar_place(name)
     if not place:
         return False
     start = place.split(".")[1]

@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop, scalar_place
+from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import MarginalModes, OpenTicks, Ticks
@@ -131,7 +131,7 @@ class Plan:
         Errors: UsageError for a number that the loop reads otherwise.
         """
         at_steps = [self.schedule.with_period(self.drawing, step) for step in self.steps]
-        if number and not all(scalar_place(each, name_of(number)) for each in at_steps):
+        if number and not all(each.scalar_place(name_of(number)) for each in at_steps):
             raise UsageError(
                 f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
                 "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "

@@ -8,7 +8,6 @@ from textwrap import shorten
 
 import numpy as np
 
-from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
@@ -144,7 +143,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
         for axis in for_all.unknown
         if axis.name in ranges and {axis.path, along} & probabilities
     )
-    timed = _timed(for_all.unknown, along, timing(drawing))
+    timed = _timed(for_all.unknown, along, drawing.timing)
     cases = np.prod(
         [len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural],
         initial=1.0,
@@ -277,7 +276,7 @@ def _refuse_faults(rules, values, fixed) -> None:
 
 def _pieces(drawing, values, ranges):
     """Yield ranges in which dead times have the same whole ticks, and these ticks."""
-    timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
+    timed = next((axis for axis in ranges if name_of(axis.path) in drawing.timing), None)
     if not timed:
         yield ranges, {}
         return

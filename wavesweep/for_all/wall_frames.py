@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.engine.blocks import BESIDE, FACTOR, PRODUCT, scalar_place
+from wavesweep.engine.blocks import BESIDE, FACTOR, PRODUCT
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.frames import (
     ENTRY_ROUNDING,
@@ -59,7 +59,7 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
     wall: the paths of stiffness and damping.
     """
     names = [name_of(path) for path in wall]
-    if not all(scalar_place(plan.drawing, name) for name in names):
+    if not all(plan.drawing.scalar_place(name) for name in names):
         return None
     open_values = {**plan.values, **dict.fromkeys(wall, 0.0)}
 

@@ -10,10 +10,6 @@ from wavesweep.engine.blocks import (
     PRODUCT,
     MultirateLoop,
     Ports,
-    hand_of,
-    scalar_place,
-    seen_by_hand,
-    timing,
 )
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
@@ -59,7 +55,7 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
 
 def _fill_felt(felt, loops):
     """Write what is known of `felt_of` into the array."""
-    ports = hand_of(loops.drawing)
+    ports = Ports.of_hand(loops.drawing)
     size = felt.size
     drawn = loops.drawn()
     drift = loops.drift_at_hand()
@@ -84,12 +80,12 @@ def _fill_felt(felt, loops):
             values = {path: rate[at].item() for path, rate in rates.items()}
             felt[members] = felt_of(loops.some(members).changed(values), members.size)
         return
-    from wavesweep.engine.response import Lifted, port_of, static_response
+    from wavesweep.engine.response import Lifted, Port, static_response
 
     if unknown.size < size:
         drawn = loops.some(unknown).drawn()
     with drawn.naming_blocks():
-        response = static_response(Lifted.of(port_of(drawn, ports, drift)))
+        response = static_response(Lifted.of(Port.of(drawn, ports, drift)))
     felt[unknown] = np.where(
         response.impedance_error <= KNOWN_STIFFNESS, response.impedance.real, np.nan
     )
@@ -100,9 +96,9 @@ def hand_in_frame(
 ) -> Ports | None:
     """The hand, if its loops may feel a wall, and a frame without the numbers shows the force
     against it; see `FindPort`."""
-    if not feels(drawing) or any(seen_by_hand(drawing, number) for number in numbers):
+    if not feels(drawing) or any(drawing.seen_by_hand(number) for number in numbers):
         return None
-    hand = hand_of(drawing)
+    hand = Ports.of_hand(drawing)
     return hand if shows_at_rest(drawn, hand, read) else None
 
 
@@ -116,7 +112,7 @@ def stiffness_at_ends(
     unknown = np.flatnonzero(np.isnan(felt).any(0))
     if not unknown.size:
         return felt
-    in_pieces = name_of(question.along) in timing(loops.drawing)
+    in_pieces = name_of(question.along) in loops.drawing.timing
     at_any_value = buildable(loops, question.along)
     place = place[unknown]
 
@@ -213,15 +209,15 @@ def _frame_at_rest(opened: Opened) -> DcGain | None:
 
 def _tick_at_rest(question, loops) -> DcGain | None:
     """The loops at rest from a tick, if the number is one scalar gain of them."""
-    if not scalar_place(loops.drawing, question.number) or seen_by_hand(
-        loops.drawing, question.number
+    if not loops.drawing.scalar_place(question.number) or loops.drawing.seen_by_hand(
+        question.number
     ):
         return None
     with suppress(IllPosedLoopError):
         drift = loops.changed({question.along: np.array(question.span)}).drift_at_hand()
         if not (drift.constant or drift.varying):
             drawn = loops.changed({question.along: 1.0}).drawn(question.number)
-            return tick_dcgain(drawn, hand_of(loops.drawing), PRODUCT, FACTOR)
+            return tick_dcgain(drawn, Ports.of_hand(loops.drawing), PRODUCT, FACTOR)
     return None
 
 

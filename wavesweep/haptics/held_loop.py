@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.blocks import MultirateLoop, axes_of, built, shares, values_of
+from wavesweep.engine.blocks import MultirateLoop, Ports, values_of
 from wavesweep.engine.drawing import AT, Drawing, scalars
 from wavesweep.engine.expressions import ONE
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response import Port, port_of
+from wavesweep.engine.response import Port
 from wavesweep.haptics.controllers import HAND
 
 
@@ -64,8 +64,7 @@ class HeldLoop(Loops):
         if plant is None or not plant.arriving:
             return {f"{self.device}.f": 1.0}
         ((port, name),) = plant.arriving
-        numbers = built(self.drawing, scalars(self.values))
-        later = shares(self.drawing, numbers, values_of(self.drawing.tick_hz, numbers))[name]
+        later = self.dead_times()[name].share
         return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
     def port(self, drawn: MultirateLoop | None = None) -> Port:
@@ -74,8 +73,8 @@ class HeldLoop(Loops):
         drawn: the blocks of the loops, if the caller has them.
         """
         with np.errstate(all="ignore"):
-            ports = axes_of(self.drawing)
-            return port_of(drawn or self.drawn(), ports, self.drift(watched=ports.signals))
+            ports = Ports.of_axes(self.drawing)
+            return Port.of(drawn or self.drawn(), ports, self.drift(watched=ports.signals))
 
 
 def held_loop(loops: Loops) -> HeldLoop:

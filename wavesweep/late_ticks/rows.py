@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.blocks import scalar_place
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
@@ -61,7 +60,7 @@ def refuse(spec: Spec, along: str) -> None:
     if drawn.ticks > MOST_FRAME_PLACES:
         expected = f"a frame of at most {MOST_FRAME_PLACES} ticks"
         raise UsageError(f"[for_all] tick: expected {expected}, found {drawn.ticks}")
-    if along and not scalar_place(own.drawing, name_of(along)):
+    if along and not own.drawing.scalar_place(name_of(along)):
         expected = "intervals along a number that one wire or gain reads linearly, such as K_VE"
         raise UsageError(f"[for_all] tick: expected {expected}, found {name_of(along)}")
     varied = {**own.values, along: ANY} if along else own.values

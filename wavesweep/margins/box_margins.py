@@ -18,7 +18,6 @@ from itertools import chain, product
 
 import numpy as np
 
-from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import (
     GAIN,
@@ -160,7 +159,7 @@ def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
         spec = spec.with_values(fixed)
     drawing = spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges))
     drawing, values = Loops(drawing, spec.values).with_gain_at(cut)
-    timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
+    timed = next((axis for axis in ranges if name_of(axis.path) in drawing.timing), None)
     pieces = [((0.0, 0.0), {})]
     if timed:
         pieces = Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop))

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.blocks import Block, MultirateLoop, axes_of
+from wavesweep.engine.blocks import Block, MultirateLoop, Ports
 from wavesweep.engine.frames import Ticks, balance, inverse, on_circle, solve
 from wavesweep.engine.intervals import FunctionValues
 from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, read, tick
-from wavesweep.engine.response import port_of, solved
+from wavesweep.engine.response import Port, solved
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.channel import channel_of
 
@@ -53,14 +53,14 @@ k)` (see `Frames`)."""
 def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """The maps from the held force to the displacement at the hand along a number, apart at rest
     where a spring holds it."""
-    hand = axes_of(loop.drawing)
+    hand = Ports.of_axes(loop.drawing)
     drift = loop.changed({path: inner_numbers(span)}).drift(watched=hand.signals)
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
         drawn = at.drawn()
         with np.errstate(all="ignore"):
-            port = port_of(drawn, hand, drift)
+            port = Port.of(drawn, hand, drift)
             of_displacement = slice(port.axes)
             maps_of_ticks = [
                 (E, B, C[..., of_displacement, :], D[..., of_displacement, :])

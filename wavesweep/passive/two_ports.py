@@ -32,7 +32,7 @@ from wavesweep.engine.frames import inverse, on_circle, solve
 from wavesweep.engine.intervals import FunctionValues
 from wavesweep.engine.norms import LiftedMap, TickMaps
 from wavesweep.engine.poles import eigenvalues, is_stable
-from wavesweep.engine.response import port_of
+from wavesweep.engine.response import Port
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.over_ranges import (
     ANGLES,
@@ -120,7 +120,7 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
         at = loop.changed({path: away_from_0(p, span)})
         drawn, tick_maps = at.drawn(), []
         with np.errstate(all="ignore"):
-            port = port_of(drawn, ports, drift)
+            port = Port.of(drawn, ports, drift)
             for E, B, C, D in port.maps:
                 back = inverse(np.ravel(drawn.period)[0] * np.eye(2) - damping * D) * damping
                 tick_maps.append(

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.blocks import Block, built, shares, values_of
+from wavesweep.engine.blocks import Block, values_of
 from wavesweep.engine.drawing import Drawing, DrawnBlock, scalars
 from wavesweep.engine.loop import Loops
 
@@ -101,10 +101,10 @@ class DataFlow:
         """
         loops = Loops(drawing, values).read
         compiled = loops.drawn()
-        numbers = built(drawing, scalars(values))
+        numbers = scalars(values)
         dead = {}
-        for name, share in shares(drawing, numbers, loops.rate).items():
-            dead[name] = numbers[f"block.{name}.ticks"] - float(share)
+        for name, dead_time in loops.dead_times().items():
+            dead[name] = dead_time.ticks - float(dead_time.share)
         wires = {}
         for port, terms in drawing.wires:
             wires[port] = tuple(signal for signal, gain in terms if values_of(gain, numbers))

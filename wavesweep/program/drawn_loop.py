@@ -13,7 +13,7 @@ from wavesweep.engine.blocks import MultirateLoop, Ports
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import MarginalModes
 from wavesweep.engine.poles import radius_of
-from wavesweep.engine.response import Lifted, port_of, respond
+from wavesweep.engine.response import Lifted, Port, respond
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -107,7 +107,7 @@ class DrawnLoop:
             )
         ports = Ports(force, position, reaction)
         response = respond(
-            Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ports.signals))),
+            Lifted.of(Port.of(drawn, ports, MarginalModes.of(drawn, drawn, ports.signals))),
             frequency,
         )
         return DataFrame({"frequency_hz": frequency, **response._asdict()})

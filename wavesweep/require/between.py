@@ -13,7 +13,7 @@ from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import reached, read
-from wavesweep.engine.response import port_between
+from wavesweep.engine.response import Port
 from wavesweep.require.disc_panels import BAD, HALF_RIM
 from wavesweep.require.maps import over_frame
 
@@ -26,7 +26,7 @@ def loops_between(loops, along, drift, route, number, p):
     at = loops.some(number).changed({along: p})
     with np.errstate(all="ignore"):
         drawn = at.drawn()
-        port = port_between(drawn, *route, drift)
+        port = Port.between(drawn, *route, drift)
         pivot, _ = Ticks.of(drawn, alone=True).facts
     pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
     guards = at.guards_at(along, p.shape).reshape(p.size, -1)

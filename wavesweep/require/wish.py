@@ -24,7 +24,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     certified, to EXACT."""
     import numpy as np
 
-    from wavesweep.engine.response import port_between
+    from wavesweep.engine.response import Port
     from wavesweep.program.analyses.signals import routed
     from wavesweep.require.between import needed
     from wavesweep.require.maps import over_frame
@@ -33,7 +33,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     drawing, route = routed(loops.drawing, ends["from"], ends["to"], f"design.wish.{measure}")
     loops = loops._replace(drawing=drawing)
     stable = loops.read.radii(size) < 1
-    port = port_between(loops.drawn(), *route, loops.drift(watched=route[1:]))
+    port = Port.between(loops.drawn(), *route, loops.drift(watched=route[1:]))
     refuse_long_frame(port.kind.size, f"design.wish.{measure}")
     value = np.full(size, np.nan)
     if port.outputs > 1:

@@ -19,7 +19,7 @@ from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, prod
 from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
 from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, both
 from wavesweep.engine._response.lifted import Lifted
-from wavesweep.engine._response.port import port_of
+from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.steady import respond
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
@@ -139,7 +139,7 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     radius = np.abs(1 + np.linalg.eigvals(drift.closed_frame(closed))).max()
     assert radius == pytest.approx(float(own.spectral_radius()), rel=1e-12)
     ports = Ports("hand", "m.x", "f_m")
-    port = port_of(closed, ports, MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
+    port = Port.of(closed, ports, MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
     frequency = np.array([1e-2, 1.0, 49.9, 50.0, 123.0])
     seen, rows = respond(Lifted.of(port), frequency), own.response(frequency)
     assert seen.admittance == pytest.approx((rows["admittance_re"] + 1j * rows["admittance_im"]).to_numpy(), rel=1e-10)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._drawing.drawing import name_of
-from wavesweep.engine._loops import dead_time
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.engine._sets.taylor_models import UnresolvedError
@@ -25,7 +24,7 @@ WIDE = 0.02  # share of a number, to both sides
 
 def varied(drawing, values):
     """Some numbers that the loop reads, apart from those that decide how it is built."""
-    building = {name_of(path) for path in drawing.building} | dead_time.timing(drawing) | drawing.shaping
+    building = {name_of(path) for path in drawing.building} | drawing.timing | drawing.shaping
     found = []
     for path in sorted(drawing.reads):
         value = values.get(path)

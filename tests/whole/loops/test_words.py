@@ -8,7 +8,6 @@ import pytest
 from scipy.signal import lfilter
 
 import wavesweep
-from wavesweep.engine._loops.from_drawing import scalar_place
 from wavesweep.engine._loops.integrator_modes import equations_of
 from wavesweep.engine.loop import Loops
 from wavesweep.program.spec import load
@@ -338,7 +337,7 @@ def test_a_slow_controller_has_the_limits_that_its_frames_have(along):
 def test_gains_of_a_word_are_one_scalar_of_the_frame_and_others_are_not():
     def place(**keys):
         spec = spec_of({"type": "pid", "kp": 1.0} | keys, numbers={"g": 1.0})
-        return scalar_place(spec.drawing, "g")
+        return spec.drawing.scalar_place("g")
 
     assert [place(ki="g"), place(kd="2*g"), place(kp="g", ki="g/3")] == ["block.w.y"] * 3
     assert [place(tau="g"), place(kp="g**2"), place(kp="1/g")] == [""] * 3

@@ -326,6 +326,33 @@ class Drawing:
         return frozenset(name for name, _ in names_in(self.tick_hz))
 
     @_remembered
+    def timing(self) -> frozenset[str]:
+        """Names of the numbers that dead times, in ticks, follow from."""
+        if not self.dead_times:
+            return frozenset()
+        trees = self.dead_times.values()
+        return self.rating.union(name for tree in trees for name, _ in names_in(tree))
+
+    def scalar_place(self, number: str) -> str:
+        """Return the path of the wire, gain or word of firmware of which a number is one scalar
+        factor, empty if it is none; see `scalar_place`."""
+        from wavesweep.engine._drawing.scalar_place import scalar_place
+
+        return scalar_place(self, number)
+
+    def shares_wire(self, number: str, other: str) -> bool:
+        """Return whether another number is the factor of other terms in the same wire."""
+        from wavesweep.engine._drawing.scalar_place import shares_wire
+
+        return shares_wire(self, number, other)
+
+    def seen_by_hand(self, number: str) -> bool:
+        """Return whether the signals at the hand's port read a number themselves."""
+        from wavesweep.engine._drawing.scalar_place import seen_by_hand
+
+        return seen_by_hand(self, number)
+
+    @_remembered
     def names(self) -> Names:
         """The keys that may be axes, and the short names of numbers."""
         keys = {RATE: replace(TICK_HZ, path=RATE, required=False)} if RATE in self.rating else {}

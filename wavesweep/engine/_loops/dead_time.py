@@ -18,6 +18,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from math import lcm
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,16 +68,6 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
     return whole
 
 
-def timing(drawing: Drawing) -> set[str]:
-    """Return the names of the numbers that dead times follow from, in ticks."""
-    if not drawing.dead_times:
-        return set()
-    names = set(drawing.rating)
-    for tree in drawing.dead_times.values():
-        names.update(name for name, _ in names_in(tree))
-    return names
-
-
 def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
     """Return the numbers, by name, with those of `structure`, which are the same in all loops of
     the batch."""
@@ -98,7 +89,7 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     """
     if not drawing.dead_times:
         return drawing
-    if name_of(along) in timing(drawing):
+    if name_of(along) in drawing.timing:
         return None
     numbers = scalars(values)
     rate = drawing.rate(values)
@@ -155,6 +146,23 @@ def _samples_another(drawing, plants, dead_times):
     return False
 
 
+class DeadTime(NamedTuple):
+    """A dead time of loops, `(ticks - share) T`: its whole ticks m, the same in all, and s."""
+
+    ticks: int
+    share: Any
+
+
+def of_loops(drawing: Drawing, values: Mapping[str, object]) -> dict[str, DeadTime]:
+    """Return the dead times of loops by the names of their blocks; values: flat."""
+    known = built(drawing, scalars(values))
+    rate = values_of(drawing.tick_hz, known)
+    dead_times = {}
+    for name, share in shares(drawing, known, rate).items():
+        dead_times[name] = DeadTime(known[f"block.{name}.ticks"], share)
+    return dead_times
+
+
 def shares(
     drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float
 ) -> dict[str, object]:
@@ -206,7 +214,7 @@ def pieces_of(
 
     values: flat numbers of one loop.
     """
-    if name_of(path) not in timing(drawing):
+    if name_of(path) not in drawing.timing:
         yield span, {}
         return
     for piece in pairwise(breaks(drawing, values, path, span)):

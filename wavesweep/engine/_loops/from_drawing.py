@@ -9,11 +9,10 @@ from zlib import crc32
 import numpy as np
 
 from wavesweep.engine._drawing.block_types import TYPES
-from wavesweep.engine._drawing.drawing import Drawing, decides, name_of
+from wavesweep.engine._drawing.drawing import Drawing, name_of
 from wavesweep.engine._drawing.expressions import (
     ONE,
     SharedParts,
-    degree,
     evaluate,
     names_in,
     with_number,
@@ -31,9 +30,10 @@ POSITION = "ports.hand.displacement"
 REACTION = "ports.hand.reaction"
 PRODUCT = "ports.product"  # the input that is the product of a number taken out of its place
 FACTOR = "ports.factor"  # the signal that this number multiplies
-BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
+BESIDE = (
+    "ports.beside"  # what another number of the same wire multiplies, see `Drawing.shares_wire`
+)
 OUTPUT = "ports.outputs."  # begins the junctions of the outputs
-HAND = "ports.hand."  # keys of the hand's port
 
 
 def assembled(
@@ -41,7 +41,7 @@ def assembled(
 ) -> MultirateLoop:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
-    out: a number to take out of its place (see `scalar_place`): its product is then the input
+    out: a number to take out of its place (see `Drawing.scalar_place`): its product is then the input
     PRODUCT, and it would multiply the signal FACTOR. beside: a number of the same wire (see
     `shares_wire`) whose value is 0; it would multiply the signal BESIDE. A value that is not finite
     makes entries that are not finite.
@@ -55,7 +55,7 @@ def assembled(
         if out:
             placed = _take_out(drawing, placed, sums, known_values, out)
         if beside:
-            wire = dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]]
+            wire = dict(drawing.wires)[drawing.scalar_place(beside).partition(".")[2]]
             sums[BESIDE] = _factor(wire, known_values, beside)
     shown = [(OUTPUT + name, terms) for name, terms, _ in drawing.outputs]
     if drawing.hand:
@@ -194,7 +194,7 @@ def _rests(trees, values, known):
 def _take_out(drawing, placed, sums, known, out):
     """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a
     gain, in its block."""
-    table, _, place = scalar_place(drawing, out).partition(".")
+    table, _, place = drawing.scalar_place(out).partition(".")
     if table == "wire":
         wire = dict(drawing.wires)[place]
         sums[place] = {PRODUCT: 1.0}
@@ -262,88 +262,6 @@ def _parts(gain, known, out):
     return values_of(constant, known), values_of(("-", total, constant, 0), known)
 
 
-@lru_cache(maxsize=256)  # a compiled loop is asked again and again
-def scalar_place(drawing: Drawing, number: str) -> str:
-    """The path of the only wire that is not within a plant, of the factor of the only gain, or of
-    the output of the only word of firmware that reads a number, if it is linear in it; else empty.
-
-    The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
-    """
-    words = {}
-    for block, core in zip(drawing.blocks, drawing.cores, strict=True):
-        if core.type != block.type:
-            words[f"block.{block.name}"] = dict(core.keys)
-    path = _only_reader(drawing, number, words)
-    word = words.get(path.removesuffix(".y"))
-    trees = [tree for tree_path, tree in drawing.trees() if tree_path == path]
-    if path.startswith("wire."):
-        is_factor = not _split(drawing, path.removeprefix("wire."), number)
-    elif word:
-        is_factor = not any(_reads(tree, number) for tree in word["den"])
-        trees = word["num"]
-    else:
-        gains = {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
-        is_factor = path in gains
-    return path if is_factor and all(degree(tree, number) <= 1 for tree in trees) else ""
-
-
-def _reads(tree, number):
-    """Whether a tree reads a number."""
-    return any(name == number for name, _ in names_in(tree))
-
-
-def _only_reader(drawing, number, words):
-    """The path of what alone reads a number, other than ports; empty if there is more. words:
-    paths of blocks of firmware."""
-    readers = set()
-    for path in _readers(drawing, number):
-        block = path.rpartition(".")[0]
-        if not path.startswith("ports."):
-            readers.add(f"{block}.y" if block in words and not decides(path) else path)
-    gains_within_plants = [gain for _, terms in drawing.couplings for _, gain in terms]
-    if len(readers) != 1 or any(_reads(gain, number) for gain in gains_within_plants):
-        return ""
-    return readers.pop()
-
-
-def _split(drawing, port, number):
-    """Whether a number multiplies what a dead time brings to a plant, or both what it reads of
-    plants and other signals."""
-    multiplied = {signal for signal, gain in dict(drawing.wires)[port] if _reads(gain, number)}
-    brought, sensed = set(), set()
-    for plant in drawing.plants:
-        brought.update(f"{name}.y" for arrives_at, name in plant.arriving if arrives_at == port)
-        sensed.update(signal for signal, name in plant.sensed if f"{name}.u" == port)
-    if multiplied & brought:
-        return True
-    return bool(multiplied & sensed) and bool(multiplied - sensed)
-
-
-@lru_cache(maxsize=256)
-def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
-    """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
-    place = scalar_place(drawing, number)
-    table, _, port = place.partition(".")
-    if table != "wire" or scalar_place(drawing, other) != place:
-        return False
-    if port.rpartition(".")[0] in drawing.dead_times:
-        return False
-    gains = [tree for path, tree in drawing.trees() if path == place]
-    return not any(_reads(gain, number) and _reads(gain, other) for gain in gains)
-
-
-@lru_cache(maxsize=256)
-def seen_by_hand(drawing: Drawing, number: str) -> bool:
-    """Whether the signals at the hand's port read a number themselves."""
-    return any(path.startswith(HAND) for path in _readers(drawing, number))
-
-
-@lru_cache(maxsize=256)
-def _readers(drawing, number):
-    """The paths of all that reads a number."""
-    return {path for path, tree in drawing.trees() if _reads(tree, number)}
-
-
 def twins(
     drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
 ) -> tuple[MultirateLoop, MultirateLoop]:
@@ -408,6 +326,18 @@ class Ports:
     reaction: str = ""
     others: tuple[tuple[str, str], ...] = ()
 
+    @staticmethod
+    def of_hand(drawing: Drawing) -> "Ports":
+        """The port of a hand that the drawing has."""
+        reaction = REACTION if drawing.hand[2] is not None else ""
+        return Ports(drawing.hand[0], POSITION, reaction)
+
+    @staticmethod
+    def of_axes(drawing: Drawing) -> "Ports":
+        """The port of a hand with all its axes, without reactions."""
+        further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
+        return Ports(drawing.hand[0], POSITION, others=further)
+
     @property
     def forces(self) -> list[str]:
         """The inputs of the ports."""
@@ -418,14 +348,3 @@ class Ports:
         """The outputs of the ports."""
         positions = (self.position, *(position for _, position in self.others))
         return (*positions, self.reaction) if self.reaction else positions
-
-
-def hand_of(drawing: Drawing) -> Ports:
-    """The signals at the port of a hand that the drawing has."""
-    return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
-
-
-def axes_of(drawing: Drawing) -> Ports:
-    """The signals at the port of a hand with all its axes."""
-    further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
-    return Ports(drawing.hand[0], POSITION, others=further)

@@ -7,9 +7,9 @@ from functools import lru_cache, partial
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import path_of
-from wavesweep.engine._loops.from_drawing import OUTPUT, hand_of
+from wavesweep.engine._loops.from_drawing import OUTPUT, Ports
 from wavesweep.engine._response.lifted import Lifted
-from wavesweep.engine._response.port import Port, port_between, port_of
+from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.static import dcgain
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct_rows
@@ -50,11 +50,11 @@ def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
         )
         drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
         with drawn.naming_blocks():
-            return port_between(drawn, source, signal, drift)
-    ports, drawn, drift = hand_of(loops.drawing), loops.drawn(), loops.drift_at_hand()
+            return Port.between(drawn, source, signal, drift)
+    ports, drawn, drift = Ports.of_hand(loops.drawing), loops.drawn(), loops.drift_at_hand()
     with drawn.naming_blocks():
         return replace(
-            port_of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift)
+            Port.of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift)
         )
 
 
@@ -62,4 +62,4 @@ def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
 def _at_rest(twin, ports, drift):
     """What a constant force of the hand does in the end, in a loop of the same structure."""
     with np.errstate(all="ignore"):
-        return dcgain(Lifted.of(port_of(twin, ports, drift)))[2]
+        return dcgain(Lifted.of(Port.of(twin, ports, drift)))[2]

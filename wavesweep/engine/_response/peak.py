@@ -32,7 +32,7 @@ class PeakGain(NamedTuple):
 
 def l1_norm(port: Port) -> PeakGain | None:
     """Return the peak gain of one loop from the input to the first output of its port; see
-    `port_between`.
+    `Port.between`.
 
     With the frame `x' = A x + G u`, `y = O x + T u` the output in tick i of a frame is at most the
     sum over all ticks before of `|T|` and `|O A^q G|` in its row, and an input whose signs are

@@ -34,8 +34,8 @@ class Port:
     period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks
     between two runs of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ
     in its last bit. rest: gives what a constant force does in the end, if the structure decides it
-    (see `static`). between: the first output is a signal itself and not a displacement; see
-    `port_between`. Of several ports or axes the maps go from all forces to all displacements,
+    (see `static`). of_signal: the first output is a signal itself and not a displacement; see
+    `between`. Of several ports or axes the maps go from all forces to all displacements,
     position has a row for each also if all drift, and drifts is the number of ways in which they do
     so; moves: by how much each shift moves the position.
     """
@@ -48,9 +48,66 @@ class Port:
     slowest: int
     rate: float
     rest: object = None
-    between: bool = False
+    of_signal: bool = False
     drifts: int = 0
     moves: np.ndarray | None = None
+
+    @staticmethod
+    def of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> "Port":
+        """Return the port of the loops at the hand.
+
+        The displacement of a tick is the difference of two positions, so the position has to be a state
+        alone: that of a plant. Errors: NoPositionError if it is not.
+        """
+        drawn, drift = with_displacements(drawn, drift)
+        ticks = Ticks.of(drawn, ports.signals, terms=True)
+        places = len(ports.forces)
+        reads = ticks.maps[0].C[..., :places, :]
+        for row, position in enumerate(ports.signals[:places]):
+            if any(
+                np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :])
+                for tick in ticks.maps
+            ):
+                raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
+        shifts = _Shifts.of(ticks, drift, reads)
+
+        def outputs(tick, absolute):
+            read = np.abs(reads) if absolute else reads
+            with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
+                displacement = read @ tick.E, read @ tick.B
+            if not ports.reaction:
+                return [displacement]
+            return [displacement, (tick.C[..., 1:2, :], tick.D[..., 1:2, :])]
+
+        columns = [drawn.inputs.index(name) for name in ports.forces]
+        reaction = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
+        maps, sizes = _relative_maps(ticks, columns, shifts, reaction, outputs)
+        moving = shifts.move(reads)
+        position = None if moving and not ports.others else reads[..., shifts.remaining]
+        moves = shifts.share_of(reads)
+        drifts = int(np.linalg.matrix_rank(moves, rtol=NO_SHIFT).max()) if moving else 0
+        timing = _timing(drawn)
+        return Port(
+            maps, sizes, ticks.kind, position=position, **timing, drifts=drifts, moves=moves
+        )
+
+    @staticmethod
+    def between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> "Port":
+        """Return the port between an external input and any signal.
+
+        The first output is the signal in each tick. If it moves with a drift, that share of it is left
+        out there, and the change of the share in the tick is a second output. drift: with the signal
+        watched.
+        """
+        drawn, drift = with_displacements(drawn, drift)
+        ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
+        reads = ticks.maps[0].C
+        shifts = _Shifts.of(ticks, drift, reads)
+        maps, sizes = _relative_maps(
+            ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)]
+        )
+        position = np.zeros((1, len(shifts.remaining)))
+        return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), of_signal=True)
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -122,61 +179,6 @@ def _among(states, tick):
     """The map of a tick among some of its states."""
     E, B, C, D = tick
     return StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D)
-
-
-def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
-    """Return the port of the loops at the hand.
-
-    The displacement of a tick is the difference of two positions, so the position has to be a state
-    alone: that of a plant. Errors: NoPositionError if it is not.
-    """
-    drawn, drift = with_displacements(drawn, drift)
-    ticks = Ticks.of(drawn, ports.signals, terms=True)
-    places = len(ports.forces)
-    reads = ticks.maps[0].C[..., :places, :]
-    for row, position in enumerate(ports.signals[:places]):
-        if any(
-            np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :])
-            for tick in ticks.maps
-        ):
-            raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
-    shifts = _Shifts.of(ticks, drift, reads)
-
-    def outputs(tick, absolute):
-        read = np.abs(reads) if absolute else reads
-        with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
-            displacement = read @ tick.E, read @ tick.B
-        if not ports.reaction:
-            return [displacement]
-        return [displacement, (tick.C[..., 1:2, :], tick.D[..., 1:2, :])]
-
-    columns = [drawn.inputs.index(name) for name in ports.forces]
-    reaction = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
-    maps, sizes = _relative_maps(ticks, columns, shifts, reaction, outputs)
-    moving = shifts.move(reads)
-    position = None if moving and not ports.others else reads[..., shifts.remaining]
-    moves = shifts.share_of(reads)
-    drifts = int(np.linalg.matrix_rank(moves, rtol=NO_SHIFT).max()) if moving else 0
-    timing = _timing(drawn)
-    return Port(maps, sizes, ticks.kind, position=position, **timing, drifts=drifts, moves=moves)
-
-
-def port_between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
-    """Return the port between an external input and any signal.
-
-    The first output is the signal in each tick. If it moves with a drift, that share of it is left
-    out there, and the change of the share in the tick is a second output. drift: with the signal
-    watched.
-    """
-    drawn, drift = with_displacements(drawn, drift)
-    ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
-    reads = ticks.maps[0].C
-    shifts = _Shifts.of(ticks, drift, reads)
-    maps, sizes = _relative_maps(
-        ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)]
-    )
-    position = np.zeros((1, len(shifts.remaining)))
-    return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), between=True)
 
 
 def _relative_maps(ticks, columns, shifts, drifting, outputs):

@@ -73,7 +73,7 @@ def transfer(
     loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the response of a signal to an input, `(..., points)`, and bounds on its relative
-    errors; see `port_between`.
+    errors; see `Port.between`.
 
     loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and
     NaN as there. The component is that at the input's own frequency, of the signal as each tick
@@ -226,7 +226,7 @@ def _quantities(loop, points, good):
 
 def _reading(loop):
     """How quantities follow from the outputs of the port."""
-    return at_signal if loop.port.between else at_port
+    return at_signal if loop.port.of_signal else at_port
 
 
 def _by_modes(loop, points):

@@ -106,7 +106,7 @@ class Step:
 
 def step_of(port: Port, most: int = MOST_SAMPLED_STATES) -> Step:
     """Return the step response of a single loop, given by its port between an input and a signal
-    (see `port_between`).
+    (see `Port.between`).
 
     The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n
     more frames follow from A^n. In units in which no state exceeds 1, a power A^n of a size q < 1/2

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import name_of
-from wavesweep.engine._loops.dead_time import timing
 from wavesweep.engine._search.lines_of_loops import lines_in_loops, strongest_in_cut
 from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO, FindPort, Opened
 from wavesweep.engine._search.question import Question
@@ -39,7 +38,7 @@ class AtPort:
 def buildable(loops: Loops, along: str) -> Loops:
     """The loops at any value of the number: without the whole numbers of ticks of dead times,
     which follow from it."""
-    building = loops.drawing.building if name_of(along) in timing(loops.drawing) else ()
+    building = loops.drawing.building if name_of(along) in loops.drawing.timing else ()
     return Loops(
         loops.drawing, {path: v for path, v in loops.values.items() if path not in building}
     )
@@ -61,7 +60,7 @@ def lines_at_ends(
         return lines
     strongest, few = (
         omega / (2 * np.pi),
-        1 if name_of(question.along) in timing(loops.drawing) else MODES_AT_ONCE,
+        1 if name_of(question.along) in loops.drawing.timing else MODES_AT_ONCE,
     )
     for batch in (slice(first, first + few) for first in range(0, place.size, few)):
         varied = buildable(loops, question.along).some(place[batch])

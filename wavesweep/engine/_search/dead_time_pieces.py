@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import name_of
-from wavesweep.engine._loops.dead_time import structure, timing
+from wavesweep.engine._loops.dead_time import structure
 from wavesweep.engine._search.interval_records import RECORD, records_of
 from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, by_slice, joined, without_seams
@@ -23,7 +23,7 @@ LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
 def applies(question: Question, slices: Slices) -> bool:
     """Whether loops are built in another way at other values of the number."""
-    return question.number in timing(slices.loops.drawing)
+    return question.number in slices.loops.drawing.timing
 
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
@@ -32,7 +32,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     times = {
         path: v
         for path, v in loops.values.items()
-        if np.ndim(v) and name_of(path) in timing(loops.drawing)
+        if np.ndim(v) and name_of(path) in loops.drawing.timing
     }
     first, label = distinct_rows(times, slices.size)
     for number, place in enumerate(first.tolist()):

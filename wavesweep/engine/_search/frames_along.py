@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import name_of
 from wavesweep.engine._loops.domain import domains
-from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT, scalar_place
+from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine._loops.resolution import ResolvedAlong
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_ticks import OpenTicks
@@ -54,7 +54,7 @@ class FramesAlong:
         along = question.along
         drawn = loops.drawn()
         open_ticks = None
-        if scalar_place(loops.drawing, question.number):
+        if loops.drawing.scalar_place(question.number):
             with suppress(IllPosedLoopError), np.errstate(all="ignore"):
                 at_one = loops.changed({along: 1.0})
                 opened = at_one.drawn(question.number)
@@ -62,7 +62,7 @@ class FramesAlong:
         scalars = []
         for path, value in loops.values.items():
             is_other = np.ndim(value) and path != along
-            if is_other and open_ticks is None and scalar_place(loops.drawing, name_of(path)):
+            if is_other and open_ticks is None and loops.drawing.scalar_place(name_of(path)):
                 scalars.append(path)
         return FramesAlong(
             loops=loops,

@@ -16,8 +16,6 @@ from wavesweep.engine._loops.from_drawing import (
     FACTOR,
     PRODUCT,
     Ports,
-    scalar_place,
-    shares_wire,
 )
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.cut import LinearFractional
@@ -86,7 +84,7 @@ def open_loops(
     `product_with_errors`.
     """
     drawing = loops.drawing
-    if not scalar_place(drawing, number):
+    if not drawing.scalar_place(number):
         return None
     read, both = (
         (FACTOR, BESIDE)[: 1 + bool(second)],
@@ -179,7 +177,7 @@ def varied_beside(loops: Loops, number: str) -> str:
     paths = [
         path
         for path, v in loops.values.items()
-        if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))
+        if np.ndim(v) and loops.drawing.shares_wire(number, name_of(path))
     ]
     return paths[-1] if paths else ""
 

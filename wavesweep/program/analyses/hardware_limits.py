@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.blocks import POSITION, REACTION, MultirateLoop
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response import port_between
+from wavesweep.engine.response import Port
 from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -51,7 +51,7 @@ def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
         return None
     drawn, drift = loop.drawn(), loop.drift(watched=(POSITION, signal))
     with drawn.naming_blocks():
-        return l1_norm(port_between(readings(drawn, device), ROUNDING, signal, drift))
+        return l1_norm(Port.between(readings(drawn, device), ROUNDING, signal, drift))
 
 
 def peaks_of(loops: Loops, size: int) -> np.ndarray:

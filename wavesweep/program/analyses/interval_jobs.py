@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
@@ -262,7 +261,7 @@ def _sample(job):
     """The job in one of the pieces into which dead times of other whole ticks cut its range, and
     the times it is of that."""
     spec, axis = job.grid.spec, job.asked.axis
-    if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
+    if not spec.drawing or name_of(axis.path) not in spec.drawing.timing:
         return job, 1
     ends = own_loop(spec, axis.path).breaks(axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2

@@ -6,9 +6,9 @@ from dataclasses import replace
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import (
     MOST_SAMPLED_STATES,
+    Port,
     Route,
     Step,
-    port_between,
     ports_of_batch,
     step_of,
 )
@@ -55,4 +55,4 @@ def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
     loop.refuse_unsuitable()
     drawn = loop.drawn()
     with drawn.naming_blocks():
-        return step_of(port_between(drawn, ADDED, signal, loop.drift(watched=(signal,))), most)
+        return step_of(Port.between(drawn, ADDED, signal, loop.drift(watched=(signal,))), most)
