@@ -10,6 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.response import Bounded
 from wavesweep.require import gain_intervals
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
 from wavesweep.require.gain_bound import IN_TIME
@@ -453,10 +454,10 @@ def resonance(half, level):
         T = np.zeros((2, 2), complex)
         T[1, 0] = (c @ b)[0, 0]
         parts = (step @ step - np.eye(2), np.hstack([step @ b, b]), np.vstack([c, c @ step]), T)
-        return [(part, 0 * np.abs(part)) for part in parts]
+        return [Bounded(part, 0 * np.abs(part)) for part in parts]
 
     points = [maps(p) for p in 2 * half * np.append(0.0, HALF_RIM)]
-    pairs = [tuple(map(np.array, zip(*pair, strict=True))) for pair in zip(*points, strict=True)]
+    pairs = [Bounded(*map(np.array, zip(*pair, strict=True))) for pair in zip(*points, strict=True)]
     return Panel(pairs, level, (0, np.pi), False)
 
 
@@ -579,7 +580,7 @@ def test_directions_in_which_the_form_is_negative_are_counted_without_its_inputs
     H = D + C @ np.linalg.solve(z * np.eye(n) - A, B + 0j)
     counts = set()
     for level in np.linalg.norm(H, 2) * np.array([0.02, 0.2, 0.6, 0.9, 1.1, 3.0]):
-        ticks = [of_tick(*((part[None], 0 * part[None]) for part in tick), level**2, 1) for tick in maps]
+        ticks = [of_tick(*(Bounded(part[None], 0 * part[None]) for part in tick), level**2, 1) for tick in maps]
         frame = in_a_row(kinds, ticks, then)
         moved = np.eye(n) + frame.E[0][0] - z * np.eye(n)
         form = np.block([[-frame.G[0][0], moved], [moved.conj().T, frame.Q[0][0]]])

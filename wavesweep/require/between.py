@@ -13,7 +13,7 @@ from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import reached, read
-from wavesweep.engine.response import Port
+from wavesweep.engine.response import Bounded, Port
 from wavesweep.require.disc_panels import BAD, HALF_RIM
 from wavesweep.require.maps import over_frame
 
@@ -91,14 +91,16 @@ class Between:
                 m = self.inputs
                 unknown = []
                 for rows, columns in ((n, n), (n, m), (m, n), (m, m)):
-                    unknown.append((np.full((1, rows, columns), np.nan),) * 2)
+                    nan = np.full((1, rows, columns), np.nan)
+                    unknown.append(Bounded(nan, nan))
                 return unknown, np.zeros((1, 1))
             first, second = np.array_split(np.arange(p.size), 2)
             first_maps, _ = self.maps(column[first], p[first])
             second_maps, _ = self.maps(column[second], p[second])
             maps = []
-            for (one, one_size), (other, other_size) in zip(first_maps, second_maps, strict=True):
-                maps.append((np.concatenate([one, other]), np.concatenate([one_size, other_size])))
+            for one, other in zip(first_maps, second_maps, strict=True):
+                value = np.concatenate([one.value, other.value])
+                maps.append(Bounded(value, np.concatenate([one.error, other.error])))
             return maps, np.zeros((p.size, 1))  # which may be poles
         return over_frame(port, self.kept, p.shape), pivots
 
@@ -135,13 +137,13 @@ def by_panel(pairs, shape):
     panels = []
     for matrix, size in pairs:
         batch = *shape, *matrix.shape[1:]
-        panels.append((matrix.reshape(batch), size.reshape(batch)))
+        panels.append(Bounded(matrix.reshape(batch), size.reshape(batch)))
     return panels
 
 
 def of_panels(pairs, at):
     """Those of some panels."""
-    return [(matrix[at], size[at]) for matrix, size in pairs]
+    return [Bounded(matrix[at], size[at]) for matrix, size in pairs]
 
 
 def poles_inside(pivots):

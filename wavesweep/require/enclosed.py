@@ -30,10 +30,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.frames import SHORT_SUM_ROUNDING
-from wavesweep.engine.response import plus, solved, times
+from wavesweep.engine.response import Bounded, solved
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
-from wavesweep.require.maps import Pair
 
 ROWS = 256  # outputs of a block of frames, at least
 MOST_BLOCKS = 2**10  # that are looked at
@@ -87,7 +86,7 @@ def _units(size):
     return np.where(size > 0, size, 1.0)
 
 
-def mean_square(maps: Sequence[Pair]) -> Enclosed:
+def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     """The mean square of the output under noise of variance 1 in each tick, on panels.
 
     maps: E, G, O and T at the middle of each panel and on its rim, `(panels, points, ...)`, each
@@ -168,7 +167,7 @@ class _Rest(NamedTuple):
     each_off: np.ndarray
 
 
-def _over_blocks(E: Pair, O: Pair, start: Pair, seen, level: float | None) -> Enclosed:
+def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | None) -> Enclosed:
     """Return what is known of a value of the outputs that follow from states, whose columns are
     cases, block by block.
 
@@ -270,7 +269,7 @@ def _last_blocks(E, cost):
 class _PeakToPeak:
     """Sums of the sizes of responses to an input of 1 in each tick, by ticks of the output."""
 
-    def __init__(self, T: Pair) -> None:
+    def __init__(self, T: Bounded) -> None:
         T, dT = T
         self.ticks = T.shape[-1]
         size = np.abs(T[:, 0])
@@ -294,7 +293,7 @@ class _PeakToPeak:
         return Enclosed(low.max(-1), np.where(np.isnan(high), np.inf, high).max(-1))
 
 
-def peak_to_peak(maps: Sequence[Pair], level: float | None = None) -> Enclosed:
+def peak_to_peak(maps: Sequence[Bounded], level: float | None = None) -> Enclosed:
     """The largest output, at any time, for an input between -1 and 1 in each tick, from rest;
     maps: see `mean_square`, level: about which it is asked, None if its value is."""
     E, G, O, T = maps
@@ -310,7 +309,7 @@ class _Step:
     looked for from the step until all samples are within BAND, in place of the overshoot.
     """
 
-    def __init__(self, T: Pair, ends: Pair, *, settling: bool) -> None:
+    def __init__(self, T: Bounded, ends: Bounded, *, settling: bool) -> None:
         self.settling = settling
         self.final = ends[0].mean(-1)
         self.least = np.abs(self.final[:, 0]) - _moved(self.final)
@@ -362,7 +361,9 @@ class _Step:
         return Enclosed(low, np.where(high_known, high, np.inf))
 
 
-def step(maps: Sequence[Pair], level: float | None = None, *, settling: bool = False) -> Enclosed:
+def step(
+    maps: Sequence[Bounded], level: float | None = None, *, settling: bool = False
+) -> Enclosed:
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
     come; or the ticks from the step until all samples are within BAND of that value.
 
@@ -374,9 +375,9 @@ def step(maps: Sequence[Pair], level: float | None = None, *, settling: bool = F
         whole = G[0].sum(-1, keepdims=True), G[1].sum(-1, keepdims=True)
         end, dend = solved(-E[0], E[1], *whole)
         regular = ~poles_inside(determinants(E[0])[..., None])
-        starts = plus(times(G, (begun, 0 * begun)), (-end, dend))
+        starts = G @ Bounded(begun, 0 * begun) + Bounded(-end, dend)
         ones = np.ones((len(begun), 1))
-        ends = plus(times(O, (end, dend)), times(T, (ones, 0 * ones)))
+        ends = O @ Bounded(end, dend) + T @ Bounded(ones, 0 * ones)
         seen = _Step(T, (ends[0][..., 0], ends[1][..., 0]), settling=settling)
         seen.known &= regular
         return _over_blocks(E, O, starts, seen, level)

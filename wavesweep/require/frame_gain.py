@@ -31,10 +31,9 @@ import numpy as np
 
 from wavesweep.engine.frames import SHORT_SUM_ROUNDING, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
-from wavesweep.engine.response import plus, times
+from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
-from wavesweep.require.maps import minus, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel
 
@@ -129,8 +128,7 @@ class BoundedGain(Between):
         disc, with one b."""
         if self.at_rest:
             return self._form_at_rest(points, E, G, O, T)
-        back = transposed(O)
-        return G, minus(times(back, O)), minus(times(back, T)), self._level_less(T)
+        return G, -(O.mT @ O), -(O.mT @ T), self._level_less(T)
 
     def _form_at_rest(self, points, E, G, O, T):
         X = inverse(-E[0])
@@ -138,37 +136,37 @@ class BoundedGain(Between):
         w = np.full((self.inputs, 1), self.inputs**-0.5)
         H = T[0] + O[0] @ X @ G[0]
         h = self.level * np.sign((w.mT @ H @ w).real) * w
-        w = w, 0 * w
-        h = h, 0 * h
+        w = Bounded(w, 0 * w)
+        h = Bounded(h, 0 * h)
 
-        G_w = times(G, w)
+        G_w = G @ w
         r = X @ G_w[0]
         r_size = np.abs(r)
         r_rounding = SHORT_SUM_ROUNDING * (np.abs(E[0]) @ r_size + np.abs(G_w[0]))
-        r = r, X_size @ (E[1] @ r_size + G_w[1] + r_rounding)
+        r = Bounded(r, X_size @ (E[1] @ r_size + G_w[1] + r_rounding))
 
-        h_O = times(transposed(h), O)
+        h_O = h.mT @ O
         c = h_O[0] @ X
         E_error = E[1] + SHORT_SUM_ROUNDING * np.abs(E[0])
-        c = c, (np.abs(c) @ E_error + h_O[1] + SHORT_SUM_ROUNDING * np.abs(h_O[0])) @ X_size
+        of_c = np.abs(c) @ E_error + h_O[1] + SHORT_SUM_ROUNDING * np.abs(h_O[0])
+        c = Bounded(c, of_c @ X_size)
 
         # By so many frames a slow input is late.
         frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2
         f = np.repeat(1 / np.maximum(2.0, frames), points, axis=0).reshape(-1, 1, 1)
-        w_cA = times(w, plus(c, minus(h_O)))
-        w_cG = times(w, times(c, G))
-        S = minus(transposed(plus(times(transposed(T), O), scaled(f, w_cA))))
-        late = times(times(w, times(c, r)), transposed(w))
-        late = plus(scaled(f**2, late), minus(scaled(f, plus(w_cG, transposed(w_cG)))))
-        R = plus(self._level_less(T), late)
-        P = minus(times(transposed(O), O))
-        G = plus(G, minus(scaled(f, times(r, transposed(w)))))
-        return G, P, S, R
+        w_cA = w @ (c - h_O)
+        w_cG = w @ (c @ G)
+        S = -(T.mT @ O + w_cA.scaled(f)).mT
+        late = w @ (c @ r) @ w.mT
+        late = late.scaled(f**2) - (w_cG + w_cG.mT).scaled(f)
+        R = self._level_less(T) + late
+        P = -(O.mT @ O)
+        return G - (r @ w.mT).scaled(f), P, S, R
 
     def _level_less(self, T):
         """level^2 - T'T."""
-        TT = times(transposed(T), T)
-        return plus((self.level**2 * np.eye(TT[0].shape[-1]), 0.0), minus(TT))
+        TT = T.mT @ T
+        return Bounded(self.level**2 * np.eye(TT.value.shape[-1]), 0.0) - TT
 
     def pencil(self, E, G, P, S, R):
         """N - L and L, each with a bound on its error."""

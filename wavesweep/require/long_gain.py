@@ -36,11 +36,11 @@ from wavesweep.engine.frames import (
     solve,
 )
 from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
-from wavesweep.engine.response import plus, times
+from wavesweep.engine.response import Bounded
 from wavesweep.require.between import loops_between, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.frame_gain import BoundedGain
-from wavesweep.require.maps import Pair, minus, of_ticks, scaled, transposed
+from wavesweep.require.maps import of_ticks
 from wavesweep.require.pencil import angles_of, clear, off_arc
 
 SURE_SIGN = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
@@ -60,41 +60,45 @@ class Joined(NamedTuple):
     panel; NaN if rounding does not tell.
     """
 
-    E: Pair
-    G: Pair
-    Q: Pair
+    E: Bounded
+    G: Bounded
+    Q: Bounded
     points: int
     pivots: tuple[np.ndarray, ...]
     below: np.ndarray
 
 
-def of_tick(e: Pair, b: Pair, c: Pair, d: Pair, square: float, points: int) -> Joined:
-    """Return a tick with one input and one output; square: of the level; points: of a panel."""
-    r = plus((np.full_like(d[0], square), 0.0), minus(times(d, d)))
-    over = 1 / r[0]
-    over = over, np.abs(over) ** 2 * r[1] + SHORT_SUM_ROUNDING * np.abs(over)
-    E = plus(e, times(times(b, times(d, over)), c))
-    G = times(times(b, over), transposed(b))
-    Q = minus(times(times(transposed(c), scaled(square, over)), c))
-    pivot = r[0][:, 0, 0]
+def of_tick(e: Bounded, b: Bounded, c: Bounded, d: Bounded, square: float, points: int) -> Joined:
+    """Return a tick with one input and one output; square: of the level; points: of a panel.
+
+    r = square - d^2,   A = e + b d r^-1 c,   G = b r^-1 b',   Q = -c' square r^-1 c
+    """
+    r = Bounded(np.full_like(d.value, square), 0.0) - d @ d
+    over = 1 / r.value
+    over = Bounded(over, np.abs(over) ** 2 * r.error + SHORT_SUM_ROUNDING * np.abs(over))
+    E = e + b @ (d @ over) @ c
+    G = b @ over @ b.mT
+    Q = -(c.mT @ over.scaled(square) @ c)
+    pivot = r.value[:, 0, 0]
     return Joined(E, G, Q, points, (pivot,), np.where(pivot[::points].real < 0, 1.0, 0.0))
 
 
 def then(first: Joined, second: Joined) -> Joined:
     """Return some ticks and those that follow."""
-    identity = np.eye(first.E[0].shape[-1])
-    star = plus((identity, 0.0), times(first.G, second.Q))
-    X = inverse(star[0])
+    one = Bounded(np.eye(first.E.value.shape[-1]), 0.0)
+    star = one + first.G @ second.Q
+    X = inverse(star.value)
     size = np.abs(X)
-    missed = np.abs(identity - X @ star[0]) + SHORT_SUM_ROUNDING * (size @ np.abs(star[0]))
-    X = X, (size @ star[1] + missed) @ size
-    A_1, A_2 = (plus((identity, 0.0), each.E) for each in (first, second))
-    spread = times(X, first.G)
-    carried = plus(first.E, minus(times(times(spread, second.Q), A_1)))  # X A_1, less identity
-    E = plus(plus(carried, second.E), times(second.E, carried))
-    G = plus(second.G, times(times(A_2, spread), transposed(A_2)))
-    Q = plus(first.Q, times(times(transposed(A_1), second.Q), plus((identity, 0.0), carried)))
-    pivots = (*first.pivots, *second.pivots, np.linalg.det(star[0]))
+    missed = np.abs(one.value - X @ star.value) + SHORT_SUM_ROUNDING * (size @ np.abs(star.value))
+    X = Bounded(X, (size @ star.error + missed) @ size)
+    A_1 = one + first.E
+    A_2 = one + second.E
+    spread = X @ first.G
+    carried = first.E - spread @ second.Q @ A_1  # X A_1, less identity
+    E = carried + second.E + second.E @ carried
+    G = second.G + A_2 @ spread @ A_2.mT
+    Q = first.Q + A_1.mT @ second.Q @ (one + carried)
+    pivots = (*first.pivots, *second.pivots, np.linalg.det(star.value))
     below = (
         first.below
         + second.below
@@ -273,7 +277,8 @@ def _in_even_units(ticks):
     v = u[:, None]
     in_units = []
     for (e, de), (b, db), (c, dc), d in ticks:
-        in_units.append(((e * u / v, de * u / v), (b / v, db / v), (c * u, dc * u), d))
+        among_states = Bounded(e * u / v, de * u / v)
+        in_units.append((among_states, Bounded(b / v, db / v), Bounded(c * u, dc * u), d))
     return in_units
 
 
@@ -344,5 +349,6 @@ def _least(frame, panels, d, arc):
     return least / np.maximum(np.abs(values).max(-1), 1e-300), theta
 
 
-def _symmetric(pair):
-    return tuple((matrix + matrix.mT) / 2 for matrix in pair)
+def _symmetric(matrix):
+    """The symmetric part of a matrix, of one that is symmetric but for rounding."""
+    return Bounded(*((array + array.mT) / 2 for array in matrix))

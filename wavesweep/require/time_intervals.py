@@ -14,12 +14,12 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
+from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, along_panels
 from wavesweep.require.enclosed import ROWS, Enclosed, mean_square, peak_to_peak, step
 from wavesweep.require.gain_bound import OVERSHOOT, PEAK, STEP_SETTLING, TimeBound
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached
-from wavesweep.require.maps import Pair
 
 MOST_TICKS = 128  # of a frame
 ENTRIES_AT_ONCE = 2_000_000  # of the outputs of a block of frames, of some panels
@@ -29,7 +29,7 @@ NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
 
 
 def enclosed_value(
-    measure: str, maps: Sequence[Pair], rate: float, level: float | None = None
+    measure: str, maps: Sequence[Bounded], rate: float, level: float | None = None
 ) -> Enclosed:
     """What is known of a value of responses, one of IN_TIME; maps: see `enclosed`; rate: of
     ticks, Hz.

@@ -1,6 +1,7 @@
 """Products and sums of matrices, with bounds on their rounding."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,21 +34,43 @@ def long_sum(count: int) -> float:
     return SHORT_SUM_ROUNDING * (4 + count**0.5)
 
 
-def times(
-    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the product of two matrices, each a pair with a bound on the error of its entries."""
-    size = np.abs(b[0])
-    return a[0] @ b[0], a[1] @ size + np.abs(a[0]) @ (b[1] + SHORT_SUM_ROUNDING * size)
+class Bounded(NamedTuple):
+    """A matrix, perhaps of each loop of a batch, and bounds on the errors of its entries.
 
+    Sums and products are such pairs as well, with the bounds that follow, rounding included.
+    """
 
-def plus(
-    a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum of two matrices, each a pair with a bound on the error of its entries."""
-    return a[0] + b[0], a[1] + b[1] + SHORT_SUM_ROUNDING * (np.abs(a[0]) + np.abs(b[0]))
+    value: np.ndarray
+    error: np.ndarray | float
 
+    def __add__(self, other: "Bounded") -> "Bounded":  # type: ignore[override] # of tuples
+        rounding = SHORT_SUM_ROUNDING * (np.abs(self.value) + np.abs(other.value))
+        return Bounded(self.value + other.value, self.error + other.error + rounding)
 
-def joined(pairs: Sequence[tuple[np.ndarray, np.ndarray]], axis: int) -> tuple[np.ndarray, ...]:
-    """Return pairs of an array and its error bound, joined along the axis."""
-    return tuple(concatenated(arrays, axis) for arrays in zip(*pairs, strict=True))
+    def __neg__(self) -> "Bounded":
+        return Bounded(-self.value, self.error)
+
+    def __sub__(self, other: "Bounded") -> "Bounded":
+        return self + -other
+
+    def __matmul__(self, other: "Bounded") -> "Bounded":
+        size = np.abs(other.value)
+        of_other = other.error + SHORT_SUM_ROUNDING * size
+        error = self.error @ size + np.abs(self.value) @ of_other
+        return Bounded(self.value @ other.value, error)
+
+    def scaled(self, factor: np.ndarray) -> "Bounded":
+        """Return the matrix times an exact factor."""
+        error = np.abs(factor) * (self.error + SHORT_SUM_ROUNDING * np.abs(self.value))
+        return Bounded(factor * self.value, error)
+
+    @property
+    def mT(self) -> "Bounded":
+        """The transpose."""
+        return Bounded(self.value.mT, self.error.mT)
+
+    @staticmethod
+    def joined(pairs: Sequence[tuple[np.ndarray, np.ndarray]], axis: int) -> "Bounded":
+        """Return matrices joined along an axis."""
+        values, errors = zip(*pairs, strict=True)
+        return Bounded(concatenated(values, axis), concatenated(errors, axis))

@@ -12,7 +12,7 @@ from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, then
 from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING, both
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.bordered import Bordered
-from wavesweep.engine._response.bounded_sums import joined, long_sum, plus, times
+from wavesweep.engine._response.bounded_sums import Bounded, long_sum
 from wavesweep.engine._response.circle import Circle, circle_of
 from wavesweep.engine._response.modal import Modal
 from wavesweep.engine._response.port import Port, reached
@@ -111,31 +111,30 @@ class Stretch:
     @property
     def across(self) -> tuple:
         """The map from forces of the first half to the last output in the second, a pair."""
-        return times(
-            [outputs[..., -1, :, :] for outputs in self.second.observability],
-            self.first.controllability,
-        )
+        last = Bounded(*(outputs[..., -1, :, :] for outputs in self.second.observability))
+        return last @ Bounded(*self.first.controllability)
 
 
 def _joined(first, second):
     """Return one stretch after the other."""
     eye = np.eye(first.E[0].shape[-1])
     before = eye + first.E[0], first.E[1]
-    after = eye + second.E[0], second.E[1]
+    after = Bounded(eye + second.E[0], second.E[1])
     E = then(first.E[0], second.E[0]), both(first.E, second.E)[1]
-    carried = times(second.observability, [states[..., None, :, :] for states in before])
-    observability = joined((first.observability, carried), -2)
-    controllability = joined((times(after, first.controllability), second.controllability), -1)
+    outputs = Bounded(*second.observability)
+    inputs = Bounded(*first.controllability)
+    carried = outputs @ Bounded(*(states[..., None, :, :] for states in before))
+    observability = Bounded.joined((first.observability, carried), -2)
+    controllability = Bounded.joined((after @ inputs, second.controllability), -1)
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
-    later = times(
-        second.observability, [states[..., None, :, :] for states in first.controllability]
-    )
-    within = plus(_padded(first.forced, second.ticks), _padded(second.forced, first.ticks))
-    forced = plus(within, _over_lags(later))
+    later = outputs @ Bounded(*(states[..., None, :, :] for states in inputs))
+    of_first = Bounded(*_padded(first.forced, second.ticks))
+    of_second = Bounded(*_padded(second.forced, first.ticks))
+    forced = of_first + of_second + Bounded(*_over_lags(later))
     impulse = []
-    for of_first, outputs, of_second in zip(first.impulse, later, second.impulse, strict=True):
-        impulse.append(_triangular(of_first, outputs[..., -1, :, :], of_second))
+    for before_it, across, after_it in zip(first.impulse, later, second.impulse, strict=True):
+        impulse.append(_triangular(before_it, across[..., -1, :, :], after_it))
     return Stretch(E, observability, controllability, forced, impulse)
 
 
