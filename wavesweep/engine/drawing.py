@@ -22,7 +22,6 @@ if TYPE_CHECKING:
         SHARES,
         WAVE_ENDS,
         Drawing,
-        decides,
         name_of,
         path_of,
         path_of_port,
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._drawing.drawn_block import DELTA, PORT, DrawnBlock, Plant, keys_of_block
     from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN, with_late_signal
+    from wavesweep.engine._drawing.scalar_place import decides
 else:
     __getattr__ = on_demand(
         {
@@ -57,7 +57,6 @@ else:
                 "RATE",
                 "SHARES",
                 "WAVE_ENDS",
-                "decides",
                 "name_of",
                 "path_of",
                 "path_of_port",
@@ -67,5 +66,6 @@ else:
             "_drawing.drawing_tables": ("NUMBER_PARTS", "Surroundings", "TABLES", "read_drawing"),
             "_drawing.drawn_block": ("DELTA", "DrawnBlock", "PORT", "Plant", "keys_of_block"),
             "_drawing.gain_at_signal": ("BLOCK", "GAIN", "with_late_signal"),
+            "_drawing.scalar_place": ("decides",),
         }
     )

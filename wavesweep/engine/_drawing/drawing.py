@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 
+from wavesweep.engine._drawing import scalar_place
 from wavesweep.engine._drawing.block_types import TICK_HZ
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant, keys_of_block
 from wavesweep.engine._drawing.expressions import Terms, Tree, names_in, value_of
@@ -15,16 +16,6 @@ RATE = "rates.tick_hz"
 # Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their
 # whole path.
 OF_NUMBERS = "numbers."
-STRUCTURE = (
-    "every",
-    "phase",
-    "steps",
-    "order",
-    "n",
-    "late",
-    "lost",
-)  # keys that decide how a loop is built
-
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
 SHARES = (
     "loss",
@@ -281,7 +272,10 @@ class Drawing:
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
         return frozenset(
-            name for path, tree in self.trees() if decides(path) for name, _ in names_in(tree)
+            name
+            for path, tree in self.trees()
+            if scalar_place.decides(path)
+            for name, _ in names_in(tree)
         )
 
     @_remembered
@@ -336,21 +330,15 @@ class Drawing:
     def scalar_place(self, number: str) -> str:
         """Return the path of the wire, gain or word of firmware of which a number is one scalar
         factor, empty if it is none; see `scalar_place`."""
-        from wavesweep.engine._drawing.scalar_place import scalar_place
-
-        return scalar_place(self, number)
+        return scalar_place.scalar_place(self, number)
 
     def shares_wire(self, number: str, other: str) -> bool:
         """Return whether another number is the factor of other terms in the same wire."""
-        from wavesweep.engine._drawing.scalar_place import shares_wire
-
-        return shares_wire(self, number, other)
+        return scalar_place.shares_wire(self, number, other)
 
     def seen_by_hand(self, number: str) -> bool:
         """Return whether the signals at the hand's port read a number themselves."""
-        from wavesweep.engine._drawing.scalar_place import seen_by_hand
-
-        return seen_by_hand(self, number)
+        return scalar_place.seen_by_hand(self, number)
 
     @_remembered
     def names(self) -> Names:
@@ -420,8 +408,3 @@ def name_of(path: str) -> str:
 def scalars(values: Mapping[str, object]) -> dict[str, object]:
     """Return the values of a drawn spec by the names that trees have for them."""
     return {name_of(path): value for path, value in values.items() if not isinstance(value, str)}
-
-
-def decides(path: str) -> bool:
-    """Whether the key of a block decides how the loop is built."""
-    return path.startswith("block.") and path.rpartition(".")[2] in STRUCTURE

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
 from wavesweep.engine._drawing.conditions import displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
-from wavesweep.engine._drawing.drawing import RATE, Drawing, decides, path_of
+from wavesweep.engine._drawing.drawing import RATE, Drawing, path_of
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.engine._drawing.drawing_ports import TURNS, PortReader
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
@@ -26,6 +26,7 @@ from wavesweep.engine._drawing.expressions import (
     with_trees,
 )
 from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._drawing.scalar_place import decides
 from wavesweep.engine._keys.checking import Mistakes, nearest, show
 from wavesweep.engine._keys.key import Key, Leaf, Names, Place
 

@@ -1,15 +1,20 @@
-"""Numbers that are scalar gains of a drawing: in which wire or gain, and what else reads them."""
+"""Numbers that are scalar gains of a drawing: in which wire or gain, and what else reads them.
+
+These are the functions behind the methods of `Drawing`, whose drawings they take.
+"""
 
 from functools import lru_cache
+from typing import Any
 
-from wavesweep.engine._drawing.drawing import Drawing, decides
 from wavesweep.engine._drawing.expressions import degree, names_in
 
+# keys of blocks that decide how a loop is built
+STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")
 HAND = "ports.hand."  # keys of the hand's port
 
 
 @lru_cache(maxsize=256)  # a compiled loop is asked again and again
-def scalar_place(drawing: Drawing, number: str) -> str:
+def scalar_place(drawing: Any, number: str) -> str:
     """The path of the only wire that is not within a plant, of the factor of the only gain, or of
     the output of the only word of firmware that reads a number, if it is linear in it; else empty.
 
@@ -66,7 +71,7 @@ def _split(drawing, port, number):
 
 
 @lru_cache(maxsize=256)
-def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
+def shares_wire(drawing: Any, number: str, other: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
     table, _, port = place.partition(".")
@@ -79,7 +84,7 @@ def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
 
 
 @lru_cache(maxsize=256)
-def seen_by_hand(drawing: Drawing, number: str) -> bool:
+def seen_by_hand(drawing: Any, number: str) -> bool:
     """Whether the signals at the hand's port read a number themselves."""
     return any(path.startswith(HAND) for path in _readers(drawing, number))
 
@@ -88,3 +93,8 @@ def seen_by_hand(drawing: Drawing, number: str) -> bool:
 def _readers(drawing, number):
     """The paths of all that reads a number."""
     return {path for path, tree in drawing.trees() if _reads(tree, number)}
+
+
+def decides(path: str) -> bool:
+    """Whether the key of a block decides how the loop is built."""
+    return path.startswith("block.") and path.rpartition(".")[2] in STRUCTURE

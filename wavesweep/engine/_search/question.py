@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from wavesweep.engine._drawing.drawing import name_of
 from wavesweep.engine._search.open_loops import FindPort, Opened
 from wavesweep.engine._stability.intervals import Intervals
 from wavesweep.engine.loop import Loops
-
-if TYPE_CHECKING:
-    from wavesweep.engine._search.frames_along import FramesAlong
 
 
 class RequiredRegion(Protocol):
@@ -43,11 +40,11 @@ class RequiredRegion(Protocol):
         """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(...,
         bounds)`."""
 
-    def intervals(self, frames: "FramesAlong", span) -> Intervals:
-        """All intervals in which eigenvalues are where they have to be, apart from their size; see
-        `stable_along_any`."""
+    def intervals(self, frames: Any, span) -> Intervals:
+        """All intervals in which eigenvalues are where they have to be, apart from their size;
+        frames: `FramesAlong` the number."""
 
-    def within_gain(self, frames: "FramesAlong", span, stable: Intervals) -> list[Intervals]:
+    def within_gain(self, frames: Any, span, stable: Intervals) -> list[Intervals]:
         """All intervals along a number in which each of the gains is within its bound, as far as
         they are in `stable`.
 
