@@ -14,7 +14,7 @@ from meaning.controllers import Keys, add_model, add_sections
 from meaning.expressions import linear, names_in, number, terms_of
 from meaning.machine import Instant, Schedule, exact, form, scaled
 
-PLANTS = {"mass", "inertia", "mass_matrix", "spring", "ss", "tf"}
+PLANTS = {"mass", "inertia", "mass_matrix", "five-bar", "spring", "ss", "tf"}
 
 
 def read(tables: dict) -> Schedule:
@@ -66,6 +66,9 @@ class Drawing:
         return number(given, value_of)
 
     def number_called(self, name: str) -> float:
+        if name not in self.known and name not in self.numbers:  # of a device: its block's name and its key
+            block, _, key = name.partition("_")
+            self.known[name] = self.value(block, key)
         if name not in self.known:
             self.known[name] = self.number(self.numbers[name])
         return self.known[name]
@@ -186,6 +189,8 @@ class Drawing:
             return ends, ["f1", "f2"], np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), D
         if kind == "mass_matrix":
             return self.mass_matrix(name)
+        if kind == "five-bar":
+            return self.five_bar(name)
         if kind == "tf":
             A, B, C, D = filters.transfer(self.list(name, "num"), self.list(name, "den"))
             return ["u"], ["y"], A, B[:, None], C[None, :], np.array([[D]])
@@ -212,7 +217,50 @@ class Drawing:
             rows = 1 if len(given) == 1 else coordinates
             part = self.matrix(name, key, rows, coordinates)
             parts[key] = J.T @ (np.diag(part[0]) if len(given) == 1 else part) @ J
-        inverse = np.linalg.inv(parts["mass"])
+        return self.body(axes, parts["mass"], parts["damping"], parts["stiffness"])
+
+    def five_bar(self, name: str):
+        """The device in its pose: what the motions of motors and links for a motion of the hand store and take.
+
+        Motors are at (+-base/2, 0), elbows outwards. The hand is at the elbow plus the outer link, so its velocity is that of
+        both links: l1 q' (-sin q, cos q) + l2 a' (-sin a, cos a).
+        """
+        default = {
+            "x": 0.0, "y": 0.15, "base": 0.06, "l1": 0.1, "l2": 0.13, "motor_inertia": 2e-5, "m1": 0.05, "m2": 0.04,
+            "handle": 0.03, "damping": 5e-4,
+        }  # fmt: skip
+        of = {key: self.value(name, key, given) for key, given in default.items()}
+        l1, l2, m1, m2 = of["l1"], of["l2"], of["m1"], of["m2"]
+        c1 = self.value(name, "c1", l1 / 2)
+        c2 = self.value(name, "c2", l2 / 2)
+        I1 = self.value(name, "I1", m1 * l1**2 / 12)
+        I2 = self.value(name, "I2", m2 * l2**2 / 12)
+        hand = {
+            key: np.diag([self.value(name, f"hand_{key}_{axis}", 0.0) for axis in "xy"])
+            for key in ("mass", "damping", "stiffness")
+        }
+        mass = hand["mass"] + of["handle"] * np.eye(2)
+        damping = hand["damping"]
+        for side in (-1, 1):
+            reach = np.array([of["x"] - side * of["base"] / 2, of["y"]])
+            far = np.hypot(*reach)
+            bend = math.acos((l1**2 + far**2 - l2**2) / (2 * l1 * far))
+            q = math.atan2(reach[1], reach[0]) - side * bend
+            elbow = l1 * np.array([math.cos(q), math.sin(q)])
+            a = math.atan2(*(reach - elbow)[::-1])
+            of_q = np.array([-math.sin(q), math.cos(q)])
+            of_a = np.array([-math.sin(a), math.cos(a)])
+            motor, link = np.linalg.inv(np.column_stack([l1 * of_q, l2 * of_a]))  # rows: q' and a' for a motion of the hand
+            middle = l1 * np.outer(of_q, motor) + c2 * np.outer(of_a, link)
+            mass = mass + (of["motor_inertia"] + I1 + m1 * c1**2) * np.outer(motor, motor)
+            mass = mass + m2 * middle.T @ middle + I2 * np.outer(link, link)
+            damping = damping + of["damping"] * np.outer(motor, motor)
+        return self.body(["x", "y"], mass, damping, hand["stiffness"])
+
+    def body(self, axes, mass, damping, stiffness):
+        """The plant of a matrix of mass."""
+        parts = {"damping": damping, "stiffness": stiffness}
+        inverse = np.linalg.inv(mass)
         size = len(axes)
         A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ parts["stiffness"], -inverse @ parts["damping"]]])
         B = np.vstack([np.zeros((size, size)), inverse])
@@ -483,6 +531,18 @@ class Drawing:
             equations[f"{name}.{port}"] = form(_pairs(C[row], states), _pairs(D[row], fed))
         for row, state in enumerate(states):
             writes[state] = form(_pairs(A[row], states), _pairs(B[row], fed))
+
+    def run_wall(self, name, equations, writes):
+        """The depth along the normal, and K times it and B times its change, as many ticks later as `late` says."""
+        normal = {axis: self.value(name, f"n{axis}", given) for axis, given in (("x", 1.0), ("y", 0.0))}
+        equations[f"{name}.depth"] = form(*(scaled(share, self.into(name, axis)) for axis, share in normal.items()))
+        rate = self.value(name, "B", 0.0) / self.period(name)
+        K = self.value(name, "K", 100.0)
+        equations[f"{name} now"] = {f"{name}.depth": K + rate, f"@{name} depth": -rate}
+        writes[f"@{name} depth"] = {f"{name}.depth": 1.0}
+        equations[f"{name}.force"] = {f"{name} now": 1.0}
+        for axis, share in normal.items():
+            equations[f"{name}.f{axis}"] = {f"{name}.force": share}
 
     def run_wave(self, name, equations, writes):
         del writes

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from meaning import controllers, drawings
 from meaning.machine import Machine, at_one, radius
+from meaning.required import beyond, period_of, requirement
 from meaning.specs import PATHS
 
 SMALL = 0.02  # of a radius: eigenvalues next to 0 are the roots of rounding
@@ -78,10 +79,10 @@ def close(mine, theirs, relative: float, absolute: float) -> bool:
     return bool(np.all(np.abs(np.subtract(mine, theirs)) <= absolute + relative * np.abs(mine)))
 
 
-def judge(text: str, loop, ticks: int = 60, *, whole: bool = True) -> list[Found]:
+def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, required: bool = True) -> list[Found]:
     """All comparisons of one spec, of which `loop` is the package's reading.
 
-    `whole`: with ends and responses.
+    `whole`: with ends and responses, and if `required` those of a random requirement.
     """
     tables = tomllib.loads(text)
     drift = drift_of(tables)
@@ -90,7 +91,12 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True) -> list[Found
     mine = radius(monodromy, drift)
     found = [judge_radius(tables, mine, loop)]
     if whole:
-        found += judge_intervals(tables, drift, loop)
+        along = tables["sweep"]["along"]
+        inside = 0.37 * tables["sweep"][along]["stop"]
+        drift_inside = drift_of(with_value(tables, along, inside))  # there may be more of it at 0
+        found += judge_intervals(tables, drift_inside, loop)
+        if required:
+            found += judge_required(text, tables, drift_inside, loop)
     hand = hand_of(tables)
     found += judge_simulation(machine, loop, hand, ticks)
     if whole and mine < 1:
@@ -133,6 +139,51 @@ def judge_intervals(tables, drift, loop) -> list[Found]:
         stable = any(low < value < high for low, high in ends)
         near = any(abs(value - end) < 1e-5 * abs(end) for pair in ends for end in pair)
         found.append(_label(at(value), stable, near, value, ends))
+    return found
+
+
+def judge_required(text, tables, drift, loop) -> list[Found]:
+    """Intervals with what a random requirement wants: it holds just inside each end, not just outside, and as rows say."""
+    along = tables["sweep"]["along"]
+    span = (tables["sweep"][along]["start"], tables["sweep"][along]["stop"])
+    random = np.random.default_rng(8)
+    values = random.uniform(0, 1, 4) ** 2 * (span[1] - span[0]) + span[0]
+    machine = machine_of(tables)
+    unit = period_of(tables, machine)
+    slowest = min(_radius_at(tables, drift, along, value) for value in values)
+    wanted = requirement(text, slowest, float(machine.schedule.period), unit)
+    if wanted is None:
+        return []
+
+    def misses_by(value):
+        changed = machine_of(with_value(tables, along, float(value)))
+        return beyond(changed, drift, period_of(tables, changed), wanted)
+
+    rows = loop.stable_intervals(along=along, span=span, require=wanted)
+    what = next(iter(wanted))
+    if (rows["doubt"] != "").any():
+        return [Found(f"required {what} in doubt", True, wanted, list(rows["doubt"]))]
+    kept = rows[rows["intervals"] > 0]
+    ends = [(float(row.low), float(row.high)) for row in kept.itertuples()]
+    found = []
+    for low, high in ends:
+        step = min(1e-5 * high, (high - low) / 3)
+        places = [(low + step, low > span[0] and low - step), (high - step, high < span[1] and high + step)]
+        for inside, outside in places:
+            pair = (misses_by(inside), -1.0 if outside is False else misses_by(outside))
+            if None in pair or abs(pair[0]) < 1e-9 or abs(pair[1]) < 1e-9:
+                found.append(Found(f"required {what}, end untold", True, pair, inside))
+            else:
+                same = pair[0] < 0 and (outside is False or pair[1] > 0)
+                found.append(Found(f"required {what}, end", same, (wanted, pair), (inside, outside)))
+    for value in values:
+        misses = misses_by(value)
+        near = any(abs(value - end) < 1e-4 * abs(end) for pair in ends for end in pair)
+        if misses is None or near or abs(misses) < 1e-7:
+            found.append(Found(f"required {what}, untold", True, misses, value))
+            continue
+        holds = any(low < value < high for low, high in ends)
+        found.append(Found(f"required {what}", (misses < 0) == holds, (wanted, value, misses), ends))
     return found
 
 

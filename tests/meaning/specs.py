@@ -262,6 +262,42 @@ def drawing(seed: int) -> dict:
     return tables
 
 
+def linkage(seed: int) -> dict:
+    """The tables of a spec with a five-bar device in any pose, in a hand, before a wall of any direction."""
+    made = Drawn(seed)
+    draw = Draw([3, seed])
+    numbers = {
+        "x": draw.between(-0.04, 0.04),
+        "y": draw.between(0.11, 0.19),
+        "phi": draw.between(0.0, 6.2),
+        "K": draw.size(50.0, 500.0),
+        "B": draw.or_zero(0.5, 4.0),
+    }
+    made.tables["numbers"] = numbers
+    lengths = {"base": draw.between(0.03, 0.08), "l1": draw.between(0.09, 0.12), "l2": draw.between(0.12, 0.15)}
+    links = {"m1": draw.between(0.02, 0.08), "m2": draw.between(0.02, 0.06), "motor_inertia": draw.size(5e-6, 5e-5)}
+    if draw.chance(0.5):
+        links |= {"c1": draw.between(0.0, 0.06), "c2": "0.4*device_l2" if draw.chance(0.5) else 0.05}
+        links |= {"I1": draw.size(1e-6, 1e-4), "I2": draw.size(1e-6, 1e-4)}
+    hand = {"hand_damping_x": draw.size(0.5, 4.0), "hand_damping_y": draw.size(0.5, 4.0)}
+    for key, least, most in (("stiffness", 20.0, 500.0), ("mass", 0.02, 0.3)):
+        for axis in "xy":
+            if draw.chance(0.6):
+                hand[f"hand_{key}_{axis}"] = draw.size(least, most)
+    friction = {"damping": draw.or_zero(1e-4, 2e-3), "handle": draw.or_zero(0.01, 0.1)}
+    made.block("device", "five-bar", x="x", y="y", **lengths, **links, **hand, **friction)
+    made.block("wall", "wall", nx="cos(phi)", ny="sin(phi)", K="K", B="B", **made.clock())
+    made.tables["block"]["wall"].pop("phase", None)
+    made.wire("wall.x", "device.x")
+    made.wire("wall.y", "device.y")
+    made.wire("device.fx", "push - wall.fx")
+    made.wire("device.fy", "across - wall.fy")
+    del made.tables["signals"]
+    made.tables["ports"] = {"hand": {"force": ["push", "across"], "displacement": ["device.x", "device.y"]}}
+    made.tables["sweep"] = {"along": "K", "K": {"start": 0.0, "stop": 20000.0}}
+    return made.tables
+
+
 def add_chain(made: Drawn, length: int) -> str:
     """Blocks in series from the arm's position; the name of the last output."""
     draw = made.draw

@@ -12,7 +12,7 @@ from meaning import exported
 from meaning.controllers import Keys
 from meaning.drawings import PLANTS
 from meaning.judge import compiled, judge, machine_of, radius_of, with_value
-from meaning.specs import KINDS, spec_text, toml
+from meaning.specs import KINDS, linkage, spec_text, toml
 
 from wavesweep.program.cli import main
 
@@ -40,7 +40,7 @@ NOT_READ = {  # keys of a spec that the interpreter does not read, and why
         f"block.channel.{key}": "the loop's own messages are all in time"
         for key in ("late", "lost", "missing", "loss", "burst", "burst_end", "burst_loss")
     },
-    **{f"block.{kind}.phase": "a plant runs in every tick" for kind in PLANTS - {"ss", "tf"}},
+    **{f"block.{kind}.phase": "a plant runs in every tick" for kind in PLANTS - {"ss", "tf", "five-bar"}},
 }
 QUESTIONS = {
     "bode",
@@ -48,7 +48,7 @@ QUESTIONS = {
     "simulate",
     "measured",
     "design",
-}  # tables that are no part of the loop; of [sweep] the axis alone
+}  # tables that are no part of the loop; of [sweep] the axis, and requirements of modes
 
 
 @pytest.mark.parametrize(
@@ -70,14 +70,22 @@ def test_the_interpreter_finds_published_limits(tables, limit):
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, SPECS, EACH))
 def test_random_specs_mean_the_same(first, tmp_path):
-    """Radius and simulation of each; ends and responses of each fifth, which take longer."""
+    """Radius and simulation of each; ends and responses of each fifth, a requirement of each 25th, which take longer."""
     differ = []
     for number in range(first, first + EACH):
         text = spec_text(number, quick=True)
         loop = compiled(text, tmp_path)
-        found = judge(text, loop, whole=number % 5 == 0)
+        found = judge(text, loop, whole=number % 5 == 0, required=number % 25 == 0)
         differ += [(number, one.what, one.mine, one.theirs) for one in found if not one.same]
     assert differ == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 3])
+def test_five_bars_in_any_pose_mean_the_same(seed, tmp_path):
+    """The one with centres of mass of its own, the other with those in the middle of its links."""
+    text = toml(linkage(seed))
+    assert [one for one in judge(text, compiled(text, tmp_path)) if not one.same] == []
 
 
 @pytest.mark.slow
