@@ -223,13 +223,21 @@ LIST = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
             [f"simulate.frames: expected {LIST}, found an empty list"],
         ),
         (
-            [0, 2.5, {"ticks": 20, "lots": True}, {"delay": 1}, {"ticks": 3, "delay": 4}],
+            [
+                0,
+                2.5,
+                {"ticks": 20, "lots": True},
+                {"delay": 1},
+                {"ticks": 3, "delay": 4},
+                {"ticks": 3, "delay": 1, "lost": True},
+            ],
             [
                 "simulate.frames[0]: expected a whole number >= 1, found 0",
                 "simulate.frames[1]: expected a whole number >= 1, found 2.5",
                 "simulate.frames[2].lots: expected one of ticks, delay, lost, found an unknown key; did you mean `lost`?",
                 "simulate.frames[3]: expected the ticks of the frame, found none",
                 "simulate.frames[4].delay: expected a whole number <= 3, the ticks of the frame, found 4",
+                "simulate.frames[5].delay: expected no delay of a result that never comes, found 1",
             ],
         ),
         ([1000] * 101, ["simulate.frames: expected at most 100000 ticks in all, found 101000"]),

@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.designs.keys import HAND, in_order
+from wavesweep.designs.keys import HAND_KEYS, in_order
 from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import Spec
@@ -76,7 +76,7 @@ def _choices(spec, between):
                 if value in axis.values or _makes_a_loop(spec, axis, value)
             ]
         )
-    for name in HAND:
+    for name in HAND_KEYS:
         if name in design.hand:
             values = _filled(design.hand[name], between, False)
             choices.append([(f"operator.{name}", value) for value in values])

@@ -39,7 +39,9 @@ DESIGN_KEYS = Key.by_path(
 )
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
-HAND = ("mass", "damping", "stiffness")
+HAND_KEYS = {
+    name: Key.several(KEYS[f"operator.{name}"]) for name in ("mass", "damping", "stiffness")
+}
 NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls belong to the wishes
 
 
@@ -428,11 +430,8 @@ class _Reader:
             self.mistakes.refuse(
                 table, path, "a table such as { damping = [0, 5] }", show(table.value)
             )
-        return {
-            key: self.values(f"{path}.{key}", leaf, KEYS[f"operator.{key}"])
-            for key, leaf in leaves.items()
-            if self.mistakes.is_known(key, HAND, leaf, f"{path}.{key}")
-        }
+        lists = self.mistakes.read(HAND_KEYS, leaves, path)
+        return {key: distinct(values) for key, values in lists.items()}
 
     def refuse_numbers(
         self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]
@@ -499,8 +498,7 @@ def _takes_hand_or_ratio(rest: tuple[str, ...], leaf: Leaf, result: Sorted, name
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
-    values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-    hand = shapes.table(dict.fromkeys(HAND, values))
+    hand = shapes.keys(HAND_KEYS)
     wishes = {}
     for name, kind in WISHES.items():
         if kind.ports is not None or not shapes.drawn:

@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
-from wavesweep.designs.keys import HAND
+from wavesweep.designs.keys import HAND_KEYS
 from wavesweep.designs.search import (
     Evolution,
     Judged,
@@ -200,7 +200,7 @@ def _hold(spec, scenarios, designs, box, records):
                 spec.with_values({**numbers, **device, "environment.B_VE": damping}).values
             )
             hands = dict(box)
-            for key in HAND:
+            for key in HAND_KEYS:
                 path = f"operator.{key}"
                 if path in numbers:
                     hands[key] = (float(values[path]), float(values[path]))
@@ -456,9 +456,9 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
         raise UsageError(
             "hand box: expected a wall that nothing follows, found ratios in [design.for_all]"
         )
-    hand = {key: (spec.values[f"operator.{key}"],) for key in HAND}
+    hand = {key: (spec.values[f"operator.{key}"],) for key in HAND_KEYS}
     for axis in wanted.for_all:
-        for key in HAND:
+        for key in HAND_KEYS:
             if axis.path == f"operator.{key}":
                 hand[key] = axis.values
     hand |= wanted.hand

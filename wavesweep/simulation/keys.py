@@ -174,7 +174,8 @@ KEYS = Key.by_path(
         ),
     ]
 )
-IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
+LATE = Key.whole("late", None, "how late a message is", 0, MOST_LATE, "tick")
+IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")  # messages that are lost
 FRAME_KEYS = {
     "ticks": Key.whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
     "delay": Key.whole(
@@ -261,7 +262,10 @@ def _frame(leaf: Leaf, path: str, mistakes: Mistakes) -> Frame | None:
     if "ticks" not in values:
         return None
     frame = Frame(**values)
-    if frame.delay is not None and frame.delay > frame.ticks:
+    if frame.lost and frame.delay is not None:
+        expected = "no delay of a result that never comes"
+        mistakes.refuse(leaf, f"{path}.delay", expected, show(frame.delay), of_key=False)
+    elif frame.delay is not None and frame.delay > frame.ticks:
         expected = f"a whole number <= {frame.ticks}, the ticks of the frame"
         mistakes.refuse(leaf, f"{path}.delay", expected, show(frame.delay), of_key=False)
     return frame
@@ -275,16 +279,20 @@ def build_messages(
 
     given: the lists by path.
     """
-    expected = 'a list of ticks by which messages are late in turn, or "lost", or "3 lost" for so many in a row'
+    expected = (
+        'a list, of how late messages are in turn: ticks, "lost", or "3 lost" for so many in a row'
+    )
     messages: dict[str, tuple[int | None, ...]] = {}
     for path, leaf in given.items():
         listed = isinstance(leaf.value, list) and bool(leaf.value)
         late: list[int | None] = []
-        for item in leaf.value if listed else [leaf.value]:
+        if not listed:
+            mistakes.refuse(leaf, path, expected, show(leaf.value), of_key=False)
+        for item in leaf.value if listed else ():
             lost = IN_A_ROW.fullmatch(item) if isinstance(item, str) else None
             if lost:
                 late += [None] * int(lost[1] or 1)
-            elif listed and _is_late(item):
+            elif _is_late(item):
                 late.append(item)
             else:
                 mistakes.refuse(leaf, path, expected, show(item), of_key=False)
@@ -602,7 +610,9 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     frame = shapes.keys(FRAME_KEYS, required=["ticks"])
     keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
     keys["frames"] = {"anyOf": [keys["frames"], {"type": "string", "minLength": 1}]}
-    late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
+    lost = {"type": "string", "pattern": f"^{IN_A_ROW.pattern}$"}
+    message = {"anyOf": [shapes.value(LATE), lost]}
+    late = {"type": "array", "items": message, "minItems": 1}
     keys["messages"] = shapes.table({}, late, description=keys["messages"]["description"])
     return table
 
