@@ -5,7 +5,7 @@
 
 Rates that do not divide, states, ticks of a frame, ticks of delay, slices, and numbers in a box. Times are of the processor,
 all processes together, the least of three up to a second; a cross is a size at which not every row is certified. Beside states
-and ticks that of D-decomposition by hand at 180 angles. --most: slices of the largest run. --least: no figure, six ratios of
+and ticks that of D-decomposition by hand at 180 angles. --most: slices of the largest run. --least: no figure, eight ratios of
 two sizes alone; the exit code is 1 if one is above twice of what it was when these lines were written.
 """
 
@@ -266,7 +266,14 @@ RATIOS = (
         1.0,
     ),
     Ratio("frames of 1000 ticks beside 100", lambda: chained(chain(2, 1000)), lambda: chained(chain(2, 100)), 1.2),
-    Ratio("400 ticks of delay beside 100", lambda: one_delay(400), lambda: one_delay(100), 9.0),
+    Ratio("400 ticks of delay beside 100", lambda: one_delay(400), lambda: one_delay(100), 5.0),
+    Ratio("1000 ticks of delay beside 100", lambda: one_delay(1000), lambda: one_delay(100), 30.0),
+    Ratio(
+        "a box of two numbers beside one",
+        lambda: box(SPRING, "K", some_of(OF_SPRING, 2)),
+        lambda: box(SPRING, "K", some_of(OF_SPRING, 1)),
+        2.0,
+    ),
     Ratio("10,000 slices beside 1000", lambda: slices(10_000), lambda: slices(1000), 1.5),
 )
 
