@@ -50,7 +50,7 @@ PROBES = 6  # samples of the sweep
 CHUNK_OVER_SAMPLE = 10
 FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST_SAMPLE = 0.1  # s; no further sample after that
-SLOW_SLICE = 2.0  # s of a slice, which its first call does not change by much
+SLOW_SLICE = 1.0  # s of a slice, which its first call does not change by much
 
 
 def expected_seconds(job: Job, longest: float = LONGEST_SAMPLE) -> float:
@@ -73,6 +73,8 @@ def expected_seconds(job: Job, longest: float = LONGEST_SAMPLE) -> float:
         if first > SLOW_SLICE:
             return first * total_slices
         one_slice = _seconds_of(single)  # the first call costs more than it will later
+        if one_slice > longest and all(chunk.slices == 1 for chunk in chunks):
+            return one_slice * total_slices
         started = time.process_time()
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
