@@ -17,11 +17,8 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
 from wavesweep.engine.poles import count_outside
 
-FRAMES_AHEAD = (
-    1,
-    2,
-)  # that a node knows: more where that makes few conditions, or nothing else proves
-FEW_CONDITIONS, MOST_CONDITIONS = 300, 600
+FRAMES_AHEAD = (0, 1, 2)  # that a node knows; proofs begin with the first
+MOST_CONDITIONS = 150  # of a proof
 HALVINGS = 14  # of the range, down to where a first proof is tried
 BISECTIONS = 7  # of the end of a proof
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
@@ -42,7 +39,7 @@ class InFrames:
     """A loop without its wall in all frames that may come.
 
     frames: see `WallFrames`, in units in which states, forces and rests are about 1; unit: of the
-    wall's position in these. finer: the same with nodes that know more frames, for what is not
+    wall's position in these. finer: the same with nodes that know frames to come, for what is not
     proved otherwise.
     """
 
@@ -55,20 +52,19 @@ class InFrames:
     def of(frames: Any) -> InFrames | None:
         """Return the loop; None if there is no bound on where it comes to rest."""
         frames, unit = _in_units(frames)
-        coarse = None
+        loops = []
         for ahead in FRAMES_AHEAD:
             edges = edges_of(frames, ahead)
             if edges is None:
                 return None
             conditions = Conditions.of(frames, edges)
-            loop = InFrames(frames, conditions, unit)
-            if coarse and conditions.R.size > FEW_CONDITIONS:
-                finer = loop if conditions.R.size <= MOST_CONDITIONS else None
-                return replace(coarse, finer=finer)
-            coarse = loop
+            if loops and conditions.R.size > MOST_CONDITIONS:
+                break
+            loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
                 break
-        return coarse
+        finer = loops[-1] if len(loops) > 1 else None
+        return replace(loops[0], finer=finer)
 
     def wall(self, K: float, B: float) -> tuple[float, float, float]:
         """A wall as the conditions have it."""
@@ -191,10 +187,15 @@ class Along:
         Nothing is beyond a motion that goes on in frames of one length, and most proofs end near
         the first of these.
         """
-        found = self._proved(low, high)
-        if found or not self.loop.finer:
-            return found
-        return replace(self, loop=self.loop.finer).proved(low, high)
+        coarse = self._proved(low, high)
+        if not self.loop.finer:
+            return coarse
+        finer = replace(self, loop=self.loop.finer)
+        if not coarse:
+            return finer.proved(low, high)
+        begin, joint = coarse
+        beyond = finer.proved(joint, high)
+        return (begin, beyond[1]) if beyond and beyond[0] == joint else coarse
 
     def _proved(self, low, high):
         ceiling, _ = self.motion(low, high)

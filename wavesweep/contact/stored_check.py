@@ -14,21 +14,23 @@ where u = 0: what the wall stores. So, for any two samples in a row, and with R 
 
     u f >= Phi(f) >= 0,   u (f - f_before) >= Phi(f) - Phi(f_before).
 
-Let m = f_before - q, z = (eta, m), and a form P_i at each node. On an edge from i to j, with
-`m+ = c' eta + (d - R) u`, the sum `V = g q^2 + z' P z + 2 h Phi(f_before)` falls by at least w' F w,
+Let m = f_before - p, z = (eta, m), and a form P_i at each node. On an edge from i to j, with
+`f - p = e' eta + d u`, so that `c = e - omega` and `m+ = (e - l)' eta + (d - r) u`, the sum
+`V = g q^2 + z' P z + 2 h Phi(f_before)` falls by at least w' F w,
 
     w = (z, u),   w' F w = z' P_i z - z+' P_j z+ - g R^2 u^2 + 2 g R u (c' eta + d u)
-                           - 2 h u (c' eta + d u - m),
+                           - 2 h u (e' eta + d u - m),
 
 where the term of u f with the weight -g R has taken away q u: nothing of F depends on q. If all P_i
 and F are positive definite, g > 0 and h >= 0, the squares of eta, m and u have finite sums; so they decay,
 Phi(f) <= u f does, q^2 converges, and q with it, since its steps decay. `F` is positive definite
-only if 1 > K d_x + B d_v, so that every sample has one force.
+only if 1 > K d_x + B d_v, so that every sample has one force. Of F only the terms with g depend on
+the frames to come: with f_before - q in place of m all of it would, and far less is proved.
 
 If no position drifts there is no q, f = y - u, R = 0, and the term of u f has the weight g.
 
-Omega and R lie in hulls. F is concave in omega for each R, and in R for each omega, since z+ is
-linear in them: so F is positive definite in the hulls if it is so at all pairs of their vertices.
+Omega and R lie in hulls. F is linear in omega for each R, and concave in R for each omega: so F is
+positive definite in the hulls if it is so at all pairs of their vertices.
 
 Source: the function Phi is that of A. I. Lur'e and V. N. Postnikov (1944), in discrete time that of
 E. I. Jury and B. W. Lee, On the absolute stability of multinonlinear systems, Automation and Remote
@@ -55,18 +57,21 @@ POINT = 1e-9  # of R, up to which its interval counts as a value with an error
 class Conditions:
     """What has to hold on the edges of a graph, at the vertices of the hulls.
 
-    moved `(conditions, n, n + 1)`: A and b; read `(conditions, 2, n + 1)`: (o - omega, d_x) and
-    (c, d_v); R `(conditions,)`; of_...: bounds on their errors. exact: whether all
-    rests are points, up to such errors. drifts: whether a position does.
+    moved `(conditions, n + 1, n + 1)`: A and b, and the row (l, r) below; read `(conditions, 2, n +
+    1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`; of_...: bounds on
+    their errors. exact: whether all rests are points, up to such errors. drifts: whether a position
+    does.
     """
 
     source: np.ndarray
     target: np.ndarray
     moved: np.ndarray
     read: np.ndarray
+    rest: np.ndarray
     R: np.ndarray
     of_moved: np.ndarray
     of_read: np.ndarray
+    of_rest: np.ndarray
     of_R: np.ndarray
     drifts: bool
     exact: bool
@@ -75,13 +80,17 @@ class Conditions:
     def of(frames: Any, edges: Sequence[Edge]) -> Conditions:
         """The conditions of frames, see `WallFrames`, on these edges."""
         n = frames.changes.shape[-1] - 1
-        eye = np.eye(n, n + 1)
+        eye = np.eye(n + 1)
+        eye[n, n] = 0.0  # of the force
         columns: list[tuple] = []
         exact = True
         for edge in edges:
             i = edge.frame
-            moved = eye + frames.changes[i, :n]
-            of_moved = frames.of_changes[i, :n] + OPERATION_ROUNDING * np.abs(moved)
+            moved = eye + frames.changes[i]
+            of_moved = frames.of_changes[i] + OPERATION_ROUNDING * np.abs(moved)
+            ends = edge.source, edge.target
+            known = moved, frames.rows[i]
+            of_known = of_moved, frames.of_rows[i], edge.errors
             least, most = edge.turned
             middle = (least + most) / 2
             of_R = (most - least) / 2 + OPERATION_ROUNDING * abs(middle)
@@ -91,59 +100,57 @@ class Conditions:
                 of_R = 0.0
             exact &= len(turns) == len(edge.vertices) == 1
             for R, omega in product(turns, edge.vertices):
-                read = frames.rows[i].copy()
-                of_read = frames.of_rows[i].copy()
-                read[0, :n] -= omega
-                of_read[0, :n] += edge.errors + OPERATION_ROUNDING * np.abs(omega)
-                of_read += OPERATION_ROUNDING * np.abs(read)
-                columns.append((edge.source, edge.target, moved, read, R, of_moved, of_read, of_R))
+                columns.append((*ends, *known, omega, R, *of_known, of_R))
         return Conditions(*map(np.array, zip(*columns, strict=True)), frames.drifts, exact)
 
     def terms(self, wall: tuple[float, float, float]) -> Terms:
-        """The parts of F at a wall: f is a_x of the first row that is read, a_v of the second,
+        """The parts of F at a wall: f - p is a_x of the first row that is read, a_v of the second,
         less a_u of the force."""
         a_x, a_v, a_u = wall
-        n = self.moved.shape[1]
-        f = a_x * self.read[:, 0] + a_v * self.read[:, 1]
-        of_f = abs(a_x) * self.of_read[:, 0] + abs(a_v) * self.of_read[:, 1]
-        size = np.abs(a_x * self.read[:, 0]) + np.abs(a_v * self.read[:, 1])
-        size[:, n] += a_u
-        of_f = of_f + 8 * OPERATION_ROUNDING * size
-        f[:, n] -= a_u
-        count = len(f)
-        G = np.zeros((count, n + 1, n + 2))
-        dG = np.zeros_like(G)
+        n = self.rest.shape[1]
         force = n + 1
         state = [*range(n), force]
-        G[:, :n, state] = self.moved
-        dG[:, :n, state] = self.of_moved
-        G[:, n, state] = f
-        dG[:, n, state] = of_f
-        G[:, n, force] -= self.R
-        dG[:, n, force] += OPERATION_ROUNDING * (np.abs(self.R) + np.abs(G[:, n, force]))
-        dG[:, n, force] += self.of_R
+        f = a_x * self.read[:, 0] + a_v * self.read[:, 1]
+        size = np.abs(a_x * self.read[:, 0]) + np.abs(a_v * self.read[:, 1])
+        f[:, n] -= a_u
+        size[:, n] += a_u
+        of_f = abs(a_x) * self.of_read[:, 0] + abs(a_v) * self.of_read[:, 1]
+        of_f += 8 * OPERATION_ROUNDING * size
+        count = len(f)
+        G = np.zeros((count, n + 1, n + 2))
+        of_G = np.zeros_like(G)
+        G[:, :, state] = self.moved
+        of_G[:, :, state] = self.of_moved
+        G[:, n, state] = f - self.moved[:, n]
+        of_G[:, n, state] += of_f + OPERATION_ROUNDING * np.abs(G[:, n, state])
+        # From where the device would rest to f.
+        from_rest = f.copy()
+        from_rest[:, :n] -= self.rest
+        of_from_rest = of_f + OPERATION_ROUNDING * np.abs(from_rest)
+        of_from_rest[:, :n] += self.of_rest
         weight = -self.R if self.drifts else np.ones(count)
-        own = np.zeros((count, n + 2, n + 2))
-        of_own = np.zeros_like(own)
-        own[:, force, force] = -(self.R**2) - 2 * weight * f[:, n]
-        own[:, force, :n] = own[:, :n, force] = -weight[:, None] * f[:, :n]
-        of_own[:, force, force] = 2 * np.abs(weight) * of_f[:, n]
-        of_own[:, force, :n] = of_own[:, :n, force] = np.abs(weight)[:, None] * of_f[:, :n]
+        own = _times_force(-weight[:, None] * from_rest)
+        own[:, force, force] -= self.R**2
+        size_of_R = np.abs(self.R) + self.of_R
+        of_product = np.abs(weight)[:, None] * of_from_rest
+        of_product += self.of_R[:, None] * (np.abs(from_rest) + of_from_rest)
+        of_own = _times_force(of_product)
+        of_own[:, force, force] += self.of_R * (np.abs(self.R) + size_of_R)
         of_own[:, force, force] += 4 * OPERATION_ROUNDING * self.R**2
-        of_weight = self.of_R[:, None] * (np.abs(f) + of_f)
-        of_own[:, force, :n] += of_weight[:, :n]
-        of_own[:, :n, force] += of_weight[:, :n]
-        of_own[:, force, force] += 2 * of_weight[:, n]
-        of_own[:, force, force] += self.of_R * (2 * np.abs(self.R) + self.of_R)
         of_own += 4 * OPERATION_ROUNDING * np.abs(own)
-        stored = np.zeros_like(own)
-        of_stored = np.zeros_like(own)
-        stored[:, force, force] = -2 * f[:, n]
-        stored[:, force, :n] = stored[:, :n, force] = -f[:, :n]
+        stored = _times_force(-f)
         stored[:, force, n] = stored[:, n, force] = 1.0
-        of_stored[:, force, force] = 2 * of_f[:, n]
-        of_stored[:, force, :n] = of_stored[:, :n, force] = of_f[:, :n]
-        return Terms(G, own, stored, dG, of_own, of_stored)
+        return Terms(G, own, stored, of_G, of_own, _times_force(of_f))
+
+
+def _times_force(row: np.ndarray) -> np.ndarray:
+    """The matrices of `2 u (row (eta, u))` in (eta, m, u); rows `(conditions, n + 1)`."""
+    count, force = row.shape
+    n = force - 1
+    matrix = np.zeros((count, n + 2, n + 2))
+    matrix[:, n + 1, :n] = matrix[:, :n, n + 1] = row[:, :n]
+    matrix[:, n + 1, n + 1] = 2 * row[:, n]
+    return matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
