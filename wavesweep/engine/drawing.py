@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         path_of_port,
         scalars,
     )
-    from wavesweep.engine._drawing.drawing_ports import NAMED, OPTIONAL, PORTS
+    from wavesweep.engine._drawing.drawing_ports import NAMED, PORTS
     from wavesweep.engine._drawing.drawing_tables import (
         NUMBER_PARTS,
         TABLES,
@@ -62,7 +62,7 @@ else:
                 "path_of_port",
                 "scalars",
             ),
-            "_drawing.drawing_ports": ("NAMED", "OPTIONAL", "PORTS"),
+            "_drawing.drawing_ports": ("NAMED", "PORTS"),
             "_drawing.drawing_tables": ("NUMBER_PARTS", "Surroundings", "TABLES", "read_drawing"),
             "_drawing.drawn_block": ("DELTA", "DrawnBlock", "PORT", "Plant", "keys_of_block"),
             "_drawing.gain_at_signal": ("BLOCK", "GAIN", "with_late_signal"),

@@ -3,6 +3,7 @@ place."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
@@ -11,17 +12,32 @@ from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms, text_of
 from wavesweep.engine._keys.checking import nearest, show
 from wavesweep.engine._keys.key import TURNED, Key, Leaf
 
+
+class PortPart(NamedTuple):
+    """A key of a port. type: of its value, as JSON calls it. several: whether it may be a list, of
+    one value for each axis."""
+
+    type: str = "string"
+    optional: bool = False
+    several: bool = False
+
+
+SIGNAL = {"signal": PortPart(), "unit": PortPart(optional=True)}
 # The parts of a port; of inputs and outputs each has a name.
 PORTS = MappingProxyType(
     {
-        "hand": ("force", "displacement", "reaction", "turns"),
-        "environment": ("force", "displacement"),
-        "wall": ("stiffness", "damping"),
-        "inputs": ("signal", "unit"),
-        "outputs": ("signal", "unit"),
+        "hand": {
+            "force": PortPart(several=True),
+            "displacement": PortPart(several=True),
+            "reaction": PortPart(optional=True),
+            "turns": PortPart("boolean", optional=True),
+        },
+        "environment": {"force": PortPart(), "displacement": PortPart()},
+        "wall": {"stiffness": PortPart(), "damping": PortPart()},
+        "inputs": SIGNAL,
+        "outputs": SIGNAL,
     }
 )
-OPTIONAL = ("reaction", "turns", "unit")
 TURNS = Key(
     "ports.hand.turns",
     "boolean",
@@ -47,11 +63,10 @@ class PortReader(KeyReader):
         """Sort the leaves of [ports]; inputs and outputs without a signal are left out."""
         ports = self.sorted_ports(table)
         for side in ("hand", "environment", "wall"):
-            missing = [key for key in PORTS[side] if key not in ports[side] and key not in OPTIONAL]
+            needed = [key for key, part in PORTS[side].items() if not part.optional]
+            missing = [key for key in needed if key not in ports[side]]
             if missing and ports[side]:
-                expected = (
-                    f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
-                )
+                expected = f"both {' and '.join(needed)}{WITHOUT * (missing == ['damping'])}"
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
         complete = {
@@ -111,8 +126,10 @@ class PortReader(KeyReader):
         """Add the axes of the hand but the first, of lists of forces and displacements, to the
         inputs and outputs."""
         hand = ports["hand"]
-        pairs = [(key, hand[key]) for key in PORTS["hand"][:2] if key in hand]
-        listed = [(key, leaf) for key, leaf in pairs if isinstance(leaf.value, list)]
+        listed = []
+        for key, part in PORTS["hand"].items():
+            if part.several and key in hand and isinstance(hand[key].value, list):
+                listed.append((key, hand[key]))
         if not listed:
             return ports
         self._refuse_unpaired(listed, ports)
@@ -281,7 +298,7 @@ class PortReader(KeyReader):
                 self.refuse(force, "ports.hand.force", *fault, of_key=False)
         position, reaction = (
             self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None
-            for key in PORTS["hand"][1:3]
+            for key in ("displacement", "reaction")
         )
         return (
             (force.value, position, reaction)

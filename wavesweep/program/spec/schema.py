@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, OPTIONAL, TICK_HZ, TYPES
+from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, TICK_HZ, TYPES
 from wavesweep.engine.drawing import PARTS as OF_CLASS
 from wavesweep.engine.drawing import PORTS as OF_PORTS
 from wavesweep.engine.keys import Key
@@ -82,20 +82,12 @@ def _controlled(definitions: Schema) -> Schema:
 def _drawn(definitions: Schema) -> Schema:
     number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
     end = {"anyOf": [TERMS, _tables({"signal": TERMS, "unit": TEXT}, required=["signal"])]}
-    axes = _either({"type": "array"}, {"type": "array", "items": TEXT, "minItems": 1}, TEXT)
-    texts = {"hand.force": axes, "hand.displacement": axes}
-    ports = {
-        name: _tables(
-            {
-                port_key: {"type": "boolean"}
-                if port_key == "turns"
-                else texts.get(f"{name}.{port_key}", TEXT)
-                for port_key in port_keys
-            },
-            required=[port_key for port_key in port_keys if port_key not in OPTIONAL],
-        )
-        for name, port_keys in OF_PORTS.items()
-    } | {side: _tables({}, end) for side in NAMED}
+    ports = {}
+    for name, parts in OF_PORTS.items():
+        shapes_of_parts = {key: _port_part(part) for key, part in parts.items()}
+        required = [key for key, part in parts.items() if not part.optional]
+        ports[name] = _tables(shapes_of_parts, required=required)
+    ports |= {side: _tables({}, end) for side in NAMED}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
     shapes = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
@@ -123,6 +115,15 @@ def _drawn(definitions: Schema) -> Schema:
         "else": of_program,
     }  # whose names are types of blocks too
     return _tables(shapes, title="drawn loop", required=["rates", "block"]) | classes
+
+
+def _port_part(part) -> Schema:
+    """The value of a part of a port, see `drawing_ports.PORTS`."""
+    one = {"type": part.type}
+    if not part.several:
+        return one
+    several = {"type": "array", "items": one, "minItems": 1}
+    return _either({"type": "array"}, several, one)
 
 
 def _studies(shapes: Shapes) -> Schema:
