@@ -109,6 +109,11 @@ def test_friction_that_falls_with_speed_is_found_with_its_curve():
 
 
 @pytest.mark.slow
-def test_friction_that_does_not_fall_is_no_curve():
+def test_friction_that_does_not_fall_is_no_curve(caplog):
+    """And what the fit is at is said on the way, for lines of progress."""
+    caplog.set_level("INFO", "wavesweep.proof")
     log = of_one_mass("Coulomb", 4, 0, 3.0)[2]
     assert predicted(Model(friction=True), log.force, log.reading, log.period, log.step).static is None
+    said = [record.getMessage() for record in caplog.records]
+    assert said[0].startswith("a first look at 1 of ")
+    assert any("round 2 of at most 2" in line for line in said)

@@ -14,6 +14,7 @@ from wavesweep.identification.curves import CURVES, alone, forceless, with_curve
 from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
 from wavesweep.identification.prediction import (
+    FIT_LOGGER,
     ONE_WAY,
     Prediction,
     estimated_at,
@@ -35,6 +36,7 @@ NEARLY = 0.95  # share of a force that a curve has to explain to be fitted besid
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
+LACKING = "fitted; whether the log has %s as well, %d of %d"
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,9 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         force = bare.force
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
-        for name in CURVES if seen and not fit.model.load else ():
+        curves = CURVES if seen and not fit.model.load else ()
+        for number, name in enumerate(curves, 1):
+            FIT_LOGGER.info(LACKING, name, number, len(curves))
             beside = with_curve(name, bare.place)
             if not beside.force < np.inf:
                 continue
@@ -166,7 +170,8 @@ def _with_models(model, found, log):
     if not larger_models:
         return found.walked, effects
     bare = innovations_of(model, found.searched, *log)
-    for name, larger in larger_models:
+    for number, (name, larger) in enumerate(larger_models, 1):
+        FIT_LOGGER.info(LACKING, name, number, len(larger_models))
         left = innovations_of(larger, found.searched, *log)
         if np.isfinite(left.rms):
             likelier = len(log[0]) * np.log(bare.rms / left.rms)

@@ -17,6 +17,7 @@ blocks of rows, wider by what other variances, the last round of the smoother an
 delay, a curve in place of a line change.
 """
 
+import logging
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -33,6 +34,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
 from wavesweep.identification.predictor import Predictor, tick_of
 
+# what a fit is at, which a command shows
+FIT_LOGGER = logging.getLogger("wavesweep.proof.fit")
 PART, PART_OF_TWO = (
     6000,
     3000,
@@ -436,7 +439,10 @@ def _smoothing(rounds, search, skip):
     """Rounds of a smoother that gives the velocity, and of a search with the friction at this
     velocity."""
     log, point, before, moved = rounds
-    for _ in range(SMOOTHER_PASSES):
+    for number in range(1, 1 + SMOOTHER_PASSES):
+        FIT_LOGGER.info(
+            "friction along the motion, round %d of at most %d", number, SMOOTHER_PASSES
+        )
         predictor, errors, effects = errors_of(log, search.found(point), skip)
         gains, _ = projected(errors, effects)
         if not gains[0] > 0:
@@ -645,7 +651,9 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
 
     def tried(rates, squares, delays, whites, drifts):
         nonlocal best, sign
-        for rate, square, white, drift, delay in product(rates, squares, whites, drifts, delays):
+        places = list(product(rates, squares, whites, drifts, delays))
+        for number, (rate, square, white, drift, delay) in enumerate(places, 1):
+            FIT_LOGGER.info("a first look at %d of %d places", number, len(places))
             found = {
                 "rate": rate,
                 "square": square,
@@ -716,6 +724,7 @@ def least_of(log, search, point, skip, most):
         scale = scale or float(rest.std())
         return np.clip(rest / scale, -1e6, 1e6)
 
+    FIT_LOGGER.info("looking for the least errors, in up to %d steps", most)
     low = search.low / search.size
     high = search.high / search.size
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
