@@ -1,11 +1,13 @@
 """How often the intervals of `wavesweep identify` contain the truth, and how often a wrong model is called explained.
 
     PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS [SEED [KIND...]]]
-    PYTHONPATH=. python benchmarks/identify_coverage.py LOGS SEED beside SECONDS [KIND...]
+    PYTHONPATH=. python benchmarks/identify_coverage.py LOGS SEED beside SECONDS FILE MINUTES [KIND...]
 
 The second form is of logs on which more acts than they say (`simulated_logs.py`): Coulomb friction, a Stribeck curve, a
 drift, a hand, two masses with and without a drift, and curves of the motion ("drag, of velocity", "saturating, of position");
-of 1e-4 to 100 kg, with encoders of 1e-4 to 1e-8 m, 0 to 4 ticks late.
+of 1e-4 to 100 kg, with encoders of 1e-4 to 1e-8 m, 0 to 4 ticks late. It takes the kinds in turn, a log of each, keeps what it
+found in a file of JSON lines, and goes on from there if it is called again; after so many minutes it stops. MINUTES 0 prints
+what a file has.
 
 Logs come from marches in this file, which share no code with the fit: mass, damping, force, delay (a fraction of a tick, too),
 the speed at the start, the encoder and the place of its steps are random, and so is the force before the first row. A line
@@ -14,10 +16,13 @@ of the interval of the mass over the mass (median), what was called missing, and
 are those that the model does not explain, held against the same truth.
 """
 
+import json
 import sys
 import time
 from dataclasses import replace
+from itertools import product
 from math import exp, log
+from pathlib import Path
 
 import numpy as np
 from simulated_logs import CURVES, of_curves, of_one_mass, of_two_masses
@@ -253,43 +258,45 @@ def study(kind, logs, seed=0):
         yield inside, float(np.diff(known["log_mass"])[0]) / 2, verdict.missing, time.perf_counter() - started
 
 
-def of_simulated(kind, logs, seed, seconds):
-    """Of each simulated log: which intervals contain the truth, by name, the error of the mass, and CPU seconds.
+def simulated(kind, logs, seed, seconds):
+    """Logs of a kind on which more acts than they say."""
+    curve, _, measured = kind.partition(", of ")
+    if curve in CURVES:
+        return of_curves(curve, logs, seed, seconds, measured)
+    if kind.startswith("two masses"):
+        return of_two_masses(0.1 if kind.endswith("drift") else 0.0, logs, seed, seconds)
+    return of_one_mass(kind, logs, seed, seconds)
+
+
+def outcome(kind, log_of_kind):
+    """Which intervals of a log contain the truth, by name, the error of the mass, half its interval, and CPU seconds.
 
     Of a log whose numbers have no intervals, what is missing in place of the first. Where that is friction, it is fitted again
     with it, as the command says to do.
     """
-    two = kind.startswith("two masses")
-    curve, _, measured = kind.partition(", of ")
-    if curve in CURVES:
-        simulated = of_curves(curve, logs, seed, seconds, measured or "velocity")
-    elif two:
-        simulated = of_two_masses(0.1 if kind.endswith("drift") else 0.0, logs, seed, seconds)
-    else:
-        simulated = of_one_mass(kind, logs, seed, seconds)
-    for log_of_kind in simulated:
-        truth = log_of_kind.truth
-        rubs = truth.get("friction", 0.0) > 0
-        model = Model(friction=rubs, load=two, measured=measured or "position")
-        started = time.process_time()
-        try:
-            origin = 0.0 if measured == "velocity" else log_of_kind.reading[0]
-            log_again = log_of_kind.force, log_of_kind.reading - origin, log_of_kind.period, log_of_kind.step
-            fit, verdict = identified(model, *log_again)
-            if verdict.withheld and verdict.missing == "friction" and not rubs:
-                fit, verdict = identified(replace(model, friction=True), *log_again)
-        except UsageError:
-            yield "refused", np.nan, np.nan, time.process_time() - started
-            continue
-        if verdict.withheld:
-            yield verdict.missing, np.nan, np.nan, time.process_time() - started
-            continue
-        reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
-        found = dict(zip(fit.model.names, fit.theta, strict=True))
-        truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
-        inside = {name: bool(abs(found[name] - truth[name]) <= reach[name]) for name in found if name in truth}
-        error = abs(found["log_mass"] - truth["log_mass"])
-        yield inside, error, float(reach["log_mass"]), time.process_time() - started
+    _, _, measured = kind.partition(", of ")
+    truth = log_of_kind.truth
+    rubs = truth.get("friction", 0.0) > 0
+    model = Model(friction=rubs, load=kind.startswith("two masses"), measured=measured or "position")
+    started = time.process_time()
+    origin = 0.0 if measured == "velocity" else log_of_kind.reading[0]
+    log_again = log_of_kind.force, log_of_kind.reading - origin, log_of_kind.period, log_of_kind.step
+    try:
+        fit, verdict = identified(model, *log_again)
+        if verdict.withheld and verdict.missing == "friction" and not rubs:
+            fit, verdict = identified(replace(model, friction=True), *log_again)
+    except UsageError:
+        return {"inside": "refused", "seconds": time.process_time() - started}
+    used = time.process_time() - started
+    if verdict.withheld:
+        return {"inside": verdict.missing, "seconds": used}
+    reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
+    found = dict(zip(fit.model.names, fit.theta, strict=True))
+    truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
+    off = {name: (found[name] - truth[name]) / reach[name] for name in found if name in truth}
+    inside = {name: bool(abs(share) <= 1) for name, share in off.items()}
+    error = abs(found["log_mass"] - truth["log_mass"])
+    return {"inside": inside, "off": off, "error": error, "half": float(reach["log_mass"]), "seconds": used}
 
 
 def share_of(inside, name):
@@ -302,31 +309,53 @@ def share_of(inside, name):
     return f"{name} {held} of {logs} ({low:.2f} to {high:.2f})"
 
 
-def beside(logs, seed, seconds, kinds):
-    """Print a line for each kind of simulated log."""
+def beside(logs, seed, seconds, file, minutes, kinds):
+    """Print a line for each kind of simulated log, once so many minutes are over or all logs are done."""
     of_motion = [f"{curve}, of {measured}" for curve in CURVES for measured in ("velocity", "position")]
-    for kind in kinds or [*SIMULATED, "two masses", "two masses, drift", *of_motion]:
-        inside, error, half, used = zip(*of_simulated(kind, logs, seed, seconds), strict=True)
-        answered = [each for each in inside if not isinstance(each, str)]
-        words = [each for each in inside if isinstance(each, str)]
-        without = ", ".join(f"{word} {words.count(word)}" for word in sorted({*words}))
-        names = answered[0] if answered else ()
-        shares = ", ".join(share_of([each[name] for each in answered if name in each], name) for name in names)
-        without = without or "all"
-        errors = "no error"
-        if answered:
-            errors = f"error {100 * np.nanmedian(error):.2g} % (largest {100 * np.nanmax(error):.2g})"
-        half = [0.0, *half] if not answered else half
-        print(
-            f"{kind:18} {seconds:g} s: {len(answered)} of {logs} with intervals ({without}); {shares}; "
-            f"mass half-width {100 * np.nanmedian(half):.2g} %, {errors}; {np.median(used):.2f} CPU s (most {max(used):.2f})",
-            flush=True,
-        )
+    kinds = kinds or [*SIMULATED, "two masses", "two masses, drift", *of_motion]
+    kept = {}
+    if file.exists():
+        for line in file.read_text().splitlines():
+            record = json.loads(line)
+            kept[tuple(record["log"])] = record
+    made = {}
+    stop = time.monotonic() + 60 * minutes
+    for at, kind in product(range(logs), kinds):
+        key = (kind, logs, seed, seconds, at)
+        if key in kept or time.monotonic() > stop:
+            continue
+        if kind not in made:
+            made[kind] = simulated(kind, logs, seed, seconds)
+        kept[key] = outcome(kind, made[kind][at])
+        with file.open("a") as lines:
+            print(json.dumps({"log": key, **kept[key]}), file=lines)
+    for kind in kinds:
+        told(kind, seconds, [kept[key] for key in kept if key[:4] == (kind, logs, seed, seconds)])
+
+
+def told(kind, seconds, outcomes):
+    """Print the line of a kind."""
+    answered = [each for each in outcomes if not isinstance(each["inside"], str)]
+    words = [each["inside"] for each in outcomes if isinstance(each["inside"], str)]
+    without = ", ".join(f"{word} {words.count(word)}" for word in sorted({*words})) or "all"
+    if not answered:
+        print(f"{kind:18} {seconds:g} s: none of {len(outcomes)} with intervals ({without})")
+        return
+    inside = [each["inside"] for each in answered]
+    shares = ", ".join(share_of([each[name] for each in inside if name in each], name) for name in inside[0])
+    half, error = (100 * np.array([each[name] for each in answered]) for name in ("half", "error"))
+    used = [each["seconds"] for each in outcomes]
+    print(
+        f"{kind:18} {seconds:g} s: {len(answered)} of {len(outcomes)} with intervals ({without}); {shares}; "
+        f"mass half-width {np.median(half):.2g} %, error {np.median(error):.2g} %, at most {error.max():.2g}; "
+        f"{np.median(used):.2f} CPU s (most {max(used):.2f})"
+    )
 
 
 def main():
     if sys.argv[3:4] == ["beside"]:
-        beside(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[4]), sys.argv[5:])
+        logs, seed, seconds = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[4])
+        beside(logs, seed, seconds, Path(sys.argv[5]), float(sys.argv[6]), sys.argv[7:])
         return
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 80
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0

@@ -5,9 +5,11 @@ import pytest
 from simulated_logs import of_curves
 
 import wavesweep
+from wavesweep.identification.curves import with_curve
 from wavesweep.identification.device_spec import spec_text
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
+from wavesweep.identification.prediction import predicted
 from wavesweep.identification.table import identify
 
 
@@ -29,6 +31,17 @@ def test_a_curve_of_the_motion_is_named_and_the_numbers_beside_it_are_those_of_t
     truth = log.truth | {"log_mass": np.log(log.truth["mass"])}
     for name, value, half in zip(fit.model.names, fit.theta, fit.half, strict=True):
         assert abs(value - truth[name]) <= 1.2 * half, name
+
+
+@pytest.mark.slow
+def test_noise_tells_the_delay_beside_friction_that_depends_on_direction():
+    """Where the device moves from tick to tick on straight lines, the delay is 0.009 of a tick too small here."""
+    log = of_curves("sided friction", 8, 0, 1.0)[7]
+    found = predicted(Model(measured="velocity"), log.force, log.reading, log.period, log.step)
+    fit = with_curve("sided friction", found.place)
+    delay = fit.theta[found.model.names.index("delay")]
+    assert delay == pytest.approx(log.truth["delay"], abs=0.002)
+    assert fit.theta[0] == pytest.approx(np.log(log.truth["mass"]), abs=0.002)
 
 
 @pytest.mark.slow

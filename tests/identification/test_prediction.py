@@ -1,5 +1,7 @@
 """Fits by the errors of predictions, of simulated logs on which more acts than they say, and their filter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identify_coverage import LOGARITHMS
@@ -8,7 +10,7 @@ from simulated_logs import KINDS, of_one_mass, of_two_masses
 
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import predicted
+from wavesweep.identification.prediction import path_within_ticks, predicted, scaled
 from wavesweep.identification.predictor import Predictor, tick_of
 
 SHAPE = {"rate": 5.0, "square": 3e4, "share": 0.7, "load_rate": 3.0, "coupling_rate": 8.0}
@@ -65,6 +67,34 @@ def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, lo
     """In nearly all logs; the script benchmarks/identify_coverage.py counts more."""
     inside = [covered(log) for log in of_one_mass(kind, logs, 3, 2.0)]
     assert np.mean(inside, axis=0).min() >= 0.6
+
+
+def test_friction_within_a_tick_is_that_of_a_fine_march():
+    """Of ticks in which the device turns round and the force changes: the mean of sgn v, and that of (1/2 - t) sgn v.
+
+    The march has 1000 steps a tick. On straight lines from tick to tick it turns round elsewhere.
+    """
+    ticks, steps, part, friction = 150, 1000, 0.375, 0.25
+    force = np.random.default_rng(5).standard_normal(ticks)
+    begun = (np.arange(steps) + 0.5) / steps
+    v = 0.3
+    speeds, sides, turns = np.empty(ticks), np.empty((ticks, 2)), np.zeros(ticks, int)
+    for tick in range(ticks):
+        speeds[tick] = v
+        way = np.empty(steps)
+        for step, time in enumerate(begun):
+            way[step] = np.sign(v)
+            v += (force[tick - (time < part)] - friction * way[step]) / steps
+        sides[tick] = way.mean(), ((0.5 - begun) * way).mean()
+        turns[tick] = np.sum(way[1:] != way[:-1])
+    log = scaled(Model(friction=True, measured="velocity"), force, speeds, 1e-3, 0.0)
+    found = {"delay": part, "turning": 1e-6}
+    path = path_within_ticks(log, found, np.array([log.pushed, friction]), speeds)
+    once = np.flatnonzero(turns[:-1] == 1)
+    assert once.size > 8
+    known = replace(log, speeds=speeds, path=path).side(1e-6)
+    assert known[:, once] == pytest.approx(sides[once].T, abs=4e-3)
+    assert np.abs(replace(log, speeds=speeds).side(1e-6)[0, once] - sides[once, 0]).max() > 0.2
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ fitted beside the model, as a sum of forces of unknown size at the motion that a
 compared by what it leaves of the innovations (Ljung, System Identification, 1999, section 16.6).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,19 +20,22 @@ from wavesweep.identification.prediction import (
     errors_of,
     force_beside,
     least_of,
+    path_within_ticks,
     projected,
     smoothed_states,
     theta_of,
 )
 
 PASSES = 2  # of the smoother, the second with the curve
+# the same for numbers that are answered: what the curve does within a tick is known from the second
+PASSES_ANSWERED = 3
 STEPS = 12  # of the search with a curve
 STIFF = 30.0  # usual speeds over that at which friction turns round
 
 
 class Motion(NamedTuple):
     """Velocity and position over their rms, and the force of the log, late as it acts, over its
-    own."""
+    own, at one moment of each tick."""
 
     speed: np.ndarray
     place: np.ndarray
@@ -76,12 +79,12 @@ def alone(place: Place, first: int, end: int) -> Beside:
     return _fitted(few._replace(point=least_of(*few, STEPS)))
 
 
-def with_curve(name: str, place: Place) -> Beside:
+def with_curve(name: str, place: Place, passes: int = PASSES) -> Beside:
     """The fit of a log with a curve, from that without."""
     fit = place
     numbers = []
-    for _ in range(PASSES):
-        log = replace(fit.log, beside=tuple(_held(CURVES[name], _motion(fit))))
+    for _ in range(passes):
+        log = replace(fit.log, beside=tuple(_held(CURVES[name], fit)))
         fit = fit._replace(log=log)
         fit = fit._replace(point=least_of(*fit, STEPS))
         found = fit.search.found(fit.point)
@@ -111,8 +114,9 @@ def forceless(fit: Place) -> float:
     return float(projected(errors, effects)[1].std())
 
 
-def _motion(fit: Place) -> Motion:
-    """The motion of a fit, as smoothed, at each row."""
+def _held(curve: Curve, fit: Place) -> list[np.ndarray]:
+    """The means of each force of a curve over the ticks, see `ScaledLog.side`, of the motion of a
+    fit, as smoothed (Simpson's rule in each part of a tick)."""
     log, search, point, skip = fit
     found = search.found(point)
     predictor, errors, effects = errors_of(log, found, skip)
@@ -122,18 +126,31 @@ def _motion(fit: Place) -> Motion:
     # Without a position among the states, by trapezoids: half a tick late a spring would be a
     # damper.
     place = states[0] if predictor.tick.speed else np.cumsum(speed) - speed / 2
-    whole_ticks = int(np.floor(found["delay"]))
-    part = found["delay"] - whole_ticks
-    force = (1 - part) * late(log.force, whole_ticks) + part * late(log.force, whole_ticks + 1)
     place = place - place.mean()
-    return Motion(*(each / (np.sqrt(np.mean(each**2)) + 1e-300) for each in (speed, place, force)))
+    sizes = [np.sqrt(np.mean(each**2)) + 1e-300 for each in (speed, place, log.force)]
 
+    def motion(speed, place, force):
+        return Motion(speed / sizes[0], place / sizes[1], force / sizes[2])
 
-def _held(curve: Curve, motion: Motion) -> Iterator[np.ndarray]:
-    """The means of the forces of a curve over each tick, in which the device moves by a straight
-    line (Simpson's rule)."""
-    speed, place, force = motion
-    then = Motion(np.append(speed[1:], speed[-1]), np.append(place[1:], place[-1]), force)
-    middle = Motion((speed + then.speed) / 2, (place + then.place) / 2, force)
-    for first, half, last in zip(curve(motion), curve(middle), curve(then), strict=True):
-        yield (first + 4 * half + last) / 6
+    whole_ticks = int(np.floor(found["delay"]))
+    now = late(log.force, whole_ticks)
+    before = late(log.force, whole_ticks + 1)
+    turned = 0.0
+    if log.beside:
+        begun = np.stack(curve(motion(speed, place, now)))
+        ended = np.stack(curve(motion(np.append(speed[1:], speed[-1]), place, now)))
+        turned = gains[-len(begun) :] @ (ended - begun)
+    path = path_within_ticks(log, found, gains, speed, turned)
+    means = []
+    for length, late_by, first, last in zip(
+        path.lengths, path.late, path.speeds[:-1], path.speeds[1:], strict=True
+    ):
+        force = np.where(late_by > whole_ticks, before, now)
+        there = place + length * (first + last) / 2
+        begun = np.stack(curve(motion(first, place, force)))
+        middle_place = place + length * (3 * first + last) / 8
+        middle = np.stack(curve(motion((first + last) / 2, middle_place, force)))
+        ended = np.stack(curve(motion(last, there, force)))
+        means.append((begun + 4 * middle + ended) / 6)
+        place = there
+    return [path.over_tick(np.stack(parts)) for parts in zip(*means, strict=True)]

@@ -10,7 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincc
 
-from wavesweep.identification.curves import CURVES, alone, forceless, with_curve
+from wavesweep.identification.curves import (
+    CURVES,
+    PASSES_ANSWERED,
+    alone,
+    forceless,
+    with_curve,
+)
 from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
 from wavesweep.identification.prediction import (
@@ -149,7 +155,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     for effect in () if withheld else effects:
         fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
     if name in CURVES and share > NEARLY:
-        curved = with_curve(name, found.place)
+        curved = with_curve(name, found.place, PASSES_ANSWERED)
         if curved.rms < np.inf:
             fit = _beside(fit, found, curved)
             withheld = False

@@ -56,6 +56,7 @@ HIGHEST_DECADE = 8.0  # decade of a variance
 SPARE_ROWS = 4  # rows that are left out beyond the delay
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
 SMOOTHER_PASSES = 2  # of the smoother
+TURNS_TRIED = 12  # of the moment in a tick at which a device turns round
 FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
 FALLS = 0.1  # share of the friction by which it has to fall with speed
 # times the slowest speed at which friction turns round: the least speed at which it fades
@@ -118,10 +119,11 @@ class ScaledLog:
     forces (N).
 
     speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more.
-    moving: 0 while it rests. one_way: there is friction, and the device moves one way only, so that
-    a constant force would do the same. beside: forces of unit size that act as well, held over each
-    tick, whose gains are fitted. The last values that `remembered` made are kept: a search asks for
-    most of them again with one other number.
+    path: the velocity within the ticks; None for straight lines. moving: 0 while it rests.
+    one_way: there is friction, and the device moves one way only, so that a constant force would do
+    the same. beside: forces of unit size that act as well, whose gains are fitted, as means over
+    each tick, see `side`. The last values that `remembered` made are kept: a search asks for most
+    of them again with one other number.
     """
 
     model: Model
@@ -133,6 +135,7 @@ class ScaledLog:
     moving: np.ndarray | float = 1.0
     speeds: np.ndarray | None = None
     slowest: float = 0.0
+    path: "Path | None" = None
     one_way: bool = False
     beside: tuple[np.ndarray, ...] = ()
     _kept: dict[Hashable, Any] = field(init=False, default_factory=dict, repr=False)
@@ -150,33 +153,68 @@ class ScaledLog:
         few = replace(
             self, force=self.force[first:end], reading=self.reading[first:end] - self.reading[first]
         )
-        few = replace(few, beside=tuple(force[first:end] for force in self.beside))
+        few = replace(few, beside=tuple(force[:, first:end] for force in self.beside))
         if self.speeds is not None:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
+        if self.path is not None:
+            few = replace(few, path=Path(*(each[:, first:end] for each in self.path)))
         return few
 
     def side(self, turning: float, fading: float = np.inf) -> np.ndarray:
-        """The mean of tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity is a
-        straight line.
+        """The means of F = tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity
+        is a straight line, or several of them; and those of (1/2 - t) F, t of a tick after its
+        start, which moves the position alone: `(2, rows)`.
 
         w is turning log cosh(v/turning), which is |v| but for the turn: so there is a primitive.
         """
         return self.remembered(("side", turning, fading), lambda: self._side(turning, fading))
 
     def _side(self, turning, fading):
-        now = self.speeds
-        then = np.append(now[1:], now[-1])
-        change = then - now
-        middle = (now + then) / 2
-        primitive = turning * _log_cosh(now / turning)
-        at_middle = np.tanh(middle / turning)
-        if fading < np.inf:
-            primitive = np.sqrt(np.pi) / 2 * fading * erf(primitive / fading)
-            at_middle = at_middle * np.exp(-((turning * _log_cosh(middle / turning) / fading) ** 2))
-        straight = np.abs(change) > 1e-3 * turning
-        grown = np.append(primitive[1:], primitive[-1]) - primitive
-        mean = grown / np.where(straight, change, 1.0)
-        return self.moving * np.where(straight, mean, at_middle)
+        if self.path is None:
+            means = _mean_side(self.speeds, _next(self.speeds), turning, fading)
+            return self.moving * np.stack([means, np.zeros(len(means))])
+        ends = self.path.speeds
+        means = _mean_side(ends[:-1], ends[1:], turning, fading)
+        return self.moving * self.path.over_tick(means)
+
+
+def _mean_side(now, then, turning, fading):
+    """The mean of `ScaledLog.side` over velocities on a straight line from `now` to `then`."""
+    change = then - now
+    middle = (now + then) / 2
+    primitives = [turning * _log_cosh(speed / turning) for speed in (now, then)]
+    at_middle = np.tanh(middle / turning)
+    if fading < np.inf:
+        primitives = [np.sqrt(np.pi) / 2 * fading * erf(each / fading) for each in primitives]
+        at_middle = at_middle * np.exp(-((turning * _log_cosh(middle / turning) / fading) ** 2))
+    straight = np.abs(change) > 1e-3 * turning
+    mean = (primitives[1] - primitives[0]) / np.where(straight, change, 1.0)
+    return np.where(straight, mean, at_middle)
+
+
+def _next(signal):
+    """The signal a tick later; the last value stays."""
+    return np.append(signal[1:], signal[-1])
+
+
+class Path(NamedTuple):
+    """The velocity within each tick, in three straight parts that change where the force of the
+    log does and where the device turns round.
+
+    lengths: of the parts, in ticks, `(3, rows)`. speeds: at their ends, `(4, rows)`. late: by how
+    many ticks the force of the log is late in a part, `(3, rows)`.
+    """
+
+    lengths: np.ndarray
+    speeds: np.ndarray
+    late: np.ndarray
+
+    def over_tick(self, means: np.ndarray) -> np.ndarray:
+        """The means over a tick of a force f and of (1/2 - t) f, `(2, rows)`, from its means in the
+        parts."""
+        middles = np.cumsum(self.lengths, axis=0) - self.lengths / 2
+        impulses = self.lengths * means
+        return np.stack([impulses.sum(axis=0), ((0.5 - middles) * impulses).sum(axis=0)])
 
 
 class Place(NamedTuple):
@@ -295,11 +333,20 @@ def _pushes(log, found, tick):
     begun = tick.begun(found["delay"] - whole_ticks)
     pushes = [[(begun, now), (tick.held - begun, before)]]
     if log.model.friction:
-        pushes.append([(tick.held, -log.side(found["turning"]))])
+        pushes.append(_spread(tick, -log.side(found["turning"])))
         if "fading" in found:
-            pushes.append([(tick.held, -log.side(found["turning"], found["fading"]))])
-    pushes += [[(tick.held, force)] for force in log.beside]
+            pushes.append(_spread(tick, -log.side(found["turning"], found["fading"])))
+    pushes += [_spread(tick, force) for force in log.beside]
     return pushes
+
+
+def _spread(tick, means):
+    """The effects of a force that changes within ticks, from its means, see `ScaledLog.side`."""
+    mean, moment = means
+    parts = [(tick.held, mean)]
+    if tick.lever.any() and moment.any():
+        parts.append((tick.lever, moment))
+    return parts
 
 
 def projected(errors, effects):
@@ -451,12 +498,12 @@ def _smoothing(rounds, search, skip):
         if before is not None:
             moved = np.abs(now - before)
         before = now
-        speeds = smoothed_states(log, predictor, search.found(point), gains, skip)[
-            predictor.tick.speed
-        ]
+        found = search.found(point)
+        speeds = smoothed_states(log, predictor, found, gains, skip)[predictor.tick.speed]
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
-        log = replace(log, speeds=speeds)
+        path = path_within_ticks(log, found, gains, speeds)
+        log = replace(log, speeds=speeds, path=path)
         point = least_of(log, search, point, skip, 8)
     return _Rounds(log, point, before, moved)
 
@@ -619,6 +666,55 @@ def smoothed_states(log, predictor, found, gains, skip):
         for effect, force in parts:
             push += gain * np.outer(effect, force)
     return predictor.smoothed(log.reading, push, skip)
+
+
+def path_within_ticks(log, found, gains, speeds, turned=0.0) -> Path:
+    """The velocity within each tick between those at its ends, v_0 and v_1.
+
+    With D = n + p the force of the log is that of the tick before for p of a tick, and v' is by
+    J = g (f[k-n] - f[k-n-1]) another one from there on; by H, what friction changes over the tick,
+    from the moment s on at which the device turns round. So with c at first
+
+        v_1 = v_0 + c + J (1 - p) + H (1 - s),    v(s) = v_0 + c s + J max(s - p, 0) = 0.
+
+    On straight lines in place of these the moment is off, by more the stronger the force is: delay
+    and mass are then by a share of friction over force another one. turned: H of other curves.
+    """
+    whole_ticks = int(np.floor(found["delay"]))
+    part = found["delay"] - whole_ticks
+    jump = gains[0] * (late(log.force, whole_ticks) - late(log.force, whole_ticks + 1)) * log.moving
+    then = _next(speeds)
+    if log.model.friction:
+        rubbed = gains[1] * np.tanh(speeds / found["turning"])
+        if "fading" in found:
+            fades = np.exp(-((speeds / found["fading"]) ** 2))
+            rubbed = rubbed + gains[2] * np.tanh(speeds / found["turning"]) * fades
+        turned = turned - (_next(rubbed) - rubbed)
+    turns = speeds * then < 0
+    moment = np.full(len(speeds), part)
+    begun = then - speeds - (1 - part) * jump
+    for _ in range(TURNS_TRIED):
+        first = begun - turned * (1 - moment) * turns
+        there = speeds + part * first
+        with np.errstate(all="ignore"):
+            early = -speeds / first
+            late_on = part - there / (first + jump)
+        found_at = np.where(there * then > 0, early, late_on)
+        turns = turns & (found_at >= 0) & (found_at <= 1)
+        moment = np.where(turns, found_at, part)
+    first = begun - turned * (1 - moment) * turns
+    there = speeds + part * first + np.where(moment < part, turned * (part - moment), 0.0)
+    lower = np.minimum(moment, part)
+    upper = np.maximum(moment, part)
+    at_turn = np.where(turns, 0.0, there)
+    before = moment < part
+    return Path(
+        np.stack([lower, upper - lower, 1 - upper]),
+        np.stack(
+            [speeds, np.where(before, at_turn, there), np.where(before, there, at_turn), then]
+        ),
+        whole_ticks + np.stack([np.ones(len(speeds)), before, np.zeros(len(speeds))]),
+    )
 
 
 def force_beside(log, search, point, skip):

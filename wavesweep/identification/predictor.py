@@ -41,6 +41,15 @@ class Tick:
     flow: np.ndarray
     first: int
 
+    @property
+    def lever(self) -> np.ndarray:
+        """The effect of a unit mean of (1/2 - t) f over the tick, t of it after its start: it moves
+        the position, if that is a state."""
+        effect = np.zeros(len(self.A))
+        if self.speed > 0:
+            effect[0] = 1.0
+        return effect
+
     def begun(self, part: float) -> np.ndarray:
         """The effect of a unit force that begins a part of the tick late, `(states,)`."""
         moved = expm((1 - part) * self.flow)[self.first : -1, -1]
