@@ -4,10 +4,8 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-LONGEST_WORD, LONGEST_LINE = (
-    400,
-    2000,
-)  # letters of a message, which repeats what was given; a screen has 2000
+LONGEST_WORD = 400  # letters of what was given, as a message repeats it
+LONGEST_LINE = 2000  # letters of a message, as a screen has them
 
 MOST_LINES = 50  # of the mistakes of a spec
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from wavesweep.engine._loops.block import SPARSE_ROWS
 from wavesweep.engine._monodromy import batches
-from wavesweep.engine._monodromy.batches import CACHED, MANY, in_parts, product, sparse
+from wavesweep.engine._monodromy.batches import CACHED, in_parts, product, sparse
 
 
 def chain(n, kind=float):
@@ -16,7 +17,7 @@ def chain(n, kind=float):
 
 @pytest.mark.parametrize("kind", [float, complex])
 def test_products_of_sparse_matrices_are_those_of_dense_ones(kind):
-    n = MANY + 7
+    n = SPARSE_ROWS + 7
     A, B = chain(n, kind), np.sin(np.arange(n * n)).reshape(n, n)
     assert sparse(A) is not None
     assert sparse(B) is None
@@ -25,7 +26,7 @@ def test_products_of_sparse_matrices_are_those_of_dense_ones(kind):
 
 
 def test_what_is_done_with_a_matrix_does_not_depend_on_its_batch():
-    n = MANY
+    n = SPARSE_ROWS
     dense = np.cos(np.arange(n * n)).reshape(n, n)
     some = np.stack([chain(n), dense, 2 * chain(n)])
     for other in (chain(n), dense, np.stack([dense, chain(n), dense])):
@@ -37,7 +38,7 @@ def test_what_is_done_with_a_matrix_does_not_depend_on_its_batch():
 
 def test_few_rows_are_multiplied_as_they_are(monkeypatch):
     monkeypatch.setattr(batches, "_product", None)
-    assert (product(chain(MANY - 1), chain(MANY - 1)) == chain(MANY - 1) @ chain(MANY - 1)).all()
+    assert (product(chain(SPARSE_ROWS - 1), chain(SPARSE_ROWS - 1)) == chain(SPARSE_ROWS - 1) @ chain(SPARSE_ROWS - 1)).all()
 
 
 @pytest.mark.parametrize("kind", [float, complex])

@@ -120,4 +120,4 @@ def test_a_crossing_just_beyond_a_stretch_does_not_keep_tests_going(monkeypatch)
     found = loop.stable_intervals("K_VE", (0, 5000), B_VE=[0.71875])
     assert found["certified"].all()
     np.testing.assert_allclose(found["high"], [922.29044281, 2810.77154299, 3395.4595443], rtol=1e-9)
-    assert len(rounds) < covering.ROUNDS / 2
+    assert len(rounds) < covering.MOST_ROUNDS / 2

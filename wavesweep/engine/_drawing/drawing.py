@@ -17,28 +17,17 @@ RATE = "rates.tick_hz"
 # whole path.
 OF_NUMBERS = "numbers."
 AT = "@"  # before the name of a dead time, in the names of a plant's ports that serve it
-SHARES = (
-    "loss",
-    "burst",
-    "burst_end",
-    "burst_loss",
-)  # keys of a channel that say how often messages are lost
+# keys of a channel that say how often messages are lost
+SHARES = ("loss", "burst", "burst_end", "burst_loss")
 
-WAVE_ENDS = (
-    "wave",
-    "avatar",
-    "local_model",
-)  # types of blocks at the ends of a wave line: `in` is the wave that reaches one
-ENVIRONMENT = (
-    "environment.force",
-    "environment.displacement",
-)  # the input and the output that are a second port
+# types of blocks at the ends of a wave line: `in` is the wave that reaches one
+WAVE_ENDS = ("wave", "avatar", "local_model")
+# the input and the output that are a second port
+ENVIRONMENT = ("environment.force", "environment.displacement")
 
 
-FURTHER = (
-    "hand.force.",
-    "hand.displacement.",
-)  # begin the names of inputs and outputs that are further axes of the hand
+# begin the names of inputs and outputs that are further axes of the hand
+FURTHER = ("hand.force.", "hand.displacement.")
 
 
 def path_of_port(side: str, name: str) -> str:

@@ -27,19 +27,10 @@ from wavesweep.engine._keys.key import FORMULA, VALUE_WORDS, Key, Leaf, Place
 from wavesweep.engine.errors import Mistake
 
 PERIOD = "dt"  # the name of a block's own period in its expressions
-ALIKE = (
-    ("mass", "inertia", "m", "I", "J"),
-    ("stiffness", "k"),
-    ("damping", "d", "c"),
-)  # each type has one name of each group
-LIMITS = (
-    "windup",
-    "limit",
-    "sat",
-    "clamp",
-    "max",
-    "min",
-)  # parts of names of keys with which people limit controllers
+# names of keys for the same thing: each type has one of each group
+ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))
+# parts of names of keys with which people limit controllers
+LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")
 NAMES_OF = (
     "the name of a number in [numbers]",
     "the output of a block, a number, or a signal from outside that [ports] names",

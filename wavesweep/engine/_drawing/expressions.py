@@ -15,10 +15,10 @@ from typing import Any
 Tree = tuple[Any, ...]
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
-MOST_PARTS, MOST_DEEP = (
-    2000,
-    200,
-)  # of a tree, whose names may stand for other trees: parts, and parts within each other
+# Parts of a tree, and parts within each other, with the trees that its names stand for: a spec is
+# refused before these take long or reach the recursion limit of Python.
+MOST_PARTS = 2000
+MOST_DEEP = 200
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 PREVIOUS = "prev"  # of signals: what they were before the tick
 RESERVED = ("pi", *FUNCTIONS)

@@ -21,18 +21,8 @@ from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 
-LOOKS = (
-    2,
-    3,
-    4,
-    6,
-    9,
-    13,
-    19,
-    28,
-    40,
-    60,
-)  # steps of the iteration for a largest gain, after which it is computed
+# steps of the iteration for a largest gain, after which it is computed
+LOOK_AT_STEPS = (2, 3, 4, 6, 9, 13, 19, 28, 40, 60)
 # relative, by which the last steps of it change the largest of all gains at the most
 SETTLED_GAIN = 1e-13
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
@@ -106,7 +96,7 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
         np.zeros((theta.size, 1)),
         np.zeros(theta.size),
     )
-    diagonal, beside, steps = [], [], min(LOOKS[-1], *T.shape)
+    diagonal, beside, steps = [], [], min(LOOK_AT_STEPS[-1], *T.shape)
     with np.errstate(all="ignore"):
         for step in range(1, steps + 1):
             reached = _times(right, T.T) + _times((inner @ right[..., None])[..., 0], O.T)
@@ -116,7 +106,7 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
             back = _times(left, T) + (_times(left, O)[:, None] @ inner_conj)[:, 0]
             right = back - alpha * right
             diagonal.append(alpha[:, 0])
-            if step in LOOKS or step == steps:
+            if step in LOOK_AT_STEPS or step == steps:
                 before, found = (
                     found,
                     np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0],

@@ -111,20 +111,11 @@ AHEAD = {
 }  # share of the new velocity in the position that a spring reads
 HIGHEST_ORDER = 12
 LONGEST_FRAME = 100_000  # ticks
-SMALLEST, LARGEST = (
-    1e-60,
-    1e60,
-)  # sizes of numbers other than 0: what a loop makes of several stays within doubles
-VALUE_WORDS = (
-    "nan",
-    "inf",
-    "infinity",
-    "none",
-    "null",
-    "na",
-    "true",
-    "false",
-)  # no names, in any case of letters
+# sizes of numbers other than 0, in any unit: what a loop makes of several stays within doubles
+SMALLEST = 1e-60
+LARGEST = 1e60
+# no names, in any case of letters
+VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")
 FORMULA = ("=", "+", "-", "@")  # how a text begins that a spreadsheet runs
 
 

@@ -4,6 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# Rows from which on, and share of entries up to which, products by the entries that are not zero
+# take less time than others: chains of masses and long delays have such matrices.
+SPARSE_ROWS = 100
+SPARSE_SHARE = 0.05
+
 
 def numbers(array) -> np.ndarray:
     """Return `array` as floats, or as complex numbers if a parameter is complex."""

@@ -15,7 +15,7 @@ from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawn_block import DELTA
 from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
 from wavesweep.engine._loops import definitions
-from wavesweep.engine._loops.block import Block, matrix, numbers
+from wavesweep.engine._loops.block import SPARSE_ROWS, SPARSE_SHARE, Block, matrix, numbers
 from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_rest, with_delays
 from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
@@ -23,10 +23,6 @@ from wavesweep.engine._loops.filters import butterworth as sections
 # terms of the Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding
 EXPONENTIAL_TERMS = 20
 SERIES_SIZE = 0.5  # row sum up to which the series is taken, without unit
-# Rows from which on, and share of entries up to which, sparse products take less time than dense
-# ones: chains of masses have such matrices.
-SPARSE_ROWS = 100
-SPARSE_SHARE = 0.05
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",

@@ -251,7 +251,7 @@ SPAN_POINTS = 4001
 MOST_SPREAD = 0.25  # ticks by which a dead time may change between neighbours
 MOST_FURTHER_POINTS = 4000  # that are added for this, about as many as there are without it
 # ratio of the ends of a stretch from which on it is divided at their geometric mean
-LOGARITHMIC_RATIO = 4.0
+GEOMETRIC_RATIO = 4.0
 
 
 def _places(drawing, values, path, span):
@@ -275,7 +275,7 @@ def _places(drawing, values, path, span):
         middle = low + (high - low) / 2
         if middle in (low, high):
             continue
-        if 0 < low * LOGARITHMIC_RATIO < high:
+        if 0 < low * GEOMETRIC_RATIO < high:
             middle = (low * high) ** 0.5
         further.append(middle)
         open_ += [(low, middle), (middle, high)]

@@ -30,9 +30,8 @@ POSITION = "ports.hand.displacement"
 REACTION = "ports.hand.reaction"
 PRODUCT = "ports.product"  # the input that is the product of a number taken out of its place
 FACTOR = "ports.factor"  # the signal that this number multiplies
-BESIDE = (
-    "ports.beside"  # what another number of the same wire multiplies, see `Drawing.shares_wire`
-)
+# the signal that another number of the same wire multiplies, see `Drawing.shares_wire`
+BESIDE = "ports.beside"
 OUTPUT = "ports.outputs."  # begins the junctions of the outputs
 
 

@@ -53,7 +53,7 @@ LOGARITHM_DEGREE = 4
 # part of the change of an expression that the rest of its series may be on the rim of RHO
 REST_OF_SERIES = 0.3
 NO_CHANGE = 1e-10  # of the expression itself, what counts as no change
-PARTS = 400  # of a box, in which extremes of an expression are looked for
+MOST_PARTS_OF_BOX = 400  # of a box, in which extremes of an expression are looked for
 STEPS_TO_EXTREME = 60  # steps towards an extreme
 DEEPEST_RECTANGLE = 3  # times that a rectangle is halved both ways before an ellipse is given up
 MOST_SIDES = 3  # of an expression whose extremes are looked for, as places grow as a power of them
@@ -113,7 +113,7 @@ class Resolution:
         """Return points of a box, `(points, sides)`, at which an expression is about least or
         largest: members to try first.
 
-        The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in
+        The box is divided until it is resolved, in up to MOST_PARTS_OF_BOX parts, and each part is looked at in
         a few points; expressions of more than MOST_SIDES sides are not looked at.
         """
         extremes = [np.zeros((0, len(self.sides)))]
@@ -311,7 +311,7 @@ class _BoxedExpression:
         shares = np.array(list(product(of_each_side, repeat=len(wide))))
         queue = [box]
         points = []
-        while queue and len(points) < PARTS:
+        while queue and len(points) < MOST_PARTS_OF_BOX:
             piece = queue.pop(0)
             unresolved = self.unresolved(piece)
             if unresolved.any():

@@ -5,13 +5,9 @@ from math import prod
 
 import numpy as np
 
+from wavesweep.engine._loops.block import SPARSE_ROWS, SPARSE_SHARE
+
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
-
-
-MANY, SPARSE = (
-    100,
-    0.05,
-)  # rows from which on, and share of entries up to which, only those that are not zero are multiplied
 
 
 def product(A, B) -> np.ndarray:
@@ -21,7 +17,7 @@ def product(A, B) -> np.ndarray:
     Then infinities times zeros are left out. Each matrix is treated by itself, whatever the rest of
     the batch is.
     """
-    if A.shape[-1] < MANY:
+    if A.shape[-1] < SPARSE_ROWS:
         return A @ B
     batch, size = np.broadcast_shapes(A.shape[:-2], B.shape[:-2]), B.shape[-2:]
     first, second = (
@@ -43,7 +39,7 @@ def _product(A, B):
 def sparse(A):
     """A matrix as those of its entries that are not zero, if it has many rows with few of these;
     None if it has not."""
-    if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
+    if A.ndim > 2 or len(A) < SPARSE_ROWS or np.count_nonzero(A) > SPARSE_SHARE * A.size:
         return None
     from scipy.sparse import csr_array
 

@@ -6,11 +6,11 @@ from math import prod
 
 import numpy as np
 
+from wavesweep.engine._loops.block import SPARSE_ROWS
 from wavesweep.engine._loops.from_drawing import POSITION, REACTION
 from wavesweep.engine._loops.integrator_modes import shifts
 from wavesweep.engine._loops.lasting_modes import lasting_modes
 from wavesweep.engine._loops.multirate import MultirateLoop
-from wavesweep.engine._monodromy.batches import MANY
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, known_frames
 from wavesweep.engine._monodromy.product import (
     product_with_errors,
@@ -163,7 +163,7 @@ class MarginalModes:
         """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see
         `radius_hidden`)."""
         ticks = Ticks.of(drawn, alone=True, terms=True)
-        if len(ticks.states) >= MANY and not (self.leads or self.varying):
+        if len(ticks.states) >= SPARSE_ROWS and not (self.leads or self.varying):
             E, bound = _with_norm_of_errors(ticks, self)
             if (bound <= ROUGH_ENTRY).all():
                 return E, np.zeros(bound.shape, bool)

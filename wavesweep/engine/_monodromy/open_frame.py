@@ -15,7 +15,9 @@ from wavesweep.engine._monodromy.rounding import CANCELLED_SUM, ENTRY_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._state_space import StateSpace
 
-INVERTED = 1e-6  # by which a matrix times its inverse may be off from 1, where there is an inverse
+WORST_INVERSE = (
+    1e-6  # by which a matrix times its inverse may be off from 1, where there is an inverse
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +225,7 @@ def _without_integrator(cut):
     """
     back = inverse(cut.E)
     left = np.abs(back @ cut.E - np.eye(cut.E.shape[-1]))
-    if not (left <= INVERTED).all():
+    if not (left <= WORST_INVERSE).all():
         return None
     l = cut.C[..., ADVANCE : ADVANCE + 1, :] @ back
     unsure = (cut.dC[..., ADVANCE : ADVANCE + 1, :] + np.abs(l) @ cut.dE) @ np.abs(back)

@@ -14,10 +14,9 @@ from wavesweep.engine._state_space import StateSpace
 MOST_MAPPED_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
 MAP_ENTRIES_AT_ONCE = 50_000  # of maps over several frames that are summed together
 MULTIPLICATIONS = 2e9  # multiplications, up to which the sum goes on
-SETTLED, KNOWN = (
-    1e-6,
-    1e-2,
-)  # share of the sum that its rest may be: to stop, and to give a result at all
+# share of the sum of sizes that what is left of it may be, when it is stopped
+SETTLED = 1e-6
+KNOWN = 1e-2  # the same, for a result to be given at all
 
 
 class PeakGain(NamedTuple):

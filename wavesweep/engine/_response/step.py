@@ -18,11 +18,10 @@ MOST_SAMPLED_STATES = 8_000_000  # samples times states
 REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
 HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
 LONGER = 1.4  # times the time to settle: the end of what is worth showing
-BAND, LOW, HIGH = (
-    0.02,
-    0.1,
-    0.9,
-)  # of the final value: where a response has settled, and between which it rises
+BAND = 0.02  # of the final value, within which a response has settled
+# of the final value, between which a response rises
+LOW = 0.1
+HIGH = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)

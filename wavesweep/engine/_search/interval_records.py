@@ -31,11 +31,8 @@ def record_type(*own: tuple[str, str]) -> np.dtype:
 
 RECORD = record_type()
 
-FAILURES = (
-    ArithmeticError,
-    np.linalg.LinAlgError,
-    IndexError,
-)  # what numerics raise where they have no answer
+# what numerics raise where they have no answer
+FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)
 
 
 def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:

@@ -27,10 +27,10 @@ from wavesweep.engine._stability.spectrum import eigenvalues
 from wavesweep.engine.loop import Loops
 
 STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
-BESIDE, ROUNDED = (
-    1e-10,
-    4,
-)  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
+# How far from an eigenvalue its vectors are looked for, as they are not known at it: a part of its
+# size, and roundings of the entries.
+BESIDE_EIGENVALUE = 1e-10
+BESIDE_ROUNDINGS = 4
 FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
 NO_PARTICIPATION = 1e-9  # of the largest participation in a mode, up to which a state takes no part
 # of the energy of a mode, by which a line has to be behind the strongest one of one loop to be told
@@ -527,7 +527,8 @@ def vectors_of(E, w):
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
     # not known.
     step, back = (
-        BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)),
+        BESIDE_EIGENVALUE * np.abs(w)
+        + BESIDE_ROUNDINGS * np.finfo(float).eps * np.abs(E).max((-1, -2)),
         np.full(E.shape, np.nan + 0j),
     )
     for farther in FARTHER:

@@ -16,7 +16,7 @@ from wavesweep.engine.rows import different
 
 # of the stable values, by which they are exceeded: an end that is one of the region too is found
 # with its frequency
-BESIDE = 1e-3
+BESIDE_STABLE = 1e-3
 
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
@@ -35,7 +35,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
         open_ = np.isfinite(inside.low)
         if open_.any():
             low, high = inside.low[open_].min(), inside.high[open_].max()
-            beside = BESIDE * (high - low)
+            beside = BESIDE_STABLE * (high - low)
             span = max(low - beside, question.span[0]), min(high + beside, question.span[1])
             columns = different(inside.column[open_])
             some = Slices(slices.loops.some(columns), columns.size)

@@ -29,7 +29,7 @@ SERIES_TERMS = 12  # of the series of an exponential
 # that
 WORSE = 2.0
 # of that interval: what the terms of an argument may leave out, so that they say on what it depends
-KNOWN = 0.1
+KNOWN_REST = 0.1
 TIGHTER = 0.9  # of the interval of its polynomial: that of what it is made of, which then counts
 GONE_EXPONENTIAL = 1e-15  # an exponential that is smaller need not be known
 MARKED = 1e-3  # of that interval: the terms that say on what it depends
@@ -315,7 +315,7 @@ class TaylorModel:
         away = np.abs(self.terms[1:]).sum(0) + self.rest
         with np.errstate(invalid="ignore"):
             wide = self.high - self.low
-            return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN * wide)
+            return (wide < 2 * TIGHTER * away) & (self.rest <= KNOWN_REST * wide)
 
     def _bounded(self, found, low, high, informed) -> TaylorModel:
         """The model of a function of it: `found`, or where what that leaves out is no better the

@@ -22,7 +22,7 @@ LOGARITHMIC_RATIO = 3.0  # ratio of the span's ends above which its logarithm is
 END_ROUNDING = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
 # Of the span, where the units of the states are found; not the middle, which may be 0.
-TYPICAL = (0.53, 0.37, 0.71, 0.013, 0.987)
+TYPICAL_SHARES = (0.53, 0.37, 0.71, 0.013, 0.987)
 # of the polynomials of columns at a time, as far as their panels are two
 COLUMN_ENTRIES_AT_ONCE = 2**21
 
@@ -248,7 +248,7 @@ class _InEvenUnits:
     @classmethod
     def of(cls, search: _Search, names) -> "_InEvenUnits":
         low, high = search.span
-        points = low + (high - low) * np.array(TYPICAL)
+        points = low + (high - low) * np.array(TYPICAL_SHARES)
         columns = names.size
         column = np.arange(columns)[:, None]
         sampled = search.at(search.family.frames, names[column], np.tile(points, (columns, 1)))

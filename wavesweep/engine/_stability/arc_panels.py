@@ -9,28 +9,18 @@ import numpy as np
 from wavesweep.engine._stability.real_roots import at_ends, by_discs
 from wavesweep.engine.rows import Rows
 
-NODES, KEPT = (
-    20,
-    14,
-)  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
+NODES = 20  # samples of a panel
+KEPT = 14  # of the Chebyshev coefficients; the others must have decayed, and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 # of its width a panel reaches into each neighbour, so that no root stays on an edge
 OVERLAP = 0.035
-DEGREES = (
-    1,
-    2,
-    4,
-    7,
-    10,
-    KEPT,
-)  # an interpolant is cut to these one by one, and what is cut away is added to its error
+# an interpolant is cut to these one by one, and what is cut away is added to its error
+DEGREES = (1, 2, 4, 7, 10, KEPT)
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
-ELLIPSE, OUTER = (
-    2.5,
-    8,
-)  # sum of the semi-axes of the ellipse about a panel; points on its upper half
-RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
+ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
+RIM_POINTS = 8  # on its upper half
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 # over the largest value on the ellipse

@@ -32,32 +32,18 @@ WINDOW_OF_ERRORS = 2.5
 # halves of a window: crossings as near to this share one, since less than half a window would be
 # left between two
 MERGED = 3
-WIDENED, WIDEST = (
-    2.0,
-    1e-3,
-)  # a window that is not proved even so gets wider with every try, up to this part of half a panel
+# a window that is not proved even so gets wider by this factor with every try
+WIDENED = 2.0
+WIDEST = 1e-3  # up to this part of half a panel
 # widths of such a window, beyond which the stretch about it is tried again from elsewhere
 RETRIED = 1e3
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
-MOST_TESTS, FOR_EACH, ROUNDS = (
-    1000,
-    40,
-    150,
-)  # of a column, and for each of its panels; of all together
+MOST_TESTS = 1000  # of a column
+TESTS_OF_PANEL = 40  # and as many more for each of its panels
+MOST_ROUNDS = 150  # of all columns together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
-PARTS = (
-    1,
-    0.8,
-    0.64,
-    0.45,
-    0.27,
-    0.13,
-    0.05,
-    0.02,
-    0.004,
-    5e-4,
-    3e-5,
-)  # of the way that is wanted, tried in turn
+# of the way that is wanted, tried in turn
+PARTS_OF_WAY = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)
 STRETCHES_PROVED_ALONE = 8  # stretches in doubt of a column, up to which each is proved by itself
 TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
@@ -154,8 +140,8 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: boo
         1.0, (FULL / panels.error.shape[-1]) ** 3
     )  # a test takes as long as a few products of matrices
     panels_of_column = np.bincount(panels.column, minlength=columns)
-    tests_left = np.maximum(LEAST, share * (MOST_TESTS + FOR_EACH * panels_of_column))
-    for _ in range(ROUNDS):
+    tests_left = np.maximum(LEAST, share * (MOST_TESTS + TESTS_OF_PANEL * panels_of_column))
+    for _ in range(MOST_ROUNDS):
         column = panels.column[open_.panel]
         np.subtract.at(tests_left, column, 1)
         open_ = open_.take(tests_left[column] >= 0)
@@ -544,7 +530,7 @@ class _Round:
         to_next = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
         first = np.where(radius == 1, np.fmin(1, to_next), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        for factor in PARTS:
+        for factor in PARTS_OF_WAY:
             if not todo.size:
                 break
             test = of[todo]

@@ -28,10 +28,9 @@ NEAR_SEED = 1e-4
 # of an angle: two roots that polish to angles so near to each other may have become one
 ONE_ROOT = 1e-13
 RESOLVENT_CHANGE = 0.1  # of a resolvent, what errors of entries may change it by
-NEAREST, FARTHEST = (
-    1e-3,
-    0.6,
-)  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
+# scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
+NEAREST = 1e-3
+FARTHEST = 0.6
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,16 +42,12 @@ DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond the roundi
 # in which rows and columns are alike, and those that it asks for leave no digits to the vectors
 FLUSHED = 1e-150
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
-DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
+OFF_DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
 BLOCKED_STATES = 64  # states, beyond which a block makes tests shorter
-SMALLEST, LARGEST = (
-    0.2,
-    0.98,
-)  # sizes of eigenvalues, below which all are alike for a block, and beyond which none is in it
-SLACK, DOUBLED = (
-    0.5,
-    12,
-)  # of what is left to 1, how much a block leaves; terms of its unit's series, as a power of two
+SMALLEST = 0.2  # sizes of eigenvalues below it are alike for a block
+LARGEST = 0.98  # and those beyond it are in none
+SLACK = 0.5  # share of what is left to 1 that a block leaves
+DOUBLINGS_OF_UNIT = 12  # of the terms of the series of its unit, 2^12 of them
 ADDED_TO_NORMS = 1e-150  # added to norms, whose squares may underflow
 
 
@@ -84,7 +80,7 @@ def eigenbasis(E) -> Eigenbasis:
         X, Z = np.full((2, *E.shape), np.inf, complex)
     for at in _dependent(X, Z):
         X[at], Z[at], block[at] = _with_block(E[at])
-    for size in DEFECTIVE:
+    for size in OFF_DEFECTIVE:
         dependent = _dependent(X, Z)
         if not dependent.size:
             break
@@ -123,7 +119,7 @@ def _with_block(E):
     # The series P = sum over i of (N'/r)^i (N/r)^i, a power of two of its terms.
     power = N / (1 - (1 - size[k - 1]) * SLACK)
     P = np.eye(k, dtype=complex)
-    for _ in range(DOUBLED):
+    for _ in range(DOUBLINGS_OF_UNIT):
         P = P + power.conj().T @ P @ power
         power = power @ power
     (alone,) = _orthonormal(w[None, order[k:]], X[None, :, order[k:]])

@@ -9,18 +9,14 @@ import numpy as np
 from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
 from wavesweep.engine.rows import Rows
 
-DEGREES = (
-    14,
-    28,
-)  # of the polynomials; the points of the lower one are points of the higher one, too
+# of the polynomials; the points of the lower one are points of the higher one, too
+DEGREES = (14, 28)
 TAYLOR_ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
 # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
 MODEL = 1e-11
 NOISY = 1e-8  # the same where the values have larger errors than MODEL
-ELLIPSE, OUTER = (
-    2.5,
-    8,
-)  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
+RIM_POINTS = 8  # on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 # more than the constant of the points: how much the errors of values may add up to between them
 LEBESGUE = 4
@@ -35,7 +31,7 @@ NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed 
 FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
 MOST_PANELS_OF_COLUMN = 1024  # panels of a column, beyond which the rest is given up
 EPS = np.finfo(float).eps
-RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
 RIM.flags.writeable = False
 

@@ -38,17 +38,15 @@ from wavesweep.engine._stability.dominance import (
 )
 from wavesweep.engine._stability.entries import Panels
 
-REACHES = 0.25 ** np.arange(
-    25
-)  # of half a panel, how far the proof may reach: the first that succeeds
+# of half a panel, how far the proof may reach: the first that succeeds
+REACHES = 0.25 ** np.arange(25)
 # times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
 REFINED = 2
-TURNED, SPREAD, AWAY, WITHIN = (
-    0.1,
-    0.3,
-    0.15,
-    3.0,
-)  # the most of |a|, of |s/b - 1| and of |h b|; up to which |w| over |h b|
+# The hypotheses of the proof above, without unit:
+TURNED = 0.1  # the most of |a|
+SPREAD = 0.3  # the most of |s/b - 1|, up to |w| = WITHIN h |b|
+AWAY = 0.15  # the most of |h b|
+WITHIN = 3.0
 
 
 def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray, np.ndarray]:

@@ -14,10 +14,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
-ELLIPSE, RIM_POINTS = (
-    4.0,
-    8,
-)  # sum of the semi-axes of the ellipse about a number; points on its upper half
+ELLIPSE = 4.0  # sum of the semi-axes of the ellipse about a number, in half widths of its part
+RIM_POINTS = 8  # on its upper half
 NUMBER_RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2

@@ -33,20 +33,14 @@ from wavesweep.engine.rows import Rows
 LONG_LINES = 24  # states of delay lines, from which on this costs less than eigenvalues
 FIRST_TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
-NEXT, STEPS = (
-    4,
-    8,
-)  # sizes of a box to the crossing next to it, at most; steps of Newton's method towards that
-CONVERGED, BESIDE = (
-    1e-9,
-    1e-7,
-)  # the last step; next to a crossing, in parts of a panel, where S is not singular
+NEXT = 4  # sizes of a box to the crossing next to it, at most
+NEWTON_STEPS = 8  # towards that crossing
+CONVERGED = 1e-9  # of the last step, in parts of a panel
+BESIDE_CROSSING = 1e-7  # next to a crossing, in parts of a panel, where S is not singular
 MOST_TERMS_OF_SUM = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
-SHRINKS, SHRUNK = (
-    0.93,
-    0.95,
-)  # of weights, what is wanted to be left of them, and what is left at most
+SHRINKS = 0.93  # of weights, what is wanted to be left of them
+SHRUNK = 0.95  # and what is left of them at most: room for rounding between the two
 # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 SUM_ROUNDING = 256 * EPS
 LINE_ENTRIES_AT_ONCE = 2**19  # of what delay lines show, at a time
@@ -265,7 +259,7 @@ class ReducedEquation:
         panel = boxes.panel
         x = boxes.x
         theta = boxes.theta
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             step = self.newton_step(panel, x, theta)
             theta = theta + step[0]
             x = np.clip(x + step[1], -1, 1)
@@ -273,7 +267,7 @@ class ReducedEquation:
         panel = panel[converged]
         x = x[converged]
         theta = np.abs((theta[converged] + np.pi) % (2 * np.pi) - np.pi)
-        return _Crossings(panel, x, theta, self.moved(panel, x + BESIDE, theta))
+        return _Crossings(panel, x, theta, self.moved(panel, x + BESIDE_CROSSING, theta))
 
     def moved(self, panel, x, theta):
         """How far rounding of S may move a crossing along x, from a place next to it."""

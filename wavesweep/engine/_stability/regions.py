@@ -20,14 +20,8 @@ FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
 # of the span, which an end is given in addition: one next to zero has few digits of itself
 SHARE_OF_SPAN = 1e-5
 ALWAYS_COUNTED = 1e-6  # of the span; eigenvalues of so small a region are always counted
-SHARES = (
-    0.5,
-    0.1,
-    0.9,
-    1e-3,
-    0.999,
-    1e-6,
-)  # of a region's width: the count is the same at all, and clearer at some
+# of a region's width: the count is the same at all, and clearer at some
+CLEAR_SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
 
 
@@ -306,14 +300,14 @@ def _errors_of_many_states(loop, along, places, many, least):
 
 
 def count_where_clear(spans: CutSpan, index, matrices):
-    """Count the regions `index` at the first of SHARES at which no eigenvalue is within rounding of
+    """Count the regions `index` at the first of CLEAR_SHARES at which no eigenvalue is within rounding of
     the circle.
 
     The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less
     identity of these regions at these values, and bounds on the errors of their entries.
     """
     unstable = np.full(index.size, -1)
-    for share in SHARES:
+    for share in CLEAR_SHARES:
         open_ = np.flatnonzero(unstable < 0)
         if not open_.size:
             break

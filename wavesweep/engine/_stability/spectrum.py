@@ -23,7 +23,7 @@ STATES_WITHOUT_DELAYS = 40
 # of the largest entry, or of 1, errors of entries that are no more than roundings
 ROUNDED_ENTRIES = 1e-12
 # states, up to which a matrix with a single block of several is taken whole
-FEW_STATES = 200
+FEW_WITHOUT_BLOCKS = 200
 
 
 def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +36,7 @@ def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     finite = np.isfinite(E).all((-1, -2))
     E = np.where(finite[..., None, None], E, 0.0)
-    groups = diagonal_blocks(E, fewest=2 if E.shape[-1] <= FEW_STATES else 0)
+    groups = diagonal_blocks(E, fewest=2 if E.shape[-1] <= FEW_WITHOUT_BLOCKS else 0)
     if not groups:
         return np.linalg.eigvals(E).astype(complex), finite
     delta = np.empty((finite.size, E.shape[-1]), complex)
@@ -102,7 +102,7 @@ def _blocks_of_pattern(n, pattern):
     single block has all."""
     blocks = sorted(strong_components(np.frombuffer(pattern, bool).reshape(n, n)))
     several = [np.array(block) for block in blocks if len(block) > 1]
-    if len(several) < 2 and n <= FEW_STATES:
+    if len(several) < 2 and n <= FEW_WITHOUT_BLOCKS:
         return (np.arange(n),), np.zeros(0, int)
     return tuple(several), np.array([block[0] for block in blocks if len(block) == 1], int)
 
