@@ -6,7 +6,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine._monodromy import resolvent
-from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._monodromy.cut import FIRST, CutColumns
 from wavesweep.engine._monodromy.product import blocks_of
 from wavesweep.engine._monodromy.resolvent import ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
@@ -61,7 +61,7 @@ def test_a_filter_that_forgets_all_within_a_frame_takes_no_digits():
     tables = drawn_chain(30)
     tables["block"]["filter"] = {"type": "tf", "num": [1.0], "den": [0.002, 1.0]}
     tables["wire"] |= {"filter.u": "m0.x", "h.u": "filter.y"}
-    assert arc_crossings(cut_of(tables), FIRST, np.zeros(1), (0.0, 1000.0)).complete.all()
+    assert arc_crossings(CutColumns(cut_of(tables), np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0)).complete.all()
 
 
 def random_system(seed, n):
@@ -133,9 +133,9 @@ def test_crossings_of_many_states_are_polished_as_those_of_few(monkeypatch, dela
     assert known.any()
     np.testing.assert_allclose(found.theta[known], few.theta[known], rtol=1e-9)
     np.testing.assert_allclose(found.value[known], few.value[known], rtol=1e-9)
-    whole = arc_crossings(cut, FIRST, np.zeros(1), (0.0, 1000.0))
+    whole = arc_crossings(CutColumns(cut, np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0))
     monkeypatch.setattr(arcs, "MANY_STATES", 10)
-    alone = arc_crossings(cut, FIRST, np.zeros(1), (0.0, 1000.0))
+    alone = arc_crossings(CutColumns(cut, np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0))
     assert whole.many is None or delay
     assert alone.many is not None
     np.testing.assert_allclose(alone.value, whole.value, rtol=1e-9)

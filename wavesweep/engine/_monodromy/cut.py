@@ -211,3 +211,42 @@ class LinearFractional:
             read = (K * x + F * v) / through
             unsure = (K * dx + F * dv) / through
             return dE + dB * read + B * (unsure + read * (off / through + SHORT_SUM_ROUNDING))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CutColumns:
+    """Columns of cut loops: one of the two numbers is looked for, the other one is fixed.
+
+    cut: the loops. owner: the loop of each column, `(columns,)`. along: the number that is looked
+    for, FIRST or SECOND. fixed: the other one, `(columns,)`.
+    """
+
+    cut: LinearFractional
+    owner: np.ndarray
+    along: str
+    fixed: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """The number of columns."""
+        return self.fixed.size
+
+    def some(self, rows) -> "CutColumns":
+        """Return some of the columns, of the same loops."""
+        return CutColumns(self.cut, self.owner[rows], self.along, self.fixed[rows])
+
+    def apart(self, rows) -> "CutColumns":
+        """Return some of the columns, each with a loop of its own."""
+        own = self.loops(rows)
+        fixed = self.fixed[rows]
+        return CutColumns(own, np.arange(fixed.size), self.along, fixed)
+
+    def loops(self, column) -> LinearFractional:
+        """Return the loops of these columns, one for each."""
+        return self.cut.at(self.owner[column])
+
+    def numbers(self, column, value) -> tuple:
+        """Return both numbers, the first one first, if the one that is looked for has a value in
+        each of these columns."""
+        fixed = self.fixed[column]
+        return (value, fixed) if self.along == FIRST else (fixed, value)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import LinearFractional
+from wavesweep.engine._monodromy.cut import CutColumns
 from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.arc_panels import panel_roots
@@ -31,16 +31,18 @@ def columns_together(order: int) -> int:
     return 1 if order > MANY_STATES else max(1, 4 * NUMBERS_AT_ONCE // order**3)
 
 
-def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
-    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev
-    interpolants on arcs of the circle.
+def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
+    """Return the crossings of a few columns, each with a loop of its own (see `columns_together`),
+    from Chebyshev interpolants on arcs of the circle.
 
-    fixed: `(columns,)`, see `columns_together`. On each arc the boundary equation, without its
+    On each arc the boundary equation, without its
     poles and its zeros at z = +-1, is interpolated at points of state space; see `panel_roots` for
     the proof. An arc is left out if the number is proved to be beyond the span on it: if a filter
     transmits nothing there, the equation vanishes to a high order.
     """
-    opened = cut.open_in(along, fixed)
+    cut = columns.cut
+    fixed = columns.fixed
+    opened = cut.open_in(columns.along, fixed)
     lines = DelayLines.of(opened.E)
     poles, _ = eigenvalues(opened.E)
     poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
@@ -98,9 +100,7 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in opened))
         roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at])
-    return _collect(
-        cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots
-    )
+    return _collect(columns, span, lambda theta: _boundary(opened, lines, theta).value, roots)
 
 
 @np.errstate(all="ignore")
@@ -220,9 +220,11 @@ def _errors_of_form(form, loops, left, right, theta):
     return error * (of_left * R_right + left_R * of_right), of_gain
 
 
-def _collect(cut, along, fixed, span, boundary, roots):
+def _collect(columns, span, boundary, roots):
     """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1
     and -1."""
+    cut = columns.cut
+    fixed = columns.fixed
     complete = np.ones(fixed.size, bool)
     complete[roots.lost[0]] = False
     complete[roots.overflown[0]] = False
@@ -236,9 +238,11 @@ def _collect(cut, along, fixed, span, boundary, roots):
         loop = cut.at(0)
         many = ManyStates.of(loop.E, loop.B, loop.C)
         inverses = np.zeros((0, *cut.E.shape[-2:]))
-        polished = polish_of_many_states(cut.at(0), many, along, fixed[0], seed, largest)
+        polished = polish_of_many_states(loop, many, columns.along, fixed[0], seed, largest)
     else:
-        polished, inverses = polish(cut.at(column), along, fixed[column], seed, largest)
+        polished, inverses = polish(
+            columns.loops(column), columns.along, fixed[column], seed, largest
+        )
     astray = np.abs(polished.theta - seed) > roots.within[inside] + 1e-9
     complete[column[~polished.converged | astray]] = False
 
@@ -262,9 +266,7 @@ def _collect(cut, along, fixed, span, boundary, roots):
     np.maximum.at(last, of[high < np.pi], high[high < np.pi])
     at_one = np.sign(boundary(first / 2))
     at_minus_one = np.sign(boundary((np.pi + last) / 2))
-    ends, at_ends = at_both_ends(
-        cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one, many
-    )
+    ends, at_ends = at_both_ends(columns, at_one, at_minus_one, many)
     complete &= ~(roots.open_low | roots.open_high)
     return Crossings(
         column=np.concatenate([column, ends.column]),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import ERRORS, FIRST, LinearFractional
+from wavesweep.engine._monodromy.cut import ERRORS, FIRST, CutColumns, LinearFractional
 from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine._monodromy.resolvent import ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse
@@ -285,10 +285,9 @@ def _merged(column, seed, theta) -> np.ndarray:
 
 
 def crossings(
-    cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots
+    columns: CutColumns, span: tuple[float, float], polynomial: Polynomial, roots: Roots
 ) -> Crossings:
-    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number
-    `fixed`.
+    """Return the crossings of columns.
 
     polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue
     moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which
@@ -297,6 +296,8 @@ def crossings(
     crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span
     are only counted.
     """
+    owner = columns.owner
+    fixed = columns.fixed
     column, index = np.nonzero(roots.inside)
     cosine = roots.value[column, index]
     jump = -2.0 * roots.slope_sign[column, index]
@@ -308,13 +309,13 @@ def crossings(
     jump = jump[near]
     seed = angle(cosine, polynomial.scale[owner[column]])
     largest = max(map(abs, span))
-    polished, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, largest)
+    polished, inverses = polish(columns.loops(column), columns.along, fixed[column], seed, largest)
     complete = roots.proved.copy()
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(polished.theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed))
     complete[column[astray | ~polished.converged]] = False
     complete[_merged(column, seed, polished.theta)] = False
-    ends, at_ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    ends, at_ends = at_both_ends(columns, roots.at_one, roots.at_minus_one)
     complete &= ~(roots.open_at_one | roots.open_at_minus_one)
     at = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
     column = np.concatenate([column, ends.column])
@@ -379,7 +380,7 @@ class CrossingsAtEnds(NamedTuple):
 
 
 def at_both_ends(
-    cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None
+    columns: CutColumns, sign_at_one, sign_at_minus_one, many=None
 ) -> tuple[CrossingsAtEnds, np.ndarray]:
     """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E`
     there; many: see `Crossings`.
@@ -387,6 +388,9 @@ def at_both_ends(
     sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of
     the eigenvalue.
     """
+    cut = columns.cut
+    owner = columns.owner
+    fixed = columns.fixed
     values = []
     inverses = []
     for w in (0.0, -2.0):
@@ -399,14 +403,13 @@ def at_both_ends(
             t = real_terms(cut.at(0), w, many)
             inverses.append(np.zeros((0, *cut.E.shape[-2:])))
         if w == 0.0 and cut.integrates:
-            values.append(np.full(fixed.shape, 0.0 if along == FIRST else np.inf))
+            values.append(np.full(fixed.shape, 0.0 if columns.along == FIRST else np.inf))
             continue
-        solved, fixed_term = t.along(along)
+        solved, fixed_term = t.along(columns.along)
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
-        if (
-            w == 0.0 and cut.poles_at_one and not cut.integrates
-        ):  # a mass that nothing brakes, but for this wall
+        if w == 0.0 and cut.poles_at_one and not cut.integrates:
+            # a mass that nothing brakes, but for this wall
             values[-1] = np.where(fixed == 0, 0.0, values[-1])
     ends = CrossingsAtEnds(
         column=np.tile(np.arange(fixed.size), 2),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import FIRST, LinearFractional
+from wavesweep.engine._monodromy.cut import FIRST, CutColumns
 from wavesweep.engine._monodromy.resolvent import Inverse
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.boundary import end_errors
@@ -95,12 +95,15 @@ class CutSpan:
         return Regions(self.column, *ends, unstable, doubt, residual)
 
 
-def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> CutSpan:
+def cut_span(span, columns: int, crossings: Crossings, slack=(0.0, 0.0)) -> CutSpan:
     """Cut the span of every column at its crossings.
 
     slack: distance from each end of the span within which a crossing counts as at that end.
     """
     low, high = span
+    column = crossings.column
+    value = crossings.value
+    theta = crossings.theta
     near_low = np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
     at_low = np.abs(value - low) <= near_low
     at_high = np.abs(value - high) <= slack[1]
@@ -130,13 +133,12 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -
     high_theta[~earlier] = theta_high
     high_theta[earlier] = theta[order]
     gain = np.zeros(region.size)
-    gain[later] = jump[order]
+    gain[later] = crossings.jump[order]
     return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
-def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Crossings) -> Regions:
-    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one
-    per column.
+def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
+    """Cut the span of columns at the crossings and label the regions between them.
 
     The count of the first region of each column follows from that of infinite values, which is one
     number of the loop, and from the directions of all crossings between (`_first_counts`); the
@@ -148,16 +150,15 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     every region of it is counted at many points, and a region has no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
-    found = crossings.column, crossings.value, crossings.theta, crossings.jump
-    spans = cut_span(span, fixed.size, *found, (slack, slack))
+    spans = cut_span(span, columns.size, crossings, (slack, slack))
     first = np.flatnonzero(~spans.has_previous)
     rise = np.cumsum(spans.gain)
     rise -= rise[first][spans.column]
 
     def matrices(index, value):
         column = spans.column[index]
-        numbers = (value, fixed[column]) if along == FIRST else (fixed[column], value)
-        loops = cut.at(owner[column])
+        numbers = columns.numbers(column, value)
+        loops = columns.loops(column)
         return loops.closed(*numbers), loops.errors_of_closed(*numbers)
 
     least = np.minimum.reduceat(rise, first)
@@ -169,10 +170,10 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
 
     from_zero = None
     if crossings.many is not None and crossings.complete.all():
-        from_zero = _count_from_zero(cut.at(owner), along, fixed, span[0], slack, crossings)
+        from_zero = _count_from_zero(columns, span[0], slack, crossings)
     if from_zero is None:
         begins, counted = _first_counts(
-            owner, crossings.growth_to_infinity, follows, least, count_first
+            columns.owner, crossings.growth_to_infinity, follows, least, count_first
         )
     else:
         begins, counted = np.array([from_zero]), np.array([False])
@@ -187,7 +188,7 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     doubt[claimed] = np.maximum(
         doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS)
     )
-    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
+    error, end_doubt = _judged_ends(columns, span, crossings, spans, unstable)
     labelled = spans.labelled(unstable, doubt, end_doubt, error)
     worst = np.where(crossings.complete, Doubt.NONE, Doubt.COUNTS)
     np.maximum.at(worst, labelled.column, labelled.doubt)
@@ -238,7 +239,7 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     return begins, counted
 
 
-def _count_from_zero(cut, along, fixed, low, slack, crossings) -> int | None:
+def _count_from_zero(columns, low, slack, crossings) -> int | None:
     """Return the unstable eigenvalues in the first region of a single column, by Nyquist's
     criterion; None if they do not follow.
 
@@ -248,10 +249,11 @@ def _count_from_zero(cut, along, fixed, low, slack, crossings) -> int | None:
     """
     if low < 0:
         return None
-    zero = np.zeros(1)
-    matrices = (zero, fixed) if along == FIRST else (fixed, zero)
+    every = np.arange(columns.size)
+    cut = columns.loops(every)
+    matrices = columns.numbers(every, np.zeros(1))
     outside, sure = count_outside(cut.closed(*matrices), cut.errors_of_closed(*matrices))
-    leaves_zero = cut.integrates & (along == FIRST) & (crossings.theta == 0.0)
+    leaves_zero = cut.integrates & (columns.along == FIRST) & (crossings.theta == 0.0)
     between = (crossings.value >= -slack) & (crossings.value <= low + slack) & ~leaves_zero
     next_to_zero = between & (np.abs(crossings.value) <= slack)
     if not sure.all() or next_to_zero.any():
@@ -260,7 +262,7 @@ def _count_from_zero(cut, along, fixed, low, slack, crossings) -> int | None:
     return int(outside[0] + crossings.jump[between].sum() + leaving)
 
 
-def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
+def _judged_ends(columns, span, crossings, spans, unstable):
     """Return residual and doubt of each inner end; ends of stable regions are in doubt if
     rounding could matter."""
     error = np.zeros(spans.order.size)
@@ -272,17 +274,19 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     column = crossings.column[ends]
     value = crossings.value[ends]
     theta = crossings.theta[ends]
-    places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
+    places = columns.fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
     least = SHARE_OF_SPAN * (span[1] - span[0])
     if crossings.many is None:
         resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
-        left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
+        left, moved, usual = end_errors(
+            columns.loops(column), columns.along, *places, resolvent, least
+        )
     else:
         left, moved, usual = _errors_of_many_states(
-            cut.at(owner[0]), along, places, crossings.many, least
+            columns.loops(0), columns.along, places, crossings.many, least
         )
     # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
-    error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
+    error[of_stable] = np.where(columns.cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
     firm = moved <= FIRM * (np.abs(value) + least)
     doubt[of_stable] = np.where(clear & firm, Doubt.NONE, Doubt.ROUNDING)

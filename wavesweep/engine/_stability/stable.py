@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional
+from wavesweep.engine._monodromy.cut import ERRORS, FIRST, MATRICES, CutColumns, LinearFractional
 from wavesweep.engine._monodromy.periodic import size_of
 from wavesweep.engine._monodromy.radius import cut_within
 from wavesweep.engine._monodromy.rounding import UNEVEN, uneven_units
@@ -62,7 +62,8 @@ def stable_intervals(
     cut = cut if radius is None else cut_within(cut, radius)
     flat = fixed.reshape(-1)
     owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    intervals = _by_each_method(_in_even_units(cut), owner, along, flat, span)
+    columns = CutColumns(_in_even_units(cut), owner, along, flat)
+    intervals = _by_each_method(columns, span)
     intervals = _with_uncontrolled(intervals, cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
@@ -125,14 +126,16 @@ def _in_even_units(cut: LinearFractional) -> LinearFractional:
     return replace(cut, **changed)
 
 
-def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
-    """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first
-    method that proves it."""
-    pending = np.arange(fixed.size)
-    answered = np.zeros(fixed.size, bool)
+def _by_each_method(columns: CutColumns, span) -> Intervals:
+    """Return the intervals of the columns, each by the first method that proves it."""
+    pending = np.arange(columns.size)
+    answered = np.zeros(columns.size, bool)
     done = []
-    cut, overflown = _finite(cut)
-    divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
+    cut, overflown = _finite(columns.cut)
+    columns = replace(columns, cut=cut)
+    owner = columns.owner
+    # whose poles at z = 1 may be divided out
+    divided = (columns.fixed == 0) & (cut.poles_at_one > 0)
     methods = _methods(cut.order)
     for method in methods:
         rows = pending[divided[pending]] if method is _by_polynomial_alone else pending
@@ -142,7 +145,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         followed = np.zeros(rows.size, bool)
         if method is not methods[-1]:
             followed = ~lost & (_by_arcs in methods or divided[rows])
-        labelled, doubt = method(cut, owner[rows], along, fixed[rows], span, followed)
+        labelled, doubt = method(columns.some(rows), span, followed)
         labelled = replace(
             labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable)
         )
@@ -154,8 +157,8 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         )
         answered[rows[answered_now]] = True
         pending = np.flatnonzero(~answered)
-    pieces, columns, doubts = zip(*done, strict=True)
-    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(columns))]
+    pieces, answered_rows, doubts = zip(*done, strict=True)
+    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(answered_rows))]
     joined = Regions.join(pieces)
     if len(pieces) > 1:
         joined = joined.take(np.argsort(joined.column, kind="stable"))
@@ -183,51 +186,53 @@ def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     return cut, bad
 
 
-def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
+def _by_polynomial(columns: CutColumns, span, followed, *, alone=False):
     """Return regions and doubts from one polynomial per loop, shared by all its columns.
 
     followed: `(columns,)`, whether another method is there for a column: it is left to that one if
     its roots are not proved.
     """
+    cut = columns.cut
     rough = cut.remembered("rough", lambda: _is_rough(cut))
 
     def sampled():
         scale = np.broadcast_to(warp_scale(cut, alone=alone), cut.batch)
-        return sampled_polynomial(cut, along, scale, rough, alone=alone)
+        return sampled_polynomial(cut, columns.along, scale, rough, alone=alone)
 
-    polynomial = cut.remembered((along, alone), sampled)
-    roots = roots_of(polynomial, owner, fixed)
+    polynomial = cut.remembered((columns.along, alone), sampled)
+    roots = roots_of(polynomial, columns.owner, columns.fixed)
     rows = np.flatnonzero(roots.complete | ~followed)
-    doubt = np.full(fixed.size, Doubt.CROWDED)
+    doubt = np.full(columns.size, Doubt.CROWDED)
     if not rows.size:
         return Regions.none(), doubt
-    crossed = crossings(cut, owner[rows], along, fixed[rows], span, polynomial, roots.take(rows))
-    labelled = regions(cut, owner[rows], along, fixed[rows], span, crossed)
+    answered = columns.some(rows)
+    crossed = crossings(answered, span, polynomial, roots.take(rows))
+    labelled = regions(answered, span, crossed)
     doubt[rows] = doubts_of(labelled, np.where(crossed.complete, Doubt.NONE, Doubt.CROWDED))
     return replace(labelled, column=rows[labelled.column]), doubt
 
 
-def _by_polynomial_alone(*columns):
+def _by_polynomial_alone(columns: CutColumns, span, followed):
     """The same for columns whose other number is 0, of loops that have poles at z = 1, which are
     divided out."""
-    return _by_polynomial(*columns, alone=True)
+    return _by_polynomial(columns, span, followed, alone=True)
 
 
-def _by_arcs(cut, owner, along, fixed, span, _):
+def _by_arcs(columns: CutColumns, span, _):
     """The same from interpolants on arcs of the circle, for loops of more states than a
     polynomial has digits for."""
     from wavesweep.engine._stability.arcs import arc_crossings, columns_together
 
-    rough = cut.remembered("rough", lambda: _is_rough(cut))[
-        owner
-    ]  # an arc counts no errors of entries
+    cut = columns.cut
+    # an arc counts no errors of entries
+    rough = cut.remembered("rough", lambda: _is_rough(cut))[columns.owner]
     step = columns_together(cut.order)
     parts = []
     doubts = []
-    for first in range(0, fixed.size, step):
+    for first in range(0, columns.size, step):
         some = slice(first, first + step)
-        crossed = arc_crossings(cut.at(owner[some]), along, fixed[some], span)
-        labelled = regions(cut, owner[some], along, fixed[some], span, crossed)
+        crossed = arc_crossings(columns.apart(some), span)
+        labelled = regions(columns.some(some), span, crossed)
         doubt = doubts_of(labelled, np.where(crossed.complete, Doubt.NONE, Doubt.CROWDED))
         parts.append(replace(labelled, column=first + labelled.column))
         doubts.append(np.where(rough[some], np.maximum(doubt, Doubt.ROUNDING), doubt))
