@@ -83,7 +83,8 @@ def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
 def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     """The rest of the range is proved box by box, so a crossing that is missed cannot be passed over."""
     nothing = np.zeros(0)
-    monkeypatch.setattr(reduced_equation.ReducedEquation, "crossings", lambda *_: (np.zeros(0, int), nothing, nothing, nothing))
+    none = reduced_equation._Crossings(np.zeros(0, int), nothing, nothing, nothing)
+    monkeypatch.setattr(reduced_equation.ReducedEquation, "crossings", lambda *_: none)
     monkeypatch.setattr(reduced_equation, "MOST_BOXES", 20_000)
     monkeypatch.setattr(
         along_any, "tiles_of", lambda *_, **__: reduced_equation.Tiles.of(np.zeros(0, int), nothing, nothing, 0)

@@ -185,19 +185,16 @@ def varied_beside(loops: Loops, number: str) -> str:
 def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
     """The slices with loops without the number, and without that with the path `path` if there
     is one; see `Opened`."""
-    loop_of, second, numbers = (
-        np.arange(size),
-        np.zeros(size),
-        (number, name_of(path) if path else ""),
-    )
-    numbers = numbers[::-1] if swapped else numbers
+    loop_of = np.arange(size)
+    second = np.zeros(size)
+    numbers = (number, name_of(path) if path else "")
+    if swapped:
+        numbers = numbers[::-1]
     if path:
         distinct_in = {name: v for name, v in loops.values.items() if np.ndim(v) and name != path}
         first, loop_of = distinct_rows(distinct_in, size)
-        second, loops = (
-            loops.values[path],
-            loops.some(first) if first.size > 1 else loops.one(first[0]),
-        )
+        second = loops.values[path]
+        loops = loops.some(first) if first.size > 1 else loops.one(first[0])
         loops = loops.changed({path: 0.0})
     elif size == 1 and not alone:
         loops = loops.one(0)

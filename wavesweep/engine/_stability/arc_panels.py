@@ -1,6 +1,7 @@
 """Roots of analytic functions on an interval: Chebyshev panels, split until their roots are
 proved."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,14 +23,12 @@ ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widt
 RIM_POINTS = 8  # on its upper half
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
-EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 # over the largest value on the ellipse
 INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)
 # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
 ROUGH_VALUE = 10.0
 # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
 CUT_AT = 0.48
-MOST_BEYOND = 4  # panels at the ends of a span
 # of half a panel, from its middle: how far out its smallest sample says where to cut
 CUT_FROM_MIDDLE = 0.7
 # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
@@ -61,29 +60,29 @@ class PanelRoots:
     open_high: np.ndarray
 
 
+class PanelLimits(NamedTuple):
+    """When panels are given up.
+
+    smallest: a panel narrower than this that proves nothing is. many: the open panels of a column
+    are if there are so many. end_bit: a panel at an end of the interval that is narrower than this
+    and proves nothing is left open.
+    """
+
+    smallest: float
+    many: int
+    end_bit: float
+
+
 def panel_roots(
-    sample,
-    column,
-    low,
-    high,
-    columns,
-    smallest,
-    many,
-    bounds=(-np.inf, np.inf),
-    end_bit=0.0,
-    settling=None,
+    sample: Callable, edges: np.ndarray, columns: int, limits: PanelLimits, settling: int
 ) -> PanelRoots:
     """Find all roots of several functions of each column, real analytic in x.
 
     sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real
     or complex) the functions' values as phase, logarithm of the size, and rounding error relative
-    to the size, each `(functions, panels, points)`. column, low, high: the first panels. columns:
-    number of columns. smallest: a panel narrower than this that proves nothing is given up. many:
-    the open panels of a column are given up if there are so many. bounds: no point beyond them is
-    sampled, a number or `(columns,)` each. end_bit: a panel at an end of the interval that is
-    narrower than this and proves nothing is left open. settling: number of a function that settles
-    a panel on which it is proved to be positive, whatever the other functions do; its roots do not
-    count.
+    to the size, each `(functions, panels, points)`. edges: of the first panels of each column.
+    columns: number of columns. settling: number of a function that settles a panel on which it is
+    proved to be positive, whatever the other functions do; its roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its
     roots for every function within the error bound; otherwise the panel is split. The bound
@@ -95,9 +94,9 @@ def panel_roots(
     of the tick may have no visible effect at the nodes, since it enters a frame as a high power; it
     is large on the rim if it is large anywhere on the panel.
     """
-    bounds = [np.broadcast_to(end, columns) for end in bounds]
-    lowest = low.min(initial=np.inf)
-    highest = high.max(initial=-np.inf)
+    column = np.repeat(np.arange(columns), edges.size - 1)
+    low = np.tile(edges[:-1], columns)
+    high = np.tile(edges[1:], columns)
     nothing = np.zeros(0)
     no_index = np.zeros(0, int)
     no_panels = no_index, nothing, nothing
@@ -110,20 +109,22 @@ def panel_roots(
         given_up[kind].append((column[index], low[index], high[index]))
 
     while column.size:
-        column, low, high = _with_ellipses(column, low, high, smallest, bounds)
-        panels = _panels(column, low, high, bounds)
-        judged = _judged(sample, panels, bounds, settling)
+        reach = OVERLAP * (high - low)
+        left = low - reach
+        right = high + reach
+        panels = _Panels(column, (left + right) / 2, (right - left) / 2)
+        judged = _judged(sample, panels, settling)
         roots += judged.roots
-        short = ~judged.proved & (high - low < end_bit)
-        at_low = short & (low == lowest)
-        at_high = short & (high == highest)
+        short = ~judged.proved & (high - low < limits.end_bit)
+        at_low = short & (low == edges[0])
+        at_high = short & (high == edges[-1])
         open_low[column[at_low]] = True
         open_high[column[at_high]] = True
         give("settled", judged.settled)
         give("overflown", judged.overflown)
         open_ = ~(judged.proved | judged.settled | judged.overflown | at_low | at_high)
-        crowded = np.bincount(column[open_], minlength=columns)[column] > many // 2
-        hopeless = open_ & ((high - low <= smallest) | crowded)
+        crowded = np.bincount(column[open_], minlength=columns)[column] > limits.many // 2
+        hopeless = open_ & ((high - low <= limits.smallest) | crowded)
         give("lost", hopeless & judged.finite)
         give("overflown", hopeless & ~judged.finite)
         column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
@@ -169,43 +170,6 @@ class _Panels(Rows):
         return self.middle[:, None] + self.half[:, None] * place
 
 
-def _panels(column, low, high, bounds):
-    """These parts of the interval with their overlap, within the bounds."""
-    reach = OVERLAP * (high - low)
-    left = np.maximum(low - reach, bounds[0][column])
-    right = np.minimum(high + reach, bounds[1][column])
-    return _Panels(column, (left + right) / 2, (right - left) / 2)
-
-
-def _with_ellipses(column, low, high, smallest, bounds):
-    """The panels, those of which the ellipse is beyond the bounds cut until it is not: on these
-    nothing can be proved.
-
-    So are the panels at the ends of a span, and no others unless all of the span is.
-    """
-    while True:
-        beyond = (high - low > smallest) & ~_ellipse_within(
-            _panels(column, low, high, bounds), bounds
-        )
-        beyond &= (
-            np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
-        )
-        if not beyond.any():
-            return column, low, high
-        halves = _cut(column, low, high, CUT_AT, beyond)
-        column = np.concatenate([halves[0], column[~beyond]])
-        low = np.concatenate([halves[1], low[~beyond]])
-        high = np.concatenate([halves[2], high[~beyond]])
-
-
-def _ellipse_within(panels, bounds):
-    """Whether the ellipse about each panel is within the bounds of its column."""
-    proper = panels.half > 0  # none of a panel that is beyond the bounds itself
-    left = panels.middle - EXTENT * panels.half >= bounds[0][panels.column]
-    right = panels.middle + EXTENT * panels.half <= bounds[1][panels.column]
-    return proper & left & right
-
-
 class _Judged(NamedTuple):
     """What is known of panels, `(panels,)`: whether their roots are proved, they are settled,
     all samples are finite, and none is; the roots on proved panels; and the places to cut, as
@@ -219,7 +183,8 @@ class _Judged(NamedTuple):
     cut_at: np.ndarray
 
 
-def _judged(sample, panels, bounds, settling) -> _Judged:
+def _judged(sample, panels, settling) -> _Judged:
+    """What the samples of panels prove."""
     phase, log, error = sample(panels.column, panels.at(NODE))
     functions = log.shape[0]
     reached = np.isfinite(log).all(0).any(-1)
@@ -233,8 +198,8 @@ def _judged(sample, panels, bounds, settling) -> _Judged:
     series, noise, ready = (np.stack(facts) for facts in zip(*interpolants, strict=True))
     counted = [function for function in range(functions) if function != settling]
     decayed = ready[counted].all(0)
-    worth = decayed if settling is None else decayed | ready[settling]
-    hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
+    worth = decayed | ready[settling]
+    hidden = _hidden(sample, panels, np.flatnonzero(worth & finite), trend, peak)
     proved = decayed & finite
     ready[counted] = proved
     function_of, panel = np.nonzero(ready & np.isfinite(hidden))
@@ -247,9 +212,8 @@ def _judged(sample, panels, bounds, settling) -> _Judged:
         function = function_of[rows]
         at = panel[rows]
         sure[function, at] = True
-        if settling is not None:
-            of = function == settling
-            settled[at[of]] = ~discs.inside[of].any(-1) & (value[settling, at[of]] > 0).all(-1)
+        of = function == settling
+        settled[at[of]] = ~discs.inside[of].any(-1) & (value[settling, at[of]] > 0).all(-1)
         row, root = np.nonzero(discs.inside & (function != settling)[:, None])
         of_root = at[row]
         half = panels.half[of_root]
@@ -306,14 +270,13 @@ def _transformed(value, transform):
     return total
 
 
-def _hidden(sample, panels, bounds, index, trend, peak):
+def _hidden(sample, panels, index, trend, peak):
     """Return a bound on features between the nodes of the panels `index`, in units of each
     function's largest sample.
 
-    It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
+    It is infinite for other panels.
     """
     hidden = np.full(peak.shape, np.inf)
-    index = index[_ellipse_within(panels, bounds)[index]]
     if not index.size:
         return hidden
     chosen = panels.take(index)

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.engine._monodromy.cut import CutColumns
 from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
-from wavesweep.engine._stability.arc_panels import panel_roots
+from wavesweep.engine._stability.arc_panels import PanelLimits, panel_roots
 from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles_at_one
 from wavesweep.engine._stability.spectrum import count_outside, eigenvalues
@@ -81,21 +81,8 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
             parts.append(sampled(column[some], theta[some]))
         return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
 
-    edges = np.linspace(0, np.pi, 5)
-    column = np.repeat(np.arange(fixed.size), 4)
-    low = np.tile(edges[:-1], fixed.size)
-    high = np.tile(edges[1:], fixed.size)
-    roots = panel_roots(
-        sample,
-        column,
-        low,
-        high,
-        fixed.size,
-        SMALLEST_ARC,
-        MOST_OPEN_ARCS,
-        end_bit=END_BIT,
-        settling=1,
-    )
+    limits = PanelLimits(SMALLEST_ARC, MOST_OPEN_ARCS, END_BIT)
+    roots = panel_roots(sample, np.linspace(0, np.pi, 5), fixed.size, limits, settling=1)
     at = np.flatnonzero(roots.open_low)
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in opened))

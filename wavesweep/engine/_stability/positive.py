@@ -97,163 +97,204 @@ def positive(
     """
     box = np.asarray(box, float)
     proof = _BoxProof(functions, box, np.asarray(bounds, float), resolution)
-    queue, negative = [box], np.zeros((0, box.shape[1]))
+    queue = [box]
+    negative = np.zeros((0, box.shape[1]))
     while queue and proof.used < most and not len(negative):
-        piece = queue.pop(0)
+        ends = queue.pop(0)
         with np.errstate(all="ignore"):  # what overflows is not proved
-            negative, open_ = proof.judged(piece)
+            negative, open_ = proof.judged(ends)
         queue += open_
     return Cover(np.array(queue).reshape(-1, *box.shape), negative, proof.used)
+
+
+class _Piece:
+    """A piece of a box, with units of the states in it.
+
+    ends: `(2, numbers)`. wide: the numbers in which it is wider than nothing.
+    """
+
+    def __init__(self, ends, functions):
+        self.ends = ends
+        self.wide = np.flatnonzero(ends[0] < ends[1])
+        self.middle = ends.mean(0)
+        self.half = (ends[1] - ends[0]) / 2
+        self.units = functions.units(self.middle)
+
+    def placed(self, grid):
+        """Points of the piece: a row of `grid`, from -1 to 1, for each."""
+        x = np.repeat(self.middle[None].astype(grid.dtype), len(grid), 0)
+        x[:, self.wide] += grid * self.half[self.wide]
+        return x
+
+    def divided(self, size):
+        """The halves of the piece, divided along the number with the largest `size`."""
+        return _halves(self.ends, self.wide[np.argmax(size)])
+
+
+class _Scale(NamedTuple):
+    """What functions are divided by on a piece, `exp(trend x + peak)`, x from -1 to 1: after it
+    they are at most 1 at the coarse places, and a polynomial follows them more easily."""
+
+    trend: np.ndarray
+    peak: np.ndarray
+
+    @classmethod
+    def of(cls, log, grid):
+        trend = _trend(log, grid)
+        return cls(trend, (log - trend @ grid.T).max(1))
+
+    def removed(self, log, places):
+        """Logarithms of sizes, without those of what the functions are divided by."""
+        return log - (self.trend @ places.T).real - self.peak[:, None]
 
 
 class _BoxProof:
     """Functions on the pieces of a box, with a count of the points at which they were computed."""
 
     def __init__(self, functions, box, limits, resolution):
-        self.functions, self.limits, self.resolution, self.used = functions, limits, resolution, 0
+        self.functions = functions
+        self.limits = limits
+        self.resolution = resolution
+        self.used = 0
         self.widths = np.where(np.ptp(box, 0) > 0, np.ptp(box, 0), 1.0)
 
-    def judged(self, piece):
+    def judged(self, ends):
         """The unstable points found in a piece, and its parts that are not proved."""
-        wide = np.flatnonzero(piece[0] < piece[1])
-        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
-        units = self.functions.units(middle)
+        piece = _Piece(ends, self.functions)
+        wide = piece.wide
         grid = _grid([COARSE] * wide.size)
-        phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
-        if (surely := (phase.real < 0) & (EPS * error < 1)).any():
-            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
-        outside = (middle - EXTENT * half < self.limits[0]) | (
-            middle + EXTENT * half > self.limits[1]
-        )
-        if not np.isfinite(log).all() or outside[wide].any():
-            return self._none, _divided(
-                piece, wide, half[wide] * (outside[wide] | ~outside[wide].any())
-            )
+        points = piece.placed(grid)
+        phase, log, error, pivots = self._values(points, piece.units)
+        negative = (phase.real < 0) & (EPS * error < 1)
+        if negative.any():
+            return points[negative.any(0)], [ends]
+        below = piece.middle - EXTENT * piece.half < self.limits[0]
+        above = piece.middle + EXTENT * piece.half > self.limits[1]
+        outside = (below | above)[wide]
+        if not np.isfinite(log).all() or outside.any():
+            return self._none, piece.divided(piece.half[wide] * (outside | ~outside.any()))
         if self.resolution is not None:
             before = self.resolution.used
-            unresolved = self.resolution.unresolved(piece)[wide]
+            unresolved = self.resolution.unresolved(ends)[wide]
             self.used += self.resolution.used - before
             if unresolved.any():
-                return self._none, _divided(piece, wide, unresolved * (half / self.widths)[wide])
-        return self._interpolated(piece, wide, units, log, pivots)
+                shares = (piece.half / self.widths)[wide]
+                return self._none, piece.divided(unresolved * shares)
+        return self._interpolated(piece, log, pivots)
 
-    def _interpolated(self, piece, wide, units, log, pivots):
+    def _interpolated(self, piece, log, pivots):
         """The same, from the logarithms and pivots at the coarse places; the piece is divided if
-        it needs too many nodes."""
-        middle, half, grid = piece.mean(0), (piece[1] - piece[0]) / 2, _grid([COARSE] * wide.size)
-        trend = _trend(log, grid)
-        peak = (log - trend @ grid.T).max(1)
-        least = np.exp((log - trend @ grid.T).min(1) - peak)
+        it needs too many nodes.
+
+        An interpolant of n nodes is off by at most `4 far r^(1 - n)/(r - 1)`, r = ELLIPSE, times
+        its Lebesgue constant in each number.
+        """
+        wide = piece.wide
+        grid = _grid([COARSE] * wide.size)
+        scale = _Scale.of(log, grid)
+        least = np.exp((log - scale.trend @ grid.T).min(1) - scale.peak)
         centre = pivots.real.mean(0)
-        rims = [
-            self._beyond(middle, half, wide, at, units, trend, peak, centre)
-            for at in range(wide.size)
-        ]
-        far, steps = (
-            np.stack([size for size, _ in rims]),
-            np.max([step for _, step in rims], axis=0),
-        )
-        needed = np.log(
-            4 / (ELLIPSE - 1) * far / (LARGEST_INTERPOLANT_ERROR / max(wide.size, 1) * least)
-        ).max(1, initial=0.0)
-        counts = np.clip(
-            np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(ELLIPSE)), LEAST_NODES, np.inf
-        )
+        far = []
+        steps = []
+        for at in range(wide.size):
+            size, step = self._beyond(piece, at, scale, centre)
+            far.append(size)
+            steps.append(step)
+        far = np.stack(far)
+        steps = np.max(steps, axis=0)
+        allowed = LARGEST_INTERPOLANT_ERROR / max(wide.size, 1) * least
+        needed = np.log(4 / (ELLIPSE - 1) * far / allowed).max(1, initial=0.0)
+        counts = np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(ELLIPSE))
+        counts = np.clip(counts, LEAST_NODES, np.inf)
         if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
             # Divide along the number along which the sizes on the other ellipses change most.
             steep = np.isfinite(counts).all() and steps.max() > LOG_STEP
-            return self._none, _divided(piece, wide, steps if steep else counts)
-        return self._within(
-            piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far
-        )
+            return self._none, piece.divided(steps if steep else counts)
+        return self._within(piece, [nodes(int(count)) for count in counts], scale, far)
 
     @property
     def _none(self):
         return np.zeros((0, self.limits.shape[1]))
 
-    def _within(self, piece, wide, nodes, units, trend, peak, far):
+    def _within(self, piece, nodes, scale, far):
         """The same, from the values at these nodes."""
-        middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
-        grid, counts = _grid(nodes), [len(places) for places in nodes]
-        phase, log, error, _ = self._values(_placed(middle, half, wide, grid), units)
-        if (surely := (phase.real < 0) & (EPS * error < 1)).any():
-            return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
+        wide = piece.wide
+        grid = _grid(nodes)
+        counts = [len(places) for places in nodes]
+        points = piece.placed(grid)
+        phase, log, error, _ = self._values(points, piece.units)
+        negative = (phase.real < 0) & (EPS * error < 1)
+        if negative.any():
+            return points[negative.any(0)], [piece.ends]
         if not np.isfinite(log).all():
-            return self._none, _divided(piece, wide, half[wide])
-        value = phase.real * np.exp(log - trend @ grid.T - peak[:, None])
+            return self._none, piece.divided(piece.half[wide])
+        value = phase.real * np.exp(scale.removed(log, grid))
         constants = 2 / np.pi * np.log(counts) + 1  # upper bounds on the Lebesgue constants
         noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
         sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
         noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
-        open_ = [
-            ends
-            for row, off in zip(value, noise, strict=True)
-            for ends in _positive(row.reshape(counts), off)
-        ]
+        open_ = []
+        for row, off in zip(value, noise, strict=True):
+            open_ += _positive(row.reshape(counts), off)
         if not open_:
             return self._none, []
-        low, high = np.min([low for low, _ in open_], 0), np.max([high for _, high in open_], 0)
-        rest = piece.copy()
-        rest[0, wide], rest[1, wide] = (
-            middle[wide] + half[wide] * low,
-            middle[wide] + half[wide] * high,
-        )
+        low = np.min([low for low, _ in open_], 0)
+        high = np.max([high for _, high in open_], 0)
+        middle = piece.middle[wide]
+        half = piece.half[wide]
+        rest = piece.ends.copy()
+        rest[0, wide] = middle + half * low
+        rest[1, wide] = middle + half * high
         if (high - low).prod() <= 2 ** (wide.size - 1):
             return self._none, [rest]
-        return self._none, _divided(rest, wide, (high - low) * np.array(counts))
+        steepest = np.argmax((high - low) * np.array(counts))
+        return self._none, _halves(rest, wide[steepest])
 
     def _values(self, x, units):
         self.used += len(x)
         return self.functions.values(x, units)
 
-    def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
+    def _beyond(self, piece, at, scale, centre):
         """Bounds on the size of each function on the ellipse about one number, with the others
         at COARSE, infinite near a pole; and the change of its logarithm along each of the
         others."""
-        coarse = _grid([COARSE] * (wide.size - 1))
-        place = np.insert(
-            coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, NUMBER_RIM, axis=2
-        ).reshape(-1, wide.size)
-        _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
-        log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
-        log = log.reshape(len(log), *[len(COARSE)] * (wide.size - 1), RIM_POINTS)
+        count = piece.wide.size
+        coarse = _grid([COARSE] * (count - 1))
+        places = coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1)
+        places = np.insert(places, at, NUMBER_RIM, axis=2).reshape(-1, count)
+        _, log, error, pivots = self._values(piece.placed(places), piece.units)
+        log = scale.removed(log + np.log1p(np.minimum(EPS * error, 10.0)), places)
+        log = log.reshape(len(log), *[len(COARSE)] * (count - 1), RIM_POINTS)
         # Between two points it may be larger than at both, by no more than they differ.
-        steps = [
-            np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1)))
-            for axis in range(1, wide.size + 1)
-        ]
-        size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
+        axes = tuple(range(1, count + 1))
+        steps = [np.abs(np.diff(log, axis=axis)).max(axes) for axis in axes]
+        size = 2 * np.exp(log.max(axes) + sum(steps) / 2)
         # a pole may be inside
         turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1
-        changes = np.nan_to_num(
-            [0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)],
-            posinf=1e9,
-        )
+        changes = []
+        for axis in range(count):
+            changes.append(0.0 if axis == at else steps[axis - (axis > at)].max())
+        changes = np.nan_to_num(changes, posinf=1e9)
         return np.where(np.isfinite(size) & ~turns, size, np.inf), changes
 
 
 def _grid(nodes):
-    return np.array(list(product(*nodes)), float).reshape(
-        int(np.prod([len(places) for places in nodes])), len(nodes)
-    )
+    """All combinations of places of each number, a row each."""
+    rows = int(np.prod([len(places) for places in nodes]))
+    return np.array(list(product(*nodes)), float).reshape(rows, len(nodes))
 
 
-def _placed(middle, half, wide, grid):
-    """Points of a piece: a row of `grid`, from -1 to 1, for each."""
-    x = np.repeat(middle[None].astype(grid.dtype), len(grid), 0)
-    x[:, wide] += grid * half[wide]
-    return x
-
-
-def _divided(piece, wide, size):
-    """The halves of a piece, divided along the number with the largest `size`."""
-    axis = wide[np.argmax(size)]
-    both = [piece.copy(), piece.copy()]
-    low, high = piece[:, axis]
-    both[0][1, axis] = both[1][0, axis] = (
-        np.sqrt(low * high) if high > LOGARITHMIC_RATIO * low > 0 else (low + high) / 2
-    )
-    return both
+def _halves(ends, axis):
+    """The halves of a piece along a number, in the logarithm if its ends differ by much."""
+    low, high = ends[:, axis]
+    middle = (low + high) / 2
+    if high > LOGARITHMIC_RATIO * low > 0:
+        middle = np.sqrt(low * high)
+    lower = ends.copy()
+    lower[1, axis] = middle
+    upper = ends.copy()
+    upper[0, axis] = middle
+    return [lower, upper]
 
 
 def _trend(log, grid):

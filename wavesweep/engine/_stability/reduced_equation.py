@@ -359,7 +359,7 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     boxes = _left_open(equation, boxes, SPLITS)
     if boxes is None:
         return None
-    windows = _windows(panels, *equation.crossings(boxes), span, slack)
+    windows = _windows(panels, equation.crossings(boxes), span, slack)
     for column, low, high in zip(windows.column, windows.low, windows.high, strict=True):
         boxes = _without(boxes, panels, column, low, high, pad)
     left = _left_open(equation, boxes, MOST_SPLITS)
@@ -416,15 +416,18 @@ def _left_open(equation, boxes, splits, radius=1.0):
     return _Boxes.join([*left, boxes])
 
 
-def _windows(panels, panel, x, theta, moved, span, slack):
+def _windows(panels, crossings, span, slack):
     """Windows about the crossings, those that meet joined; a crossing that is found again is the
     same one."""
-    value = panels.middle[panel] + panels.half[panel] * x
+    panel = crossings.panel
+    value = panels.middle[panel] + panels.half[panel] * crossings.x
     column = panels.column[panel]
     inside = (value >= span[0]) & (value <= span[1])
     order = np.flatnonzero(inside)[np.lexsort((value[inside], column[inside]))]
     value = value[order]
-    half = np.maximum(slack(value) / 2, WINDOW_OF_ERRORS * (panels.half[panel] * moved)[order])
+    half = np.maximum(
+        slack(value) / 2, WINDOW_OF_ERRORS * (panels.half[panel] * crossings.moved)[order]
+    )
     low = np.maximum(value - half, span[0])
     high = np.minimum(value + half, span[1])
     column = column[order]
@@ -436,7 +439,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
         else:
             kept.append(at)
     kind = np.full(order.size, WINDOW)
-    found = Tiles(column, low, high, kind, value, theta[order], EPS * np.abs(value), kind)
+    found = Tiles(column, low, high, kind, value, crossings.theta[order], EPS * np.abs(value), kind)
     windows = found.take(np.array(kept, int))
     wide = windows.high - windows.low > 2 * WINDOW_OF_ERRORS * slack(windows.value)
     return replace(windows, doubt=np.where(wide, Doubt.ROUNDING, Doubt.NONE))
