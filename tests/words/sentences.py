@@ -246,9 +246,9 @@ def span_of(run, name, value, what, low, high, may, also):
     assert within(low, high, found), (low, high, found)
     assert low <= value <= high
     if may:
-        for way, share in re.findall(rf"(fall|rise) to {N} %", may):
-            end = high if way == "rise" else low
-            assert near(float(share), 100 * end / value, 0.006), (share, 100 * end / value)
+        for way, factor in re.findall(rf"(down|up) to {N}", may):
+            end = high if way == "up" else low
+            assert near(float(factor), end / value, 0.006), (factor, end / value)
     for a, b in re.findall(rf"{N}{BEYOND} to {N}", also or ""):
         assert within(float(a), float(b), found), (a, b, found)
     return True

@@ -198,16 +198,16 @@ def _span(limit: Facts, low: float, high: float) -> str:
 
 
 def _factors(limit: Facts) -> str:
-    """The factors by which the value may shrink and grow."""
+    """The factors of the value at the ends."""
     inwards = {"low": rounded_up, "high": rounded_down}
     if limit["value"] < 0:  # the larger share of it is the lower end
         inwards = {"low": rounded_down, "high": rounded_up}
     ways = []
-    for words, end in (("fall to", "low"), ("rise to", "high")):
+    for words, end in (("down to", "low"), ("up to", "high")):
         if limit[end]:
-            share = inwards[end](100 * limit[end] / limit["value"], 3)
-            ways.append(f"{words} {float(share):g} %")
-    return f" (may {' and '.join(ways)})" if ways else ""
+            factor = inwards[end](limit[end] / limit["value"], 3)
+            ways.append(f"{words} {float(factor):g}")
+    return f" ({' and '.join(ways)} times its value)" if ways else ""
 
 
 def _unit(spec: Spec, name: str) -> str:

@@ -473,7 +473,9 @@ def demand(spec: Spec) -> None:
     """Raise UsageError if the spec has no such table."""
     if spec.design is None:
         raise UsageError(
-            f"{spec.name}: expected the tables [design.vary] and [design.wish], found none"
+            f"{spec.name}: expected the tables [design.vary] and [design.wish], found none; e.g. "
+            '[design.vary] NAME = { start = 1, stop = 100, scale = "log" }, NAME being a number of the spec, and '
+            "[design.wish] damping_ratio = { at_least = 0.3 }; `wavesweep keys design.wish` lists what can be wished for"
         )
 
 

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from shlex import quote
-from textwrap import shorten, wrap
+from textwrap import wrap
 
 import click
 
@@ -191,22 +191,28 @@ def _listed() -> Iterator[str]:
     drawn = drawn_loops()
     width = max(map(len, drawn))
     yield "A hand, a wall and one of the built-in controllers:"
-    yield from (
-        f"  {kind:{width}}  {controller.description}" for kind, controller in CONTROLLERS.items()
-    )
+    for kind, controller in CONTROLLERS.items():
+        yield from _named(kind, controller.description, width)
     yield from (
         "",
         "Its device by name, with --device NAME, or as device.preset in a spec of your own:",
     )
     for name, device in DEVICES.items():
         unknown = " and ".join(path.removeprefix("device.") for path in device.unknown())
-        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {unknown}: put your own' if unknown else ''}"
+        open_ = f"; nobody publishes its {unknown}: put your own" if unknown else ""
+        yield from _named(name, f"{device.title}{open_}", width)
     for folder, heading in DRAWN.items():
         yield from ("", heading)
         for name, path in drawn.items():
             if folder == ("templates" if name in STARTING_RECIPES else path.parent.name):
-                yield f"  {name:{width}}  {_first_sentence(path)}"
+                yield from _named(name, _first_sentence(path), width)
     yield from ("", f"Logs and measurements of the documents: {', '.join(logs_of_documents())}")
+
+
+def _named(name, meaning, width):
+    """A name and what it is, in lines as wide as a comment."""
+    begun = f"  {name:{width}}  "
+    return wrap(meaning, WIDTH, initial_indent=begun, subsequent_indent=" " * len(begun))
 
 
 def _first_sentence(path: Path) -> str:
@@ -217,7 +223,7 @@ def _first_sentence(path: Path) -> str:
         .replace("\n# ", " ")
         .removeprefix("# ")
     )
-    return shorten(re.split(r"(?<=[.?])\s", comment, maxsplit=1)[0], WIDTH, placeholder=" ...")
+    return re.split(r"(?<=[.?])\s", comment, maxsplit=1)[0]
 
 
 def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> None:
