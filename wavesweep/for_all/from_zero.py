@@ -20,6 +20,7 @@ equation, which need not be exact.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,15 +65,16 @@ class FramesFromZero:
             return False
         f *= 1 + 8 * UNIT
         on = _OnGraph(self, graph, weight)
-        solved = on.row()
-        if solved is None:
-            return False
-        p, dp = solved
-        base, more = on.forms_of_others(p)
-        for share in SHARES:
-            P = on.forms(p, base + share * more)
-            if on.shrink(P, dp, f):
-                return True
+        with suppress(np.linalg.LinAlgError):  # singular where second moments stop to decay
+            solved = on.row()
+            if solved is None:
+                return False
+            p, dp = solved
+            base, more = on.forms_of_others(p)
+            for share in SHARES:
+                P = on.forms(p, base + share * more)
+                if on.shrink(P, dp, f):
+                    return True
         return False
 
 
@@ -110,10 +112,7 @@ class _OnGraph:
         h = self.summed(self.beta).ravel()
         dh = self.summed(self.dA[:, 0, 1:] + 2 * WEIGHED * np.abs(self.beta)).ravel()
         identity = np.eye(nodes * m)
-        try:
-            R = np.linalg.inv(identity - T)
-        except np.linalg.LinAlgError:
-            return None
+        R = np.linalg.inv(identity - T)
         p = R @ h
         p += R @ (h - p + T @ p)
         rounding = BOUNDS_OF_DOUBLES * (nodes * m + 4) * UNIT
@@ -192,7 +191,7 @@ class _OnGraph:
         dP[:, 1:, 0] = dp
         more = np.zeros_like(P)
         more[:, 0, 0] = f * np.abs(alpha)
-        if not definite(*in_its_units(P, BOUNDS_OF_DOUBLES * (dP + more))):
+        if not definite(P, dP + more):
             return False
         lead = np.zeros_like(P)
         lead[:, 0, 0] = alpha
