@@ -108,7 +108,7 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
 
 
 def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
-    """`v' = M^-1 (f - D v - K x)`, `x' = v` in the states v and x, which the outputs x and v show."""
+    """`v' = M^-1 (f - D v - K x)`, `x' = v` in the states v and x; the outputs are x and v."""
     names = keys["axes"]
     n = len(names)
     M, D, K = (at_axes(keys, name) for name in MATRICES)

@@ -40,10 +40,10 @@ def assembled(
 ) -> MultirateLoop:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
-    out: a number to take out of its place (see `Drawing.scalar_place`): its product is then the input
-    PRODUCT, and it would multiply the signal FACTOR. beside: a number of the same wire (see
-    `shares_wire`) whose value is 0; it would multiply the signal BESIDE. A value that is not finite
-    makes entries that are not finite.
+    out: a number to take out of its place (see `Drawing.scalar_place`): its product is then the
+    input PRODUCT, and it would multiply the signal FACTOR. beside: a number of the same wire (see
+    `Drawing.shares_wire`) whose value is 0; it would multiply the signal BESIDE. A value that is
+    not finite makes entries that are not finite.
     """
     known_values = dead_time.built(drawing, numbers_of(values))
     with np.errstate(all="ignore"):
@@ -115,6 +115,7 @@ def rate_of(drawing: Drawing, values: Mapping[str, object]):
 
 
 def _gains(terms, known):
+    """The gains of terms; known: numbers by name."""
     return {signal: values_of(gain, known) for signal, gain in terms}
 
 
@@ -191,8 +192,11 @@ def _rests(trees, values, known):
 
 
 def _take_out(drawing, placed, sums, known, out):
-    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a
-    gain, in its block."""
+    """Make the product of a number the input PRODUCT: `sums` is changed, and the blocks are
+    returned, of which one has another input if the number is the factor of a gain.
+
+    known: numbers by name.
+    """
     table, _, place = drawing.scalar_place(out).partition(".")
     if table == "wire":
         wire = dict(drawing.wires)[place]

@@ -113,8 +113,8 @@ class Resolution:
         """Return points of a box, `(points, sides)`, at which an expression is about least or
         largest: members to try first.
 
-        The box is divided until it is resolved, in up to MOST_PARTS_OF_BOX parts, and each part is looked at in
-        a few points; expressions of more than MOST_SIDES sides are not looked at.
+        The box is divided until it is resolved, in up to MOST_PARTS_OF_BOX parts, and each part is
+        looked at in a few points; expressions of more than MOST_SIDES sides are not looked at.
         """
         extremes = [np.zeros((0, len(self.sides)))]
         for expression in self.parts:

@@ -56,8 +56,8 @@ class Port:
     def of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> "Port":
         """Return the port of the loops at the hand.
 
-        The displacement of a tick is the difference of two positions, so the position has to be a state
-        alone: that of a plant. Errors: NoPositionError if it is not.
+        The displacement of a tick is the difference of two positions, so the position has to be a
+        state alone: that of a plant. Errors: NoPositionError if it is not.
         """
         drawn, drift = with_displacements(drawn, drift)
         ticks = Ticks.of(drawn, ports.signals, terms=True)
@@ -95,9 +95,9 @@ class Port:
     def between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> "Port":
         """Return the port between an external input and any signal.
 
-        The first output is the signal in each tick. If it moves with a drift, that share of it is left
-        out there, and the change of the share in the tick is a second output. drift: with the signal
-        watched.
+        The first output is the signal in each tick. If it moves with a drift, that share of it is
+        left out there, and the change of the share in the tick is a second output. drift: with the
+        signal watched.
         """
         drawn, drift = with_displacements(drawn, drift)
         ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)

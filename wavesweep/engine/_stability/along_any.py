@@ -75,22 +75,24 @@ def regions_along_any(
     low, high = span
     if variable == FROM_ZERO:
         low = END_ROUNDING * SHARE_OF_SPAN * high
-    v = _variable_of(low, high, variable)
+    chosen = _variable_of(low, high, variable)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
         bounds = np.stack([np.zeros(family.columns) + end for end in family.bounds])
-        bounds = np.where(bounds > low - v.unit, v.into(bounds), -np.inf)
+        bounds = np.where(bounds > low - chosen.unit, chosen.into(bounds), -np.inf)
 
     def slack(t):
-        if v.slope is None:
+        if chosen.slope is None:
             return END_ROUNDING + 0 * t
-        return END_ROUNDING * (np.abs(v.out(t)) + SHARE_OF_SPAN * (high - low)) / v.slope(t)
+        return (
+            END_ROUNDING * (np.abs(chosen.out(t)) + SHARE_OF_SPAN * (high - low)) / chosen.slope(t)
+        )
 
     search = _Search(
         family=family,
-        variable=v,
-        span=(v.into(low), v.into(high)),
+        variable=chosen,
+        span=(chosen.into(low), chosen.into(high)),
         slack=slack,
-        balls=balls and _in_variable(balls, v.into, v.out),
+        balls=balls and _in_variable(balls, chosen.into, chosen.out),
         from_one=from_one,
     )
     in_middle = family.frames(np.zeros(1, int), np.array([(low + high) / 2]))
@@ -107,7 +109,7 @@ def regions_along_any(
     def back(t, end, given):
         """The values of p at ends t of regions; the range's end is given back as it was, and not
         as it comes out."""
-        p = v.out(t)
+        p = chosen.out(t)
         return np.where(t == end, given, np.where(np.abs(p) <= nothing, 0.0, p))
 
     lows = back(regions.low, search.span[0], span[0])
@@ -132,6 +134,7 @@ class _Variable(NamedTuple):
 
 
 def _variable_of(low, high, variable):
+    """The variable for a span, see `regions_along_any`."""
     if variable == BENT:
         unit = (high - low) / BENT_AT
 
@@ -202,7 +205,7 @@ class _Search:
         panels, lost = panels_of(
             of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order
         )
-        found = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+        parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
         for reduced, states in [] if panels is None else panels.without_forgotten():
             errors = partial(_of_states, of_columns.errors, states)
             tight = partial(_of_states, of_columns.tight, states)
@@ -212,8 +215,8 @@ class _Search:
                 tiles = tiles_of(
                     reduced, functions, self.span, columns, self.slack, from_one=self.from_one
                 )
-            found.append(tiles)
-        tiles = Tiles.join(found)
+            parts.append(tiles)
+        tiles = Tiles.join(parts)
         attached = self.slack(self.span[0]), self.slack(self.span[1])
         if self.balls is not None:
 

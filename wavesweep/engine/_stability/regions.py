@@ -146,8 +146,9 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     eigenvalues were counted in a column's first region, they are also counted in every region whose
     count comes to 0, which makes an interval stable; in narrow regions they are counted in all
     columns. Of a loop of many states it follows from the count at 0 (`_count_from_zero`), where its
-    delays do not act on themselves. If the crossings of a column are not all proved, or one of its counts is not clear,
-    every region of it is counted at many points, and a region has no label if these disagree.
+    delays do not act on themselves. If the crossings of a column are not all proved, or one of its
+    counts is not clear, every region of it is counted at many points, and a region has no label if
+    these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
     spans = cut_span(span, columns.size, crossings, (slack, slack))
@@ -304,8 +305,8 @@ def _errors_of_many_states(loop, along, places, many, least):
 
 
 def count_where_clear(spans: CutSpan, index, matrices):
-    """Count the regions `index` at the first of CLEAR_SHARES at which no eigenvalue is within rounding of
-    the circle.
+    """Count the regions `index` at the first of CLEAR_SHARES at which no eigenvalue is within
+    rounding of the circle.
 
     The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less
     identity of these regions at these values, and bounds on the errors of their entries.
