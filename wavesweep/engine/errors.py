@@ -4,15 +4,15 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-LONGEST_WORD = 400  # letters of what was given, as a message repeats it
-LONGEST_LINE = 2000  # letters of a message, as a screen has them
+LETTERS_OF_WORD = 400  # letters of what was given, as a message repeats it
+LETTERS_OF_MESSAGE = 2000  # letters of a message, as a screen has them
 
 MOST_LINES = 50  # of the mistakes of a spec
 
 
 def shortened(text: str) -> str:
     """The text with the middle of each word and line left out that is too long to be read."""
-    for pattern, most in ((r"\S", LONGEST_WORD), (".", LONGEST_LINE)):
+    for pattern, most in ((r"\S", LETTERS_OF_WORD), (".", LETTERS_OF_MESSAGE)):
         text = re.sub(
             f"({pattern}{{{most // 4}}}){pattern}{{{most // 2},}}({pattern}{{{most // 4}}})",
             r"\1...\2",

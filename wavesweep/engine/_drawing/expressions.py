@@ -17,8 +17,8 @@ Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
 # Parts of a tree, and parts within each other, with the trees that its names stand for: a spec is
 # refused before these take long or reach the recursion limit of Python.
-MOST_PARTS = 2000
-MOST_DEEP = 200
+MOST_PARTS_OF_TREE = 2000
+DEEPEST_TREE = 200
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 PREVIOUS = "prev"  # of signals: what they were before the tick
 RESERVED = ("pi", *FUNCTIONS)
@@ -401,10 +401,10 @@ def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, in
 def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
     """Raise Fault for a tree that is too large or too deep with what its names stand for."""
     size, depth = extent(tree, of_names)
-    if size > MOST_PARTS or depth > MOST_DEEP:
+    if size > MOST_PARTS_OF_TREE or depth > DEEPEST_TREE:
         raise Fault(
             0,
-            f"at most {MOST_PARTS} parts, {MOST_DEEP} within each other, with those of its names",
+            f"at most {MOST_PARTS_OF_TREE} parts, {DEEPEST_TREE} within each other, with those of its names",
             "more",
         )
 
@@ -469,7 +469,7 @@ def _over(tree: Tree, factor: str) -> Tree | None:
 
 
 # In ball arithmetic, where doubles lose digits: terms may be thirty powers of ten apart.
-PRECISIONS = (256, 1024, 4096)  # bits, each tried if the one before leaves the value in doubt
+BITS_TRIED = (256, 1024, 4096)  # bits, each tried if the one before leaves the value in doubt
 # bits of the value, so that its rounding to a double is the only one but once in 2^57 times
 BITS_OF_VALUE = 110
 LEAST_PART = 1e-320  # below it a part is 0
@@ -492,7 +492,7 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     }
     before, tree = ctx.prec, named(tree)
     try:
-        for ctx.prec in PRECISIONS:
+        for ctx.prec in BITS_TRIED:
             value = evaluate(tree, balls, acb)
             components = value.real, value.imag
             if all(

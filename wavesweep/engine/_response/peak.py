@@ -15,8 +15,8 @@ MOST_MAPPED_TICKS = 4096  # of a frame whose map from tick to tick is kept as a 
 MAP_ENTRIES_AT_ONCE = 50_000  # of maps over several frames that are summed together
 MULTIPLICATIONS = 2e9  # multiplications, up to which the sum goes on
 # share of the sum of sizes that what is left of it may be, when it is stopped
-SETTLED = 1e-6
-KNOWN = 1e-2  # the same, for a result to be given at all
+SETTLED_SUM = 1e-6
+KNOWN_SUM = 1e-2  # the same, for a result to be given at all
 
 
 class PeakGain(NamedTuple):
@@ -85,9 +85,9 @@ def _summed(E, G, O, T):
         before = before + sums.sum(0)
         power = far @ power
         excess = _rest(shown, np.abs(power), np.abs(G))
-        if excess <= SETTLED * row.max():
+        if excess <= SETTLED_SUM * row.max():
             break
-    if not excess <= KNOWN * row.max():
+    if not excess <= KNOWN_SUM * row.max():
         return None
     step = max(step, np.abs(before).max() + excess)
     return PeakGain(float(row.max() + excess), float(excess), float(step))

@@ -25,7 +25,7 @@ GOOD = 1e-9
 # the sum of the sizes of the weights by which an extrapolation adds up three values
 EXTRAPOLATED = 85 / 45
 # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
-LOW = 2e-4
+LOW_FREQUENCY = 2e-4
 RESPONSES_AT_ONCE = 2_000_000  # numbers of loops, states and frequencies at a time
 BATCH_OF_RESPONSES = 200_000  # entries of one batch of matrices
 
@@ -169,7 +169,7 @@ def _from_low_frequencies(loop, limits):
     slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
     # Powers of four, and one for each loop, so that a result does not depend on the batch that the
     # loop is in.
-    level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
+    level = np.floor(np.log2(LOW_FREQUENCY * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for power in different(level):
         response = _responses(loop, loop.circle(4.0**power * np.array([1, 0.5, 0.25])), GOOD)

@@ -20,8 +20,8 @@ HALF = 0.5  # size of a power of the frame that proves that a response comes to 
 LONGER = 1.4  # times the time to settle: the end of what is worth showing
 BAND = 0.02  # of the final value, within which a response has settled
 # of the final value, between which a response rises
-LOW = 0.1
-HIGH = 0.9
+RISE_FROM = 0.1
+RISE_TO = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +95,7 @@ class Step:
         are not known."""
         if not self.known:
             return np.nan, np.nan
-        return self._first_at(LOW), self._first_at(HIGH)
+        return self._first_at(RISE_FROM), self._first_at(RISE_TO)
 
     def _first_at(self, share: float) -> float:
         """The time of the first sample that reaches a share of the final value; NaN without one."""

@@ -24,9 +24,8 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: ARG001
     """The intervals from frames whose diagonal dominates."""
-    from wavesweep.engine._loops.domain import bends_at_zero
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
-    from wavesweep.engine._stability.along_any import BENT, FROM_ZERO, stable_along_any
+    from wavesweep.engine._stability.along_any import FROM_ZERO, stable_along_any
 
     loops = slices.loops
     along = question.along
@@ -35,14 +34,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     frames = FramesAlong.of(question, loops, slices.size)
     frames = replace(frames, radius=bound and bound.radius_of(frames.period))
     stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
-    leaves_as_power = span[0] == 0 and (
-        bends_at_zero(loops.drawing, along)
-        or (stops_a_drift and _several_are_one_at_zero(frames, slices.size))
-    )
-    variable = FROM_ZERO if leaves_as_power else ""
-    of_wall = question.number in (loops.drawing.wall or ())
-    if of_wall and span[0] >= 0:
-        variable = BENT
+    variable = _variable(question, frames, stops_a_drift)
     balls = None
     if question.prover and not bound:
         balls = question.prover(loops, along, frames.period)
@@ -53,6 +45,24 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     if stops_a_drift:
         intervals = _meeting_one_at_zero(span, intervals)
     return in_own_time(intervals, loops, along)
+
+
+def _variable(question, frames, stops_a_drift) -> str:
+    """The variable in which the frames are followed, see `regions_along_any`: FROM_ZERO if
+    eigenvalues may leave z = 1 as a power of the number, BENT along a stiffness or a damping."""
+    from wavesweep.engine._loops.domain import bends_at_zero
+    from wavesweep.engine._stability.along_any import BENT, FROM_ZERO
+
+    drawing = frames.loops.drawing
+    if question.span[0] >= 0 and question.number in (drawing.wall or ()):
+        return BENT
+    if question.span[0] != 0:
+        return ""
+    if bends_at_zero(drawing, question.along):
+        return FROM_ZERO
+    if stops_a_drift and _several_are_one_at_zero(frames, frames.period.size):
+        return FROM_ZERO
+    return ""
 
 
 def _drifts_at_zero_alone(question, loops):

@@ -36,7 +36,7 @@ MARKED = 1e-3  # of that interval: the terms that say on what it depends
 SERIES_BLOCK = 4  # of that series: powers above this one are products of its own
 OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
 SUMMED_NORM = 0.25  # norm of a matrix, up to which that series is summed
-SHRINKS = 0.9  # norm up to which what an inverse leaves out has a geometric series
+SHRINKS_BY = 0.9  # norm up to which what an inverse leaves out has a geometric series
 BALANCED = 6  # sweeps of balancing
 PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays are slow for being new
 
@@ -818,7 +818,7 @@ class Polynomials:
                 self.multiply_degree(X.terms, D.terms, X.terms, self.numbers, self.order, degree)
             R = one - X + D @ X
             size = R.whole
-        D.refuse(~(size.sum(-1).max(-1, initial=0.0) < SHRINKS))
+        D.refuse(~(size.sum(-1).max(-1, initial=0.0) < SHRINKS_BY))
         left_out = X.whole @ size @ np.abs(np.linalg.inv(one.terms[0] - size)) * (1 + 1e-6)
         return self._like(X.terms, left_out).times(1 / ratio) @ C
 

@@ -83,9 +83,8 @@ def regions_along_any(
     def slack(t):
         if chosen.slope is None:
             return END_ROUNDING + 0 * t
-        return (
-            END_ROUNDING * (np.abs(chosen.out(t)) + SHARE_OF_SPAN * (high - low)) / chosen.slope(t)
-        )
+        size = np.abs(chosen.out(t)) + SHARE_OF_SPAN * (high - low)
+        return END_ROUNDING * size / chosen.slope(t)
 
     search = _Search(
         family=family,

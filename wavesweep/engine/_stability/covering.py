@@ -33,8 +33,8 @@ WINDOW_OF_ERRORS = 2.5
 # left between two
 MERGED = 3
 # a window that is not proved even so gets wider by this factor with every try
-WIDENED = 2.0
-WIDEST = 1e-3  # up to this part of half a panel
+WINDOW_WIDENED = 2.0
+WIDEST_WINDOW = 1e-3  # up to this part of half a panel
 # widths of such a window, beyond which the stretch about it is tried again from elsewhere
 RETRIED = 1e3
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
@@ -374,7 +374,7 @@ class _Round:
             np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, WINDOW_OF_ERRORS * moved
         )
         tries = np.where(open_.stage < Stage.ELSEWHERE, np.maximum(open_.stage - Stage.TIGHT, 0), 0)
-        eps = np.fmin(eps * WIDENED**tries, WIDEST)
+        eps = np.fmin(eps * WINDOW_WIDENED**tries, WIDEST_WINDOW)
 
         # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on
         # them.

@@ -44,8 +44,8 @@ FLUSHED = 1e-150
 DEPENDENT = 1e8  # condition of eigenvectors from which on those of a matrix next to it are taken
 OFF_DEFECTIVE = 1e-14, 1e-10  # of the largest entry, how far that is from it
 BLOCKED_STATES = 64  # states, beyond which a block makes tests shorter
-SMALLEST = 0.2  # sizes of eigenvalues below it are alike for a block
-LARGEST = 0.98  # and those beyond it are in none
+SMALLEST_EIGENVALUE = 0.2  # sizes of eigenvalues below it are alike for a block
+LARGEST_OF_BLOCK = 0.98  # and those beyond it are in none
 SLACK = 0.5  # share of what is left to 1 that a block leaves
 DOUBLINGS_OF_UNIT = 12  # of the terms of the series of its unit, 2^12 of them
 ADDED_TO_NORMS = 1e-150  # added to norms, whose squares may underflow
@@ -109,9 +109,9 @@ def _with_block(E):
     left_w, Y = np.linalg.eig(E.T)
     order = np.argsort(np.abs(1 + w))
     left_order = np.argsort(np.abs(1 + left_w))
-    size = np.maximum(np.abs(1 + w[order]), SMALLEST)
-    decay = -np.log(np.minimum(size, LARGEST))
-    gaps = np.where(size[:-1] < LARGEST, decay[:-1] / decay[1:], 0)
+    size = np.maximum(np.abs(1 + w[order]), SMALLEST_EIGENVALUE)
+    decay = -np.log(np.minimum(size, LARGEST_OF_BLOCK))
+    gaps = np.where(size[:-1] < LARGEST_OF_BLOCK, decay[:-1] / decay[1:], 0)
     k = 1 + int(np.argmax(gaps)) if gaps.any() else 0  # states of the block
     seen = Y[:, left_order[k:]].conj()
     basis = np.linalg.qr(seen, mode="complete")[0][:, n - k :]

@@ -43,9 +43,9 @@ REACHES = 0.25 ** np.arange(25)
 # times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
 REFINED = 2
 # The hypotheses of the proof above, without unit:
-TURNED = 0.1  # the most of |a|
-SPREAD = 0.3  # the most of |s/b - 1|, up to |w| = WITHIN h |b|
-AWAY = 0.15  # the most of |h b|
+MOST_TURNED = 0.1  # the most of |a|
+MOST_SPREAD_OF_SLOPE = 0.3  # the most of |s/b - 1|, up to |w| = WITHIN h |b|
+MOST_AWAY = 0.15  # the most of |h b|
 WITHIN = 3.0
 
 
@@ -156,8 +156,14 @@ class _BesideOne:
 
         near = off(WITHIN * h * size)
         far = off(np.full(index.size, 2.0))
-        apart = h * (size + far) < 2 * (1 - TURNED)
-        return resolved & (a < TURNED) & apart & (near < SPREAD * size) & (h * size < AWAY)
+        apart = h * (size + far) < 2 * (1 - MOST_TURNED)
+        return (
+            resolved
+            & (a < MOST_TURNED)
+            & apart
+            & (near < MOST_SPREAD_OF_SLOPE * size)
+            & (h * size < MOST_AWAY)
+        )
 
     def _inverse_of_others(self, index, entries):
         """Bounds on the entries of the inverse of M_RR, and where there are any."""

@@ -14,11 +14,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
-ELLIPSE = 4.0  # sum of the semi-axes of the ellipse about a number, in half widths of its part
+NUMBER_ELLIPSE = (
+    4.0  # sum of the semi-axes of the ellipse about a number, in half widths of its part
+)
 RIM_POINTS = 8  # on its upper half
-NUMBER_RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
+NUMBER_RIM = NUMBER_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
-EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2
+EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
 COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
 # largest error of the interpolant, relative to the smallest value seen
 LARGEST_INTERPOLANT_ERROR = 0.25
@@ -186,7 +188,7 @@ class _BoxProof:
         """The same, from the logarithms and pivots at the coarse places; the piece is divided if
         it needs too many nodes.
 
-        An interpolant of n nodes is off by at most `4 far r^(1 - n)/(r - 1)`, r = ELLIPSE, times
+        An interpolant of n nodes is off by at most `4 far r^(1 - n)/(r - 1)`, r = NUMBER_ELLIPSE, times
         its Lebesgue constant in each number.
         """
         wide = piece.wide
@@ -203,8 +205,8 @@ class _BoxProof:
         far = np.stack(far)
         steps = np.max(steps, axis=0)
         allowed = LARGEST_INTERPOLANT_ERROR / max(wide.size, 1) * least
-        needed = np.log(4 / (ELLIPSE - 1) * far / allowed).max(1, initial=0.0)
-        counts = np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(ELLIPSE))
+        needed = np.log(4 / (NUMBER_ELLIPSE - 1) * far / allowed).max(1, initial=0.0)
+        counts = np.ceil(1 + (needed + LOG_LEBESGUE * wide.size) / np.log(NUMBER_ELLIPSE))
         counts = np.clip(counts, LEAST_NODES, np.inf)
         if not (counts <= MOST_NODES).all() or counts.prod() > MOST_GRID:
             # Divide along the number along which the sizes on the other ellipses change most.
@@ -231,7 +233,9 @@ class _BoxProof:
         value = phase.real * np.exp(scale.removed(log, grid))
         constants = 2 / np.pi * np.log(counts) + 1  # upper bounds on the Lebesgue constants
         noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
-        sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
+        sizes = np.array(
+            [4 * NUMBER_ELLIPSE ** (1 - count) / (NUMBER_ELLIPSE - 1) for count in counts]
+        )
         noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
         open_ = []
         for row, off in zip(value, noise, strict=True):

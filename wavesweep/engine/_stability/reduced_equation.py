@@ -34,13 +34,13 @@ LONG_LINES = 24  # states of delay lines, from which on this costs less than eig
 FIRST_TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
 NEXT = 4  # sizes of a box to the crossing next to it, at most
-NEWTON_STEPS = 8  # towards that crossing
-CONVERGED = 1e-9  # of the last step, in parts of a panel
+STEPS_TO_CROSSING = 8  # towards that crossing
+CONVERGED_STEP = 1e-9  # of the last step, in parts of a panel
 BESIDE_CROSSING = 1e-7  # next to a crossing, in parts of a panel, where S is not singular
 MOST_TERMS_OF_SUM = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
-SHRINKS = 0.93  # of weights, what is wanted to be left of them
-SHRUNK = 0.95  # and what is left of them at most: room for rounding between the two
+WANTED_WEIGHTS = 0.93  # of weights, what is wanted to be left of them
+SHRUNK_WEIGHTS = 0.95  # and what is left of them at most: room for rounding between the two
 # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 SUM_ROUNDING = 256 * EPS
 LINE_ENTRIES_AT_ONCE = 2**19  # of what delay lines show, at a time
@@ -246,8 +246,8 @@ class ReducedEquation:
         change = turned + moved + rest
         # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w =
         # s (w - 1) < s w
-        weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((boxes.x.size, self.n, 1)))
-        good = ((weight > 0) & (change @ weight <= SHRUNK * weight)).all((1, 2))
+        weight = solve(np.eye(self.n) - change / WANTED_WEIGHTS, np.ones((boxes.x.size, self.n, 1)))
+        good = ((weight > 0) & (change @ weight <= SHRUNK_WEIGHTS * weight)).all((1, 2))
         weight = np.abs(change) @ np.abs(weight)
         by_x = (moved @ weight / weight).max((1, 2)) > (turned @ weight / weight).max((1, 2))
         return good, by_x
@@ -259,11 +259,11 @@ class ReducedEquation:
         panel = boxes.panel
         x = boxes.x
         theta = boxes.theta
-        for _ in range(NEWTON_STEPS):
+        for _ in range(STEPS_TO_CROSSING):
             step = self.newton_step(panel, x, theta)
             theta = theta + step[0]
             x = np.clip(x + step[1], -1, 1)
-        converged = (np.abs(step) < CONVERGED).all(0)
+        converged = (np.abs(step) < CONVERGED_STEP).all(0)
         panel = panel[converged]
         x = x[converged]
         theta = np.abs((theta[converged] + np.pi) % (2 * np.pi) - np.pi)
