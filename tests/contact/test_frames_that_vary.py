@@ -8,10 +8,11 @@ import pytest
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import edges_of
 from wavesweep.contact.on_check import facts
-from wavesweep.contact.rows import records_in_frames
+from wavesweep.contact.rows import records_in_frames, refuse
 from wavesweep.contact.rows_in_frames import in_frames
 from wavesweep.contact.stored_check import falls
 from wavesweep.contact.verdict import of_wall
+from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.claims import Verdict
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -271,3 +272,18 @@ def test_values_of_a_number_are_cases():
     tables["for_all"] = {"contact": True, "rates.ratio": ratio}
     (own,) = rows_of(tables)
     assert ends[0] == pytest.approx(min(ends[1], own["high"]))
+
+
+@pytest.mark.parametrize(
+    ("controller", "more", "said"),
+    [
+        ("dc-vc", {}, "found a loop that drifts without its wall otherwise than"),
+        ("dc-slow", {"lost": 1}, "no bound is found on where it rests, as where results are lost"),
+    ],
+)
+def test_a_wall_that_does_not_fit_is_refused_with_its_reason(controller, more, said):
+    tables = slow(controller={"kind": controller})
+    tables["for_all"] |= more
+    spec = load(tables)
+    with pytest.raises(UsageError, match=said):
+        refuse(spec, K)

@@ -119,7 +119,7 @@ NET = DRAWN | {
     ],
 )
 def test_contact_is_refused_beside_what_its_proof_is_not_about(tables, beside, found):
-    said = f"and values of numbers alone, found {found} beside it"
+    said = f"or no contact, found {found} beside it"
     with pytest.raises(SpecError, match=re.escape(said)):
         load({**tables, "sweep": tables.get("sweep", SWEEP), "for_all": {"contact": True} | beside})
 

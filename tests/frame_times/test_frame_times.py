@@ -401,3 +401,24 @@ def test_the_frames_of_the_page_are_those_of_its_script():
 def test_frames_of_one_length_have_neither_shares_nor_a_chain(written):
     table = identified(written("time", stamps(np.full(50, 20))), 1000.0, "rates.ratio", {}, {})
     assert tomllib.loads(spec_text(table.facts))["for_all"]["rates.ratio"].keys() == {"values", "varying"}
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_stamps_of_fast_ticks_give_their_interval(wavesweep, written, fixed):
+    """Lateness up to 0.2 ms: of a timer at fixed times, or of one that begins again when it wakes."""
+    late = np.random.default_rng(0).uniform(0, 2e-4, 3000)
+    late[:2] = 0.0, 2e-4
+    times = 5 + 1e-3 * np.arange(3000) + (late if fixed else np.cumsum(late))
+    written("time", times)
+    code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000")
+    assert code == 0, err
+    spans = np.diff(times)
+    tick = tomllib.loads(Path("results/times/frames.toml").read_text())["for_all"]["tick"]
+    assert tick["start"] <= spans.min() + 1e-12
+    assert tick["stop"] >= spans.max() - 1e-12
+    assert tick["start"] == pytest.approx(min(spans.min(), 1e-3), abs=2e-6)
+    assert tick["stop"] == pytest.approx(spans.max(), abs=2e-6)
+    assert "2999 ticks of the fast loop itself in" in err
+    assert ("a timer at fixed times" in err) == fixed
+    spec = load(ENGINE | {"for_all": {"tick": tick}})
+    assert spec.tick.interval(spec.tick_hz) == (tick["start"], tick["stop"])

@@ -38,18 +38,21 @@ def build(request: Request) -> Contact | None:
     if not asked:
         return None
     given = request.belongs.keys
-    beside = ["for_all.loss"] if LOSS in given and given[LOSS].value else []
+    beside: dict[str, str] = {}  # what cannot be proved, and what to write instead
+    if LOSS in given and given[LOSS].value:
+        beside["for_all.loss"] = "lost = 1 for losses in any order"
     for_all = request.asked.get("for_all")
-    if for_all:
-        unknown = [axis for axis in for_all.unknown if not (axis.values or axis.structural)]
-        beside += [f"a range of {axis.name}" for axis in unknown]
-        beside += ["shares or next"] if for_all.shares or for_all.delays else []
-    if request.drawing:
-        beside += [f"channel {block.name}" for block in request.drawing.channels]
+    for axis in for_all.unknown if for_all else ():
+        if not (axis.values or axis.structural):
+            beside[f"a range of {axis.name}"] = f"values = [...] of {axis.name}"
+    if for_all and (for_all.shares or for_all.delays):
+        beside["shares or next"] = "the lengths without how often they occur"
+    channels = [block.name for block in request.drawing.channels] if request.drawing else []
+    if channels:
+        beside[f"channel {', '.join(channels)}"] = "delays that every message has"
     if beside:
-        expected = (
-            "beside contact frames, delays and losses in any order, and values of numbers alone"
-        )
+        instead = ", ".join(beside.values())
+        expected = f"beside contact {instead}, or no contact"
         request.mistakes.refuse(leaf, PATH, expected, f"{', '.join(beside)} beside it")
     return Contact()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_beyond
-from wavesweep.contact.rows_in_frames import Along, along_of, in_frames, linear_pattern
+from wavesweep.contact.rows_in_frames import Along, along_of, fit_frames, linear_pattern
 from wavesweep.contact.stretches import TRIED_NEAR_END, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
@@ -94,13 +94,16 @@ def refuse(spec: Spec, along: str) -> None:
         found = f"{name_of(along)}; --set for_all.contact=false leaves contact out"
         raise UsageError(f"[for_all] contact: expected intervals along {names}, found {found}")
     rules = rules_of(spec)
+    found = ""
     if rules:
-        acts_once = in_frames(rules, dict(spec.values), list(spec.wall)) is not None
-    else:
-        acts_once = wall_cut(own_loop(spec, along)) is not None
-    if not acts_once:
-        expected = "a wall whose force is computed once a frame"
-        found = "one that acts several times in it or not in each, as where rates do not divide or results are lost"
+        try:
+            fit_frames(rules, dict(spec.values), list(spec.wall))
+        except offered("switched").UnfitWallError as error:
+            found = f"{error}; --set for_all.contact=false leaves contact out"
+    elif wall_cut(own_loop(spec, along)) is None:
+        found = "one that acts several times in it, as where rates do not divide; give ratio, or leave contact out"
+    if found:
+        expected = "a wall whose force is computed once a frame, and one position that drifts without it at most"
         raise UsageError(f"[for_all] contact: expected {expected}, found {found}")
 
 

@@ -127,11 +127,22 @@ class InFrames:
 
 
 def in_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames | None:
-    """Return a loop of some rules in its frames; None if its wall is not one scalar of each, or it
-    drifts otherwise than by a position that the wall reads."""
+    """Return a loop of some rules in its frames; None if there is a reason against it."""
+    try:
+        return fit_frames(rules, values, wall)
+    except offered("switched").UnfitWallError:
+        return None
+
+
+def fit_frames(rules: Any, values: dict[str, Any], wall: list[str]) -> InFrames:
+    """Return a loop of some rules in its frames. Errors: UnfitWallError, with the reason, if its
+    wall is not one scalar of each, or nothing is known of where it comes to rest without it."""
     switched = offered("switched")
-    frames = switched.wall_frames(rules.plan(values, tuple(wall)), wall)
-    return frames and InFrames.of(frames)
+    found = InFrames.of(switched.wall_frames(rules.plan(values, tuple(wall)), wall))
+    if found is None:
+        reason = "a loop of which no bound is found on where it rests, as where results are lost"
+        raise switched.UnfitWallError(reason)
+    return found
 
 
 def _in_units(frames):

@@ -11,7 +11,7 @@ from wavesweep.for_all.patterns import is_refuted, refuted_beyond
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
 from wavesweep.for_all.varying import Rules, decided, text_of_pattern
-from wavesweep.for_all.wall_frames import WallFrames, wall_frames
+from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
 
 __all__ = [
     "FOR_ALL_RECORD",
@@ -22,6 +22,7 @@ __all__ = [
     "Part",
     "Row",
     "Rules",
+    "UnfitWallError",
     "WallFrames",
     "advanced",
     "cases_of",

@@ -25,7 +25,14 @@ if TYPE_CHECKING:
     from wavesweep.for_all.plan import Plan
 
 READ = (FACTOR, BESIDE)
+OTHER_DRIFT = (
+    "a loop that drifts without its wall otherwise than by the one position that the wall reads"
+)
 ROUNDINGS = 8.0  # of the terms of a product of a row and a matrix, for each of these
+
+
+class UnfitWallError(Exception):
+    """A loop whose wall is not one scalar of each frame; its text says what it is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,12 +84,14 @@ def wall_frames(plan: Plan, wall: Sequence[str]) -> WallFrames | None:
     drift = MarginalModes.of(*twins, READ[: len(names)])
     maps, _, index = plan.different_ticks(ticks_at)
     if drift.varying or maps[0].states != drift.states:
-        return None
+        raise UnfitWallError(OTHER_DRIFT)
     ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
     befores, samples, symbols, follows = plan.written(index)
     acts = [bool(tick.inputs) for tick in ticks.maps]
-    if not all(acts[sample] for sample in samples) or any(acts[i] for row in befores for i in row):
-        return None
+    if not all(acts[sample] for sample in samples):
+        raise UnfitWallError("one that does not act in each frame")
+    if any(acts[i] for row in befores for i in row):
+        raise UnfitWallError("one that acts several times in a frame")
     found = list(_frames(ticks, befores, samples))
     delays_vary = len({symbol.delay for symbol in symbols}) > 1
     names = tuple(
@@ -123,9 +132,9 @@ def _frames(ticks: Ticks, befores, samples):
         )
 
 
-def _without_drift(found, drift, follows, names) -> WallFrames | None:
+def _without_drift(found, drift, follows, names) -> WallFrames:
     """The frames with the drift that the wall reads as their last state, and without states that
-    nothing reads."""
+    nothing reads. Errors: UnfitWallError of another drift."""
     changes, rows, of_changes, of_rows = map(np.array, zip(*found, strict=True))
     if rows.shape[1] == 1:  # no damping
         rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
@@ -133,9 +142,9 @@ def _without_drift(found, drift, follows, names) -> WallFrames | None:
     share = rows[:, 0, drift.leads]
     moving = [lead for lead, each in zip(drift.leads, share.T, strict=True) if each.any()]
     if len(moving) > 1 or rows[:, 1, drift.leads].any():
-        return None
+        raise UnfitWallError(OTHER_DRIFT)
     if moving and not (rows[:, 0, moving[0]] == 1).all():
-        return None
+        raise UnfitWallError(OTHER_DRIFT)
     kept = list(drift.remaining)
     force = changes.shape[-1] - 1
     while True:

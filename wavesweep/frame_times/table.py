@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from hashlib import sha256
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 LENGTHS_SHOWN = 8  # lengths in a summary, and lengths after each
+LATEST = 0.9  # share of ticks that are shorter than those that are called late
+FINEST = 1e-6  # of a tick: a lateness that is none
 MOST_FRAME_LENGTHS = 64  # values of a number that varies in [for_all]
 # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
 MOST_NEXT = 20
@@ -44,7 +47,10 @@ def identified(
     number is above the shortest frame.
     """
     started = time.perf_counter()
-    run = read_run(path, fast_hz, columns, scales, HIGHEST_RATIO)
+    run = read_run(path, fast_hz, columns, scales, HIGHEST_RATIO, own_ticks=True)
+    tick = _own_ticks(run, fast_hz) if run.are_ticks else None
+    if tick:
+        run = replace(run, ticks=np.maximum(np.round(run.ticks), 1.0))
     shortest = int(run.values[0])
     measured = len(run.values)
     if every and every > shortest:
@@ -80,7 +86,7 @@ def identified(
         "log_sha256": run.sha256,
         "asked": arguments,
         "frames": len(lengths),
-        "duration_s": float(run.ticks.sum() / fast_hz),
+        "duration_s": tick["duration_s"] if tick else float(run.ticks.sum() / fast_hz),
         "every": run.every,
         "measured_lengths": measured,
         "lengths": [
@@ -89,6 +95,7 @@ def identified(
         ],
         "independent": are_independent(lengths, values),
         "unfit": _unfit(run),
+        "tick": tick,
         "notices": [],
         "methods": {"identify": METHOD},
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
@@ -98,6 +105,25 @@ def identified(
     shares = counts / pairs.sum(1)[first]
     found = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": shares}
     return Table.of("identify-frames", found, facts)
+
+
+def _own_ticks(run: MeasuredFrames, fast_hz: float) -> dict[str, Any]:
+    """The times of a fast loop's own ticks (s): the interval that holds them all and the nominal
+    one, with ends of three digits of a lateness, and where the longest is; after_late: the mean
+    tick after one of the latest tenth."""
+    nominal = 1 / fast_hz
+    lengths = run.ticks * nominal
+    step = 10.0 ** (floor(log10(max(np.abs(lengths - nominal).max(), FINEST * nominal))) - 2)
+    longest = int(lengths.argmax())
+    late = np.flatnonzero(lengths[:-1] >= np.quantile(lengths, LATEST))
+    return {
+        "start": min(nominal, float(floor(lengths.min() / step) * step)),
+        "stop": max(nominal, float(ceil(lengths.max() / step) * step)),
+        "mean_s": float(lengths.mean()),
+        "duration_s": float(lengths.sum()),
+        "longest_begins_s": float(run.begins[longest]),
+        "after_late_s": float(lengths[late + 1].mean()) if late.size else nominal,
+    }
 
 
 def _unfit(run: MeasuredFrames) -> dict[str, Any]:
@@ -121,11 +147,15 @@ def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
         "lengths",
         "independent",
         "unfit",
+        "tick",
     )
     return {"fast_hz": facts["asked"]["fast_hz"]} | {name: facts[name] for name in of_run}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
+    if found["tick"]:
+        yield from _lines_of_ticks(found)
+        return
     rows = found["lengths"]
     tick = 1e3 / found["fast_hz"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
@@ -152,6 +182,32 @@ def _lines(found: Numbers) -> Iterator[Line]:
         share = f"at most {rounded_up(most, 3)}" if len(rare) > 1 else f"{most:.3g}"
         yield f"  {', '.join(map(str, rare))} ticks: {share} % of frames each", False
     yield from _caveats(found)
+
+
+def _lines_of_ticks(found: Numbers) -> Iterator[Line]:
+    """What is said of a run of the fast loop's own ticks."""
+    tick = found["tick"]
+    nominal = 1e3 / found["fast_hz"]
+    span = f"{1e3 * tick['start']:.6g} to {1e3 * tick['stop']:.6g} ms"
+    ticks = (
+        f"{count(found['frames'], 'tick')} of the fast loop itself in {tick['duration_s']:.6g} s"
+    )
+    yield (
+        f"{ticks}: {span}, {1e3 * tick['mean_s']:.6g} on average, {nominal:.6g} by its rate",
+        False,
+    )
+    yield f"  the longest begins at {tick['longest_begins_s']:.6g} s", False
+    if tick["after_late_s"] < 1 / found["fast_hz"]:
+        yield "  a late tick is followed by a shorter one, as with a timer at fixed times", False
+    else:
+        yield (
+            "  a late tick is not made up for by the next, as with a timer that starts again",
+            False,
+        )
+    yield (
+        "the worst pattern of these times depends on the loop: check and zwidth of a spec with this [for_all] name it",
+        False,
+    )
 
 
 def _next_lengths(row, ticks) -> str:
@@ -211,6 +267,11 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
     rows = facts["lengths"]
     arguments = facts["asked"]
+    if tick := facts["tick"]:
+        head = f"# The ticks of {facts['spec_name']}, as wavesweep identify found them, for a spec of {arguments['fast_hz']:g} Hz.\n"
+        run = f"# {count(facts['frames'], 'tick')} in {tick['duration_s']:.6g} s.\n"
+        interval = {"start": tick["start"], "stop": tick["stop"]}
+        return head + run + as_toml({"for_all": {"tick": interval}})
     unfit = facts["unfit"]["frames"]
     every = facts["every"]
     counted = "whole ticks" if every == 1 else f"multiples of {every} ticks"

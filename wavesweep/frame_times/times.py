@@ -14,6 +14,7 @@ from wavesweep.program.csv_files import MOST, option, read_csv
 MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST_FRAME_S = 10.0  # s, of most frames
+OWN_TICKS = 1.5  # ticks between most stamps, below which they are those of the fast loop itself
 MOST_FRAME_TICKS = 1e9  # of a frame
 KNOWN = {  # columns of programs: what they are, and the factor to s
     "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
@@ -51,6 +52,11 @@ class MeasuredFrames:
     ticks: np.ndarray
     sha256: str
     every: int = 1
+
+    @property
+    def are_ticks(self) -> bool:
+        """Whether these are the ticks of the fast loop itself, and no frames."""
+        return float(np.median(self.ticks)) < OWN_TICKS
 
     @property
     def unfit(self) -> np.ndarray:
@@ -93,11 +99,15 @@ def read_run(
     columns: Mapping[str, str] | None = None,
     scales: Mapping[str, float] | None = None,
     most: float = MOST_FRAME_TICKS,
+    *,
+    own_ticks: bool = False,
 ) -> MeasuredFrames:
     """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names
     time and duration.
 
     They are None where a command has no options for them. most: ticks that a frame may last.
+    own_ticks: whether the stamps may be those of the fast loop itself, some of whose ticks are
+    shorter than its own.
 
     Errors: UsageError that names the file, the line or the column, what was expected and what was
     found.
@@ -142,13 +152,15 @@ def read_run(
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
-    if wrong := _wrong_length(ticks, fast_hz, most):
+    run = MeasuredFrames(begins, ticks, file.sha256)
+    least = 0.0 if own_ticks and run.are_ticks else 1 - FITS
+    if wrong := _wrong_length(ticks, fast_hz, least, most):
         frame, expected, hint = wrong
         raise UsageError(
             f"{path}:{file.line(begin + frame)}: {name}: expected frames of {expected}, "
             f"found one of {1e3 * durations[frame]:.6g} ms{hint}"
         )
-    return MeasuredFrames(begins, ticks, file.sha256)
+    return run
 
 
 @dataclass(frozen=True)
@@ -215,13 +227,14 @@ def _refuse_several(path, file) -> None:
             )
 
 
-def _wrong_length(ticks, fast_hz, most) -> tuple[int, str, str] | None:
-    """The first frame that is shorter than a tick, or longer than the most ticks, what is expected
-    and a hint; None if all are right."""
+def _wrong_length(ticks, fast_hz, least, most) -> tuple[int, str, str] | None:
+    """The first frame that is shorter than the least ticks, or longer than the most, what is
+    expected and a hint; None if all are right."""
     tick = f"of {1e3 / fast_hz:.6g} ms"
-    short = ticks < 1 - FITS
+    short = (ticks < least) | (ticks <= 0)
     if short.any():
-        return int(short.argmax()), f"at least a tick {tick}", ""
+        expected = f"at least a tick {tick}" if least else "some time"
+        return int(short.argmax()), expected, ""
     long = ticks > most + FITS
     if long.any():
         hint = "; is it a pause of the recording? Cut it out"
