@@ -24,7 +24,7 @@ from wavesweep.program.spec.writing import as_toml
 T = 0.001  # s
 STOP = 20000.0  # N/m
 DIGITS = 1e-9  # relative: by which an end that is certified may lie beyond the closed form
-UNITS = r"(?: N/m)?"
+FIFTH_DIGIT = 5e-5  # relative: half of it at most
 AT_B = rf"(?: at B_VE = {N} N\*s/m(?: \(the edge of that axis\))?(?:, and in {N} other rows?)?)?"
 ASKS = ("nothing", "frames", "masses", "design", "port")
 
@@ -456,10 +456,10 @@ WISHED = rf"z_width {N} N/m(?:, time_constant {N} s)?"
 )
 def best_design(run, count, following, wall, seconds, damping, margin):
     """No wall is printed beyond the closed form, and no time below it, with the damping of five digits that is printed."""
-    dampings = [damping * (1 + 1e-5), damping * (1 - 1e-5)]
+    dampings = [damping * (1 + FIFTH_DIGIT), damping * (1 - FIFTH_DIGIT)]
     truth = max(stiffest(run.case, each) for each in dampings)
     assert wall <= truth * (1 + DIGITS), (wall, truth)
-    assert wall >= truth * (1 - 1e-4), (wall, truth)
+    assert wall >= truth * (1 - 4 * FIFTH_DIGIT), (wall, truth)
     if seconds is not None:
         assert seconds >= min(slowest(run.case, each) for each in dampings) * (1 - 1e-6)
         assert seconds <= 2.0

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pandas
-from words.loops import drawn, greatest
+from words.loops import AT_RANDOM, drawn, greatest
 from words.sentences import Run, hold
 
 from wavesweep.program.cli import main
@@ -63,15 +63,19 @@ def hold_spec(seed, others=OTHERS):
     facts = json.loads(Path("t/stability-region.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]
     hold_rows(run, table, facts)
     for line in lines:
+        assert len(line) <= WIDEST or run.case.level or line.startswith(("Wrote", "assumes")), line
+    for line in unfolded(lines, "    "):
         if found := re.match(r".*? \((\w+)\):$", line):
             run.word = found[1]
             assert run.word in run.claims, line
             assert run.word == "spec" or line.startswith(run.claims[run.word]["said"]), line
         elif not line.startswith("  "):
             run.word = "spec"
-        assert len(line.strip()) <= WIDEST or run.case.level or line.startswith(("Wrote", "assumes")), line
         if re.search(r"\d", line):
             hold(run, line)
+    for line in lines:
+        if found := re.fullmatch(r"  \w+: (.*) \(wavesweep explain (\w+)\)", line):
+            assert " ".join(found[1].split()) in " ".join(said_by("explain", found[2])[1].split()), line
     if not table["certified"].all():
         assert any(words in line for line in lines for words in UNSURE)
 
@@ -132,6 +136,10 @@ def hold_rows(run, table, facts):
                 assert value in numbers["values"] or numbers["low"] <= value <= numbers["high"]
         if case.asks == "losses":
             assert scope["messages"][0]["lost"] == len(case.members["n"]) - 1
+    if case.asks == AT_RANDOM:
+        claim = run.claims["mean_square"]
+        assert claim["said"].startswith("stable in mean square for messages of h lost at random"), claim
+        assert str(case.members["lost"]) in claim["scope"]["messages"][0]["chances"], claim
     assert all("for all" not in run.claims[word]["said"] for word in run.claims if word != "for_all")
 
 

@@ -111,6 +111,12 @@ def unstable_rows(run, count, _):
     return count <= sum(unstable)
 
 
+@shape(r"mine: stable with the spec's own numbers; with s at its limits, or any curve of slopes from 0 to 1 see check")
+def left_to_check(run):
+    """Which proof through contact has no row."""
+    return run.case.asks == "contact" and [*run.claims] == ["spec"]
+
+
 # The verdict, in `check` and `why`.
 
 
