@@ -24,6 +24,7 @@ BLOCK, SECONDS = "late by the cut", "dead time of the cut"  # no block or number
 MOST_DEAD_TICKS = 1000  # ticks that are looked at
 # of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
 STATES_TIMES_TICKS = 2e5
+TRIED = 4  # ticks from one dead time that is tried beforehand to the next
 
 
 def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
@@ -44,7 +45,7 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
     Accuracy: EXACT, as the ends of certified intervals along a number.
     """
     loops = late(spec, signal)
-    if loops is None:
+    if loops is None or not _fails_within_reach(loops):
         return None
     span = (0.0, MOST_DEAD_TICKS / float(loops.rate))
     one = ((np.zeros(1, int), loops.unbuilt),)
@@ -55,6 +56,21 @@ def delay_margin(spec: Spec, signal: str) -> Margin | None:
         if row["intervals"] and row["low"] == 0 and ends_within and row["certified"]:
             return Margin("delay", float(row["high"]), float(row["high_omega"]), END_ERROR)
     return None
+
+
+def _fails_within_reach(loops: Loops) -> bool:
+    """Whether the loop is unstable with a dead time of some whole ticks that the search gets to:
+    if it is not, the search would end there without an answer."""
+    work = STATES_TIMES_TICKS
+    for ticks in range(TRIED, MOST_DEAD_TICKS, TRIED):
+        later = loops.unbuilt.changed({path_of(SECONDS): ticks / float(loops.rate)})
+        ((_, built),) = later.built_alike(np.zeros(1, int))
+        if not built.radii()[0] < 1:
+            return True
+        work -= TRIED * len(built.drift().states) ** 2
+        if work < 0:
+            break
+    return False
 
 
 def late(spec: Spec, signal: str) -> Loops | None:
