@@ -117,25 +117,25 @@ class DataFlow:
             runs = tuple(np.flatnonzero(scheduled.runs(compiled.ticks)).tolist())
             carrier = Carrier(name, compiled.ticks / len(runs), runs, ())
             if name in dead:
-                through = ((f"{name}.y", tuple((each, 0) for each in wires.get(f"{name}.u", ()))),)
-                carrier = replace(carrier, dead=dead[name])
-            else:
-                through = _through(scheduled.block, wires)
-                most_late, most_lost = _messages(drawn[name], numbers)
-                carrier = replace(carrier, late=most_late * late, lost=most_lost * lost)
-            carriers |= {signal: replace(carrier, reads=reads) for signal, reads in through}
+                reads = tuple((each, 0) for each in wires.get(f"{name}.u", ()))
+                carriers[f"{name}.y"] = replace(carrier, dead=dead[name], reads=reads)
+                continue
+            most_late, most_lost = _messages(drawn[name], numbers)
+            carrier = replace(carrier, late=most_late * late, lost=most_lost * lost)
+            for signal, reads in _through(scheduled.block, wires):
+                carriers[signal] = replace(carrier, reads=reads)
         plants = [block for block in drawing.blocks if block.plant]
         outputs = frozenset(f"{block.name}.{port}" for block in plants for port in block.ports[1])
+        ports = [f"{block.name}.{each}" for block in plants for each in block.ports[0]]
         forces = {}
-        for block in plants:
-            for port in (f"{block.name}.{each}" for each in block.ports[0]):
-                signals = wires.get(port, ())
-                measured = tuple((each, 0) for each in signals if each in outputs)
-                forces[port] = tuple(each for each in signals if each not in outputs)
-                if measured:  # which is held over a tick, as what a block gives in every tick
-                    held = f"{port} held"
-                    carriers[held] = Carrier(port, 1.0, tuple(range(compiled.ticks)), measured)
-                    forces[port] += (held,)
+        for port in ports:
+            signals = wires.get(port, ())
+            measured = tuple((each, 0) for each in signals if each in outputs)
+            forces[port] = tuple(each for each in signals if each not in outputs)
+            if measured:  # which is held over a tick, as what a block gives in every tick
+                held = f"{port} held"
+                carriers[held] = Carrier(port, 1.0, tuple(range(compiled.ticks)), measured)
+                forces[port] += (held,)
         return DataFlow(compiled.ticks, 1 / drawing.rate(values), carriers, outputs, forces)
 
     def up_to(self, every: float) -> "DataFlow":

@@ -172,24 +172,27 @@ def _header(text: str) -> tuple[int, str]:
             continue
         below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
         for mark in (",", *MARKS):
-            # Without one between names, a comma below a single name may be one between columns.
-            if mark != "," and mark not in line.strip():
-                continue
-            names = _cells(line, mark)
-            if (
-                mark != "," and len(names) == 1
-            ):  # a decimal comma of one column could be two columns
-                continue
-            if all(_is_number(name.replace(",", ".")) for name in names):
-                continue
-            rows = [_cells(each, mark) for each in below]
-            if rows and all(_fits(row, names, mark) for row in rows):
+            if _is_header(line, mark, below):
                 return above, mark
     first = next((at for at, line in enumerate(lines) if line.strip()), 0)
     # Without rows that are numbers, what is between the names of its columns.
     header = lines[first]
     marks = [mark for mark in MARKS if mark in header.strip()]
     return first, "," if "," in header or not marks else marks[0]
+
+
+def _is_header(line: str, mark: str, below: Sequence[str]) -> bool:
+    """Whether a line has names between marks, and the lines below it are rows of numbers."""
+    # Without one between names, a comma below a single name may be one between columns.
+    if mark != "," and mark not in line.strip():
+        return False
+    names = _cells(line, mark)
+    if mark != "," and len(names) == 1:  # a decimal comma of one column could be two columns
+        return False
+    if all(_is_number(name.replace(",", ".")) for name in names):
+        return False
+    rows = [_cells(each, mark) for each in below]
+    return bool(rows) and all(_fits(row, names, mark) for row in rows)
 
 
 def _cells(line: str, mark: str) -> list[str]:
@@ -248,28 +251,39 @@ def _tables(tree: Any) -> Iterator[dict[str, list[float]]]:
     """Yield the columns of each part of a tree that has some: those of the length that most of
     its lists have."""
     if isinstance(tree, list):
-        if len(tree) > 1 and all(isinstance(each, dict) for each in tree):
-            names = [name for name in tree[0] if all(_is_plain(each.get(name)) for each in tree)]
-            if names:
-                yield {name: [each[name] for each in tree] for name in names}
-                return
-        for each in tree:
-            yield from _tables(each)
+        columns = _columns_of_objects(tree)
+        parts = tree
+    elif isinstance(tree, dict):
+        columns = _columns_of_lists(tree)
+        parts = list(tree.values())
+    else:
         return
-    if not isinstance(tree, dict):
+    if columns:
+        yield columns
         return
-    lists = {
-        name: values
-        for name, values in tree.items()
-        if isinstance(values, list) and len(values) > 1 and all(map(_is_plain, values))
-    }
+    for part in parts:
+        yield from _tables(part)
+
+
+def _columns_of_objects(rows: list) -> dict[str, list[float]]:
+    """The columns of a list of objects, which are its rows: numbers that all of them have."""
+    if len(rows) < 2 or not all(isinstance(row, dict) for row in rows):
+        return {}
+    names = [name for name in rows[0] if all(_is_plain(row.get(name)) for row in rows)]
+    return {name: [row[name] for row in rows] for name in names}
+
+
+def _columns_of_lists(tree: dict[str, Any]) -> dict[str, list[float]]:
+    """The lists of numbers of an object, of the length that most of them have."""
+    lists = {}
+    for name, values in tree.items():
+        if isinstance(values, list) and len(values) > 1 and all(map(_is_plain, values)):
+            lists[name] = values
+    if not lists:
+        return {}
     lengths = [len(values) for values in lists.values()]
-    if lengths:
-        usual = max(set(lengths), key=lengths.count)
-        yield {name: values for name, values in lists.items() if len(values) == usual}
-        return
-    for each in tree.values():
-        yield from _tables(each)
+    usual = max(set(lengths), key=lengths.count)
+    return {name: values for name, values in lists.items() if len(values) == usual}
 
 
 def _is_plain(value: Any) -> bool:

@@ -3,7 +3,7 @@ to that of the linear loop."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import groupby
 from textwrap import wrap
 from typing import Any, NamedTuple
@@ -176,29 +176,14 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     Outputs of one unit and about one size share a panel, with the inputs that are like them.
     """
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
-    sizes = {}
-    for name in units:
-        column = columns[name]
-        sizes[name] = np.abs(column).max(initial=0.0, where=np.isfinite(column))
+    alike = _likeness(columns, units)
     ports = facts["spec"].get("ports", {})
     entries = [run_column("inputs", name) for name in ports.get("inputs", {})]
-    outputs = [run_column("outputs", name) for name in ports.get("outputs", {})]
+    listed = [run_column("outputs", name) for name in ports.get("outputs", {})]
+    outputs = [name for name in listed if name in units]
     inputs = [name for name in entries if name in units and columns[name].any()]
-    unlisted = [name for name in units if name not in (*entries, *outputs)]
-
-    def alike(one: str, other: str) -> bool:
-        low, high = sorted((sizes[one], sizes[other]))
-        return units[one] == units[other] and (low == 0 or high <= _ALIKE * low)
-
-    groups: list[list[str]] = []  # of outputs that share a panel
-    for name in outputs:
-        if name not in units:
-            continue
-        shared = [group for group in groups if all(alike(name, other) for other in group)]
-        if shared:
-            shared[0].append(name)
-        else:
-            groups.append([name])
+    unlisted = [name for name in units if name not in (*entries, *listed)]
+    groups = _groups_of(outputs, alike)
     panels: list[Panel] = []
     for name in inputs:
         if not any(alike(name, group[0]) for group in groups):
@@ -209,6 +194,32 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     if unlisted:
         panels.append(_panel("signals", unlisted, inputs, None))
     return panels
+
+
+def _likeness(columns: Columns, units: Mapping[str, str]) -> Callable[[str, str], bool]:
+    """Tells of two signals whether they have one unit and about one size."""
+    sizes = {}
+    for name in units:
+        column = columns[name]
+        sizes[name] = np.abs(column).max(initial=0.0, where=np.isfinite(column))
+
+    def alike(one: str, other: str) -> bool:
+        low, high = sorted((sizes[one], sizes[other]))
+        return units[one] == units[other] and (low == 0 or high <= _ALIKE * low)
+
+    return alike
+
+
+def _groups_of(names: Sequence[str], alike: Callable[[str, str], bool]) -> list[list[str]]:
+    """Signals in groups, in each of which all are alike; each joins the first group that it may."""
+    groups: list[list[str]] = []
+    for name in names:
+        shared = [group for group in groups if all(alike(name, other) for other in group)]
+        if shared:
+            shared[0].append(name)
+        else:
+            groups.append([name])
+    return groups
 
 
 def _panel(title: str, names: Sequence[str], inputs: Collection[str], unit: str | None) -> Panel:

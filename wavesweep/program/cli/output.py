@@ -68,14 +68,7 @@ def produce(
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
-    written = (
-        [options.file]
-        if options.file
-        else [directory / name for kind in kinds for name in results.names_of(kind)]
-    )
-    refuse_inputs(
-        (file for spec in specs for file in spec.files), *(() if options.to_stdout else written)
-    )
+    _refuse_to_overwrite(specs, kinds, directory, options)
     if options.formats:
         from wavesweep.program import plots
 
@@ -86,18 +79,17 @@ def produce(
 
         marks = facts_of_marks(specs, kinds[0])
     with alone(kinds, directory, options):
-        # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if options.to_folder and not options.overwrite else ():
-            results.refuse_other_spec(kind, directory, digest_of(specs), place)
+        if options.to_folder and not options.overwrite:
+            # Before the work as well as after it: a refusal should not cost a long run.
+            for kind in kinds:
+                results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
         checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
-        before = (
-            results.existing_facts(tables[0].kind, directory)
-            if options.to_folder and not options.silent
-            else None
-        )
+        before = None
+        if options.to_folder and not options.silent:
+            before = results.existing_facts(tables[0].kind, directory)
         run = {
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             "command": shlex.join(["wavesweep", *verbosity().words]),
@@ -114,15 +106,14 @@ def produce(
                     f"All that was computed is kept in {checkpoint}; the same command goes on from there."
                 )
             raise
-        for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
-            results.discard(kind, directory)  # another spec's, which would pass for one of this run
+        if options.to_folder:
+            for kind in set(kinds) - {table.kind for table in tables}:
+                results.discard(kind, directory)  # of another spec, it would pass for this run's
     if options.silent:
         return
-    changed = (
-        results.changes(before, tables[0].facts)
-        if before and before.get("spec_place") == place
-        else []
-    )
+    changed = []
+    if before and before.get("spec_place") == place:
+        changed = results.changes(before, tables[0].facts)
     _report(
         kinds[0].removesuffix(HANDS),
         specs,
@@ -194,6 +185,20 @@ def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
         yield f"{spec.name}: {claims[0].said()}; {scope.in_words()} see {listed(able)}"
     if not beyond and len(claims) == 1 and scopes[0].in_words():
         yield f"{spec.name}: {claims[0].said()}"
+
+
+def _refuse_to_overwrite(
+    specs: Sequence[Spec], kinds: Sequence[str], directory: Path, options: Options
+) -> None:
+    """Raise UsageError if a file that is to be written is one that a spec reads."""
+    from wavesweep.program import results
+
+    written = []
+    if options.file:
+        written = [options.file]
+    elif not options.to_stdout:
+        written = [directory / name for kind in kinds for name in results.names_of(kind)]
+    refuse_inputs((file for spec in specs for file in spec.files), *written)
 
 
 def _report(

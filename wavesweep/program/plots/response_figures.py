@@ -1,6 +1,6 @@
 """Figures of frequency responses, of tables and of curves of any origin."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
@@ -160,12 +160,7 @@ def draw_curves(
     scale: of the colours of many curves, and the axis that it is for.
     """
     over_frequency = x == "frequency_hz"
-    specs: dict[str, None] = {}
-    if over_frequency:
-        for curve in curves:
-            specs |= dict.fromkeys(curve.rows["spec"].tolist())
-    module = offered("marks")
-    marks = [module.responses(facts, specs)] if module else []
+    marks = _marks(curves if over_frequency else [], facts)
     named = [curve.label for curve in curves if curve.label]
     marked_specs = [spec for mark in marks for spec in mark.colours]
     words = [*named, *marked_specs, NYQUIST.format(1e3) if over_frequency else ""]
@@ -207,16 +202,30 @@ def draw_curves(
         panels_with_others = pairs[:, 0]
         if quantities[0].unit is None:  # all panels of the hand have the same curves
             panels_with_others = pairs[:1, 0]
-        handles: list[Any] = []
-        labels: list[str] = []
-        for axes in panels_with_others:
-            handles_here, labels_here = axes.get_legend_handles_labels()
-            handles += handles_here
-            labels += labels_here
-        if handles:
-            columns = min(in_a_row, len(handles))
-            canvas.legend(handles, labels, loc="outside upper center", ncols=columns)
+        _add_legend(canvas, panels_with_others, in_a_row)
     return canvas
+
+
+def _add_legend(canvas: Any, panels: Iterable[Any], in_a_row: int) -> None:
+    """Add the legend of the curves of some panels above all of them."""
+    handles: list[Any] = []
+    labels: list[str] = []
+    for axes in panels:
+        handles_here, labels_here = axes.get_legend_handles_labels()
+        handles += handles_here
+        labels += labels_here
+    if handles:
+        columns = min(in_a_row, len(handles))
+        canvas.legend(handles, labels, loc="outside upper center", ncols=columns)
+
+
+def _marks(curves: Sequence[Curve], facts: Mapping[str, Any]) -> list[Any]:
+    """What was measured of the specs of the curves."""
+    module = offered("marks")
+    specs: dict[str, None] = {}
+    for curve in curves:
+        specs |= dict.fromkeys(curve.rows["spec"].tolist())
+    return [module.responses(facts, specs)] if module else []
 
 
 def _curves_of(quantity: _Quantity, curves: Sequence[Curve]) -> list[Curve]:

@@ -84,7 +84,7 @@ def facts_of(
     the table. claims: what its rows say of which loops, by their word, or by the names of several
     specs.
     """
-    from wavesweep.program.analyses.assumptions import model_in_words, solved_within_ticks
+    from wavesweep.program.analyses.assumptions import solved_within_ticks
 
     specs = specs if isinstance(specs, (list, tuple)) else (specs,)
     several = len(specs) > 1
@@ -97,16 +97,7 @@ def facts_of(
     }
     if several:
         facts["specs"] = {spec.name: spec.tables() for spec in specs}
-    models = []
-    for spec in specs:
-        own = [claims[spec.name]] if several and claims else claims.values()
-        told = {path for claim in own for path in claim.scope.paths()}
-        axes = {axis.path for axis in (*spec.sweep, *spec.bode)}
-        models.append(model_in_words(spec, axes & {*swept} if several else swept, told))
-    facts["assumes"] = models[0]
-    if len(set(models)) > 1:
-        named = zip(specs, models, strict=True)
-        facts["assumes"] = "\n".join(f"{spec.name}: {model}" for spec, model in named if model)
+    facts["assumes"] = _assumed(specs, swept, claims)
     facts["claims"] = {word: claim.over(specs, swept).fact() for word, claim in claims.items()}
     facts["methods"] = dict(methods)
     facts["slices"] = dict(slices)
@@ -116,6 +107,23 @@ def facts_of(
             facts["notices"].append(f"{spec.name}: {cycle}" if several else cycle)
     facts["timings"] = {name: round(seconds, 6) for name, seconds in timings.items()}
     return facts
+
+
+def _assumed(specs, swept, claims: Mapping[str, Claim]) -> str:
+    """What is assumed of the walls of the specs; by their names if it is not the same of all."""
+    from wavesweep.program.analyses.assumptions import model_in_words
+
+    several = len(specs) > 1
+    models = []
+    for spec in specs:
+        own = [claims[spec.name]] if several and claims else claims.values()
+        told = {path for claim in own for path in claim.scope.paths()}
+        axes = {axis.path for axis in (*spec.sweep, *spec.bode)}
+        models.append(model_in_words(spec, axes & {*swept} if several else swept, told))
+    if len(set(models)) == 1:
+        return models[0]
+    named = zip(specs, models, strict=True)
+    return "\n".join(f"{spec.name}: {model}" for spec, model in named if model)
 
 
 def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
