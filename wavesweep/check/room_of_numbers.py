@@ -39,7 +39,7 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     factors to them.
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`,
-    `to`): 0 or a tenth of the value, and ten times the value, as far as the spec takes these.
+    `to`), see `searched`, as far as the spec takes its ends.
     intervals: all stable intervals in that range. certified: whether they are. open: the places in
     or beside the interval where nothing is known, see `open_places`. stopped: whether the range
     would go on, but takes more than PIECES_OF_RANGE or SECONDS; it is then the part next to the

@@ -9,11 +9,11 @@ from typing import Any
 
 from wavesweep.engine.errors import SpecError
 from wavesweep.haptics.controller_page import keys_of_page
-from wavesweep.program.analyses.own_design import FARTHEST_FACTOR, USUAL
+from wavesweep.program.analyses.own_design import USUAL
 from wavesweep.program.reading.keys import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load
 from wavesweep.program.spec.resolving import longest_delay
-from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.spec.studies import FARTHEST_FACTOR, K_VE_SPAN
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.sweep.grid import is_plain
 

@@ -79,7 +79,7 @@ def wiring(loop: Wiring, title: str) -> Any:
         axes.text(0, 0.02 - head, title, fontsize=TITLE, va="center")
         for n, (every, text) in enumerate(legend.items()):
             y = 0.26 + 0.2 * n - head
-            axes.add_patch(_rectangle(0.02, y - 0.06, 0.2, 0.12, colours[every]))
+            axes.add_patch(_rectangle((0.02, y - 0.06, 0.2, 0.12), colours[every]))
             axes.text(0.3, y, text, fontsize=SMALL, va="center")
         axes.text(0, 0.26 + 0.2 * len(legend) - head, note, fontsize=SMALL, va="center")
         _draw_loop(axes, loop, boxes, routes, colours)
@@ -198,13 +198,15 @@ def _width(text: str, size: float, weight: str = "normal") -> float:
     return text_to_path.get_text_width_height_descent(text, font, ismath=False)[0] / 72
 
 
-def _rectangle(x, y, width, height, colour, shade=0.18, radius=0.04):
+def _rectangle(bounds, colour, shade=0.18, radius=0.04):
+    """A box with rounded corners; bounds: left, top, width and height."""
     from matplotlib.patches import FancyBboxPatch
 
     style = f"round,pad=0,rounding_size={radius}"
     pale = paler(colour, shade)
+    left, top, width, height = bounds
     return FancyBboxPatch(
-        (x, y),
+        (left, top),
         width,
         height,
         boxstyle=style,
@@ -233,7 +235,8 @@ def _draw(axes, part, box, routes, number, wires, colour):
         levels.append(ys)
     inset = 0.03 if part.kind == "block" else 0.0
     shade = 0.18 if part.kind == "block" else 0.05
-    axes.add_patch(_rectangle(left, y + inset, width, ROW * box.rows - 2 * inset, colour, shade))
+    bounds = (left, y + inset, width, ROW * box.rows - 2 * inset)
+    axes.add_patch(_rectangle(bounds, colour, shade))
     ports_in, ports_out = _port_widths(part)
     middle = left + ports_in + (width - ports_in - ports_out) / 2
     texts = _texts(part)
@@ -255,7 +258,7 @@ def _draw(axes, part, box, routes, number, wires, colour):
         if len(terms) > 1:  # a sum of several wires
             low = min(ys) - 0.075
             high = max(ys) + 0.075
-            axes.add_patch(_rectangle(x, low, PILL, high - low, colour, 0.0, PILL / 2))
+            axes.add_patch(_rectangle((x, low, PILL, high - low), colour, 0.0, PILL / 2))
             axes.text(
                 x + PILL / 2,
                 (low + high) / 2,

@@ -310,20 +310,8 @@ def _routes(boxes, bands, top, tracks):
         return x, round(places[i][1] + ROW * (row + 0.5), 9)
 
     for columns, band in zip(bands, tracks, strict=True):
-        x = left
-        for column, between in zip([*columns, []], band, strict=True):
-            x += SPACE
-            for track in between:
-                track.x = x
-                rows = _rows_at_left(track, top) | _rows_at_right(track, top)
-                is_straight = len(rows) <= 1 and not track.lane
-                if not is_straight:
-                    x += TRACK
-            x += SPACE + _widest_label(boxes, column)
-            wide = _widest(boxes, column)
-            for i in column:
-                places[i] = (x + (wide - boxes[i].width) / 2, y + ROW * top[i])
-            x += wide
+        lefts, right = _across(columns, band, boxes, top, left)
+        places |= {i: (x, y + ROW * top[i]) for i, x in lefts.items()}
         y += ROW * max((top[i] + boxes[i].rows for column in columns for i in column), default=0)
         band_tracks = [track for between in band for track in between]
         spans = {}
@@ -348,7 +336,7 @@ def _routes(boxes, bands, top, tracks):
         for net, lane_y in level.items():
             if net in lane_places:
                 joints.setdefault(net, []).append(lane_y)
-        width = max(width, x)
+        width = max(width, right)
         y = max([y, *level.values()])
         if columns is not bands[-1]:
             y += 2 * ROW
@@ -356,6 +344,27 @@ def _routes(boxes, bands, top, tracks):
         lines.append((net, lane_places[net], min(levels), lane_places[net], max(levels)))
     lines = [line for line in lines if line[1:3] != line[3:]]
     return Routes(places, lines, ends, width + 2 * LINES_APART, y)
+
+
+def _across(columns, band, boxes, top, left):
+    """The left edges of the boxes of a band by their numbers, and where it ends; its tracks get
+    their places between the columns."""
+    lefts = {}
+    x = left
+    for column, between in zip([*columns, []], band, strict=True):
+        x += SPACE
+        for track in between:
+            track.x = x
+            rows = _rows_at_left(track, top) | _rows_at_right(track, top)
+            is_straight = len(rows) <= 1 and not track.lane
+            if not is_straight:
+                x += TRACK
+        x += SPACE + _widest_label(boxes, column)
+        wide = _widest(boxes, column)
+        for i in column:
+            lefts[i] = x + (wide - boxes[i].width) / 2
+        x += wide
+    return lefts, x
 
 
 def _places_of_joints(tracks):

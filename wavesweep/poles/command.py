@@ -2,7 +2,7 @@
 
 import click
 
-from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.options import ABOUT_ITS_VALUE, Options, run_options
 from wavesweep.program.cli.study_commands import one_spec
 
 
@@ -13,7 +13,7 @@ from wavesweep.program.cli.study_commands import one_spec
     metavar="NUMBER",
     default="",
     help="The number over which the root locus is wanted, over its range in [sweep], from the least to the largest value of "
-    "a list, or else from 0 or a tenth of its value to ten times that.",
+    f"a list, or else from 0 or {ABOUT_ITS_VALUE}.",
 )
 @run_options()
 def poles(spec: str, options: Options, over: str) -> None:

@@ -2,7 +2,7 @@
 
 import click
 
-from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.options import ABOUT_ITS_VALUE, Options, run_options
 from wavesweep.program.cli.study_commands import one_spec
 
 
@@ -12,7 +12,7 @@ from wavesweep.program.cli.study_commands import one_spec
     "--along",
     metavar="NAME",
     help="The axis whose stable intervals are explained [default: sweep.along]. Without a span in [sweep] it is searched from "
-    "a tenth of its value to ten times that; K_VE from 0 to 20000.",
+    f"{ABOUT_ITS_VALUE}; K_VE from 0 to 20000.",
 )
 @run_options()
 def why(spec: str, options: Options, along: str | None) -> None:

@@ -22,9 +22,9 @@ from wavesweep.program.analyses.poles import leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
 from wavesweep.program.spec import Spec
+from wavesweep.program.spec.studies import FARTHEST_FACTOR
 from wavesweep.program.sweep.grid import own_loop
 
-FARTHEST_FACTOR = 10.0  # factor up to which a number is followed
 USUAL = {
     "K_VE": 1000.0,
     "B_VE": 10.0,

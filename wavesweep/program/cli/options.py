@@ -14,6 +14,8 @@ from wavesweep.program.cli.completions import settings
 from wavesweep.program.cli.entry import verbosity
 
 STDOUT = "-"
+# `FARTHEST_FACTOR` of program.spec.studies in words, for helps, which load no numbers
+ABOUT_ITS_VALUE = "a tenth of its value to ten times that"
 PATH = click.Path(
     readable=False
 )  # which a shell completes; what is at the path is asked where it is opened

@@ -259,10 +259,7 @@ def _draw_plane(
     high = shown.layout.points[-1]
     somewhere = bool((columns["intervals"] > 0).any())
     if not somewhere:
-        best = max(members, key=lambda member: member.claim.status)
-        nothing = best.claim.nothing(True) + " at the swept values"
-        if incomplete(columns).any():
-            nothing = best.claim.nothing(False)
+        nothing = _nothing_stable(columns, members)
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     logarithmic = is_logarithmic(columns[x])
     if logarithmic:
@@ -291,11 +288,10 @@ def _draw_plane(
         draw_at_values(
             axes, region.bars, member.look, bars, shown.span if member.at_values else None
         )
-        for line in (*region.certain, *region.doubtful):
-            how.add("between")
-            if not filled:
-                how.add("strokes")
-            reached += [_ROOM_OF_BOUNDARY * y for _, y in line]
+        lines = [*region.certain, *region.doubtful]
+        if lines:
+            how.update(["between"] if filled else ["between", "strokes"])
+        reached += [_ROOM_OF_BOUNDARY * y for line in lines for _, y in line]
         if region.bars:
             how.add("bars")
         if shown.felt:
@@ -304,13 +300,20 @@ def _draw_plane(
             draw_for_all(axes, x, member.rows, shown.span, bars)
         elif member.at_values:
             draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, bars)
-    if any(
-        curve.open_at_ends for curve in curves
-    ):  # bars at the first and the last value stay whole
+    # Bars at the first and the last value stay whole.
+    if any(curve.open_at_ends for curve in curves):
         edge = max(_EDGE, (width + _APART) * in_bars / 2 / points)
         low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
+
+
+def _nothing_stable(columns: Columns, members: Sequence[Member]) -> str:
+    """What a panel without stable intervals says."""
+    best = max(members, key=lambda member: member.claim.status)
+    if incomplete(columns).any():
+        return best.claim.nothing(False)
+    return best.claim.nothing(True) + " at the swept values"
 
 
 def _unknown_spans(

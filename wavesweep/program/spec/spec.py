@@ -17,6 +17,7 @@ from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.tables import TableValue, table_at, tables
 from wavesweep.program.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.program.spec.studies import (
+    FARTHEST_FACTOR,
     K_VE_SPAN,
     Studies,
     axis_fault,
@@ -404,8 +405,8 @@ def sweep_axes(
 
     along: a symbol or a path; K_VE is the stiffness that the [ports] of a drawn loop name, and has
     a default span if the spec gives none. swept: whether the others are swept; then those that have
-    only a span are left out. If they are not, a number without a span has one from a tenth of its
-    value to ten times it. Errors: SpecError if `along` is not a numeric key or has no span.
+    only a span are left out. If they are not, a number without a span has one of FARTHEST_FACTOR
+    about its value. Errors: SpecError if `along` is not a numeric key or has no span.
     """
     name = _axis_name(spec, along)
     if fault := axis_fault(name, spec.names):
@@ -454,7 +455,14 @@ def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | No
     if path in spec.wall[:1]:
         return Axis(name, path, (), *K_VE_SPAN, structural, "linear")
     if value and not swept and not structural:
-        return Axis(name, path, (), *sorted((value / 10, value * 10)), structural, "linear")
+        return Axis(
+            name,
+            path,
+            (),
+            *sorted((value / FARTHEST_FACTOR, value * FARTHEST_FACTOR)),
+            structural,
+            "linear",
+        )
     return None
 
 
