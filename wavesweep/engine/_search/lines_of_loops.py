@@ -173,7 +173,38 @@ def lines_in_discs(
     off_by = np.where(known[..., None], off_by, np.inf)
     moved = -np.log1p(-np.abs(radius / z))
     share = _share_in_each(shown, np.zeros(delta.shape))
-    return _turns_of(share, off_by, sure, possible, np.log1p(delta), moved)
+    found = _turns_of(share, off_by, sure, possible, np.log1p(delta), moved)
+    if points == 1:
+        return found
+
+    # A pair that meets on the negative real axis may have any vectors of a plane there.
+    theta = np.log1p(delta).imag
+    meeting = (np.abs(theta) >= np.pi - moved - REAL_ANGLE) & (found[..., 1] < found[..., 2])
+    everything = np.ones((1, 1, size), bool)
+    rows, (shows,) = _shown_by(drawing, ticks.states, drift, everything)
+    rows = rows[shows[0]]
+    for panel, mode in np.argwhere(meeting).tolist():
+        at = slice(panel, panel + 1)
+        X, off_X = _plane_in_disc(E[at], dE[at], delta[at, mode], away[at, mode], margin)
+        plane = np.zeros((1, X.shape[1], size, *X.shape[3:]), complex)
+        plane[:, :, kept] = X * units[at, None, :, None, None]
+        missed = np.zeros((1, size, 2))
+        missed[:, kept] = off_X * units[at, :, None]
+        of_both = np.repeat(s[at, mode][:, None], 2, axis=1)
+        columns, differ = _shown_on_panels(
+            relative.kind.tolist(),
+            ([M[at] for M in maps], [M[at] for M in sizes]),
+            rows,
+            plane,
+            missed,
+            of_both,
+            np.ones((1, 2)),
+            margin,
+        )
+        found[panel, mode] = _turns_of_pair(
+            columns[0], differ[0], theta[panel, mode], found[panel, mode]
+        )
+    return found
 
 
 def _with_lower_half(matrices, n, points):
@@ -220,6 +251,76 @@ def _turns_of(share, off_by, sure, possible, s, moved):
     lowest = np.minimum(first, np.where(near, w, np.inf).min(-1, keepdims=True))
     highest = np.maximum(first, np.where(near, w, 0.0).max(-1, keepdims=True))
     return np.concatenate([first, lowest, highest], -1)
+
+
+def _turns_of_pair(columns, differ, theta, found):
+    """What a mode turns by its strongest line, by the lowest and by the highest one that may be it,
+    if its vector is any one of a plane; `found` if that does not tell which.
+
+    columns: what two vectors of the plane show in each tick, `(2, states, ticks)`, and how far
+    these may be off, as lengths, `(2, states)`. A line and its conjugate have the energy `u' K u` of
+    a vector u of the plane, of `u' H u` in all. One of them is the strongest line for every u if,
+    for each state, `K/2 - K_j` is positive definite for all other lines j, beside H.
+    """
+    ticks = columns.shape[-1]
+    lines = np.fft.fft(columns).transpose(1, 2, 0) / np.sqrt(ticks)
+    K = lines.conj()[..., :, None] * lines[..., None, :]
+    H = K.sum(1)
+    least = np.linalg.eigvalsh(H)[:, 0]
+    if not (np.isfinite(H).all() and (least > SHARE_ROUNDING * np.abs(H).max()).all()):
+        return found
+    off_by = np.sqrt((differ**2).sum(0) / least)
+    W = np.linalg.inv(np.linalg.cholesky(H))[:, None]
+    K = W @ K @ W.conj().mT
+    turns = np.round(np.fft.fftfreq(ticks) * ticks).astype(int)
+    conjugate = (-turns - (1 if theta > 0 else -1)) % ticks
+    energy = np.trace(K, axis1=-2, axis2=-1).real.sum(0)
+    best = int(np.argmax(energy + energy[conjugate]))
+    own = [best] if conjugate[best] == best else [best, int(conjugate[best])]
+    others = np.delete(np.arange(ticks), own)
+    ahead = K[:, own].sum(1, keepdims=True) / 2 - K[:, others]
+    ahead = np.linalg.eigvalsh((ahead + ahead.conj().mT) / 2)[..., 0] - 2 * off_by[:, None]
+    if not (ahead > SHARE_ROUNDING).all():
+        return found
+    w = np.abs(theta + 2 * np.pi * turns[own])
+    return np.array([w[0], w.min(), w.max()])
+
+
+def _plane_in_disc(E, dE, w, away, margin):
+    """Two vectors of which every eigenvector of a panel is a sum, `(1, points, k, circle, 2)`, and
+    by how much rounding moves them in the middle, `(1, k, 2)`, NaN where there are none.
+
+    With two left and two right singular vectors of the least values as border, `B = [E - w, b; c,
+    0]` has an inverse also where two eigenvalues meet that have two vectors. An eigenvector x for w
+    is `X c x` with `B [X; G] = [0; I]`. The rest is as in `lines_in_discs`. E, dE, w, away: see
+    `_vectors_in_disc`.
+    """
+    _, points, k, _ = E.shape
+    identity = np.eye(k + 2)
+    middle = np.where(np.isfinite(E[0, 0]), E[0, 0], 0.0).real - w[0].real * np.eye(k)
+    left, _, right = np.linalg.svd(middle)
+    bordered = np.zeros((1, points, away.shape[-1], k + 2, k + 2), complex)
+    bordered[..., :k, :k] = E[:, :, None]
+    bordered[..., :k, :k] -= (w[:, None] + away)[:, None, :, None, None] * np.eye(k)
+    bordered[..., :k, k:] = left[:, -2:]
+    bordered[..., k:, :k] = right[-2:]
+    C = inverse(bordered)
+    B0 = bordered[:, 0, 0]
+    C0 = C[:, 0, 0]
+    size_C = np.abs(C0)
+    rounding = SHORT_SUM_ROUNDING * (k + 2) * np.abs(B0)
+    rounding[:, :k, :k] += dE
+    change = np.array(rounding)
+    change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
+    change[:, :k, :k] += np.abs(away).max(-1)[:, None, None] * np.eye(k)
+    M = np.abs(identity - C0 @ B0) + size_C @ change
+    off = []
+    for column in (k, k + 1):
+        x = C0[:, :, column]
+        left_over = np.abs(identity[column] - (B0 @ x[..., None])[..., 0])
+        left_over = left_over + (rounding @ np.abs(x)[..., None])[..., 0]
+        off.append(_enclosed(M, size_C @ left_over[..., None])[:, :k])
+    return C[..., :k, k:].swapaxes(2, 3), np.stack(off, -1)
 
 
 def _vectors_in_disc(E, dE, w, away, margin):
