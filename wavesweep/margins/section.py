@@ -7,7 +7,6 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "Margins", 2
-KNOWN = "Certified, to a relative 1e-6 or better, unless a line says that it is not certified."
 
 
 def section(spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:

@@ -93,8 +93,6 @@ class SectionModule(Protocol):
     TITLE: str
     PLACE: int
     """Sections come in this order."""
-    KNOWN: str
-    """How its numbers are known."""
 
     def section(self, spec: Spec, cut: str) -> tuple[str, Callable[[], Table]]:
         """The command of its table, with {} for the spec, and what makes the table."""

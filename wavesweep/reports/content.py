@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.analyses.claims import Claim, Status
+from wavesweep.program.analyses.claims import Claim, Property, Status, beyond_the_ends, known
 from wavesweep.program.columns import whose_column
-from wavesweep.program.plots.labels import claimed
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
@@ -30,12 +29,6 @@ if TYPE_CHECKING:
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
 PANEL = 'id="axes_'  # is in the SVG of a figure with panels
 TIMING = "When it samples, computes and acts"
-BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
-OWN = (
-    "Each number is changed alone, all others are kept. Ranges are certified unless a line says otherwise; eigenvalues, modes "
-    "and felt stiffnesses are computed in double precision."
-)
-BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
 SAME = (
     "wavesweep verify computes rows of the tables again, and proves certified intervals of the spec's own loop a second time, in "
     "ball arithmetic; rows for more than one loop are not proved again. The last command gives this file. On a processor of "
@@ -87,19 +80,17 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     )
     sections: dict[str, ReportSection] = {}
     missing = []
-    for title, (caption, command, make) in _tables(spec, asked).items():
+    for title, (command, make) in _tables(spec, asked).items():
         with asked.at_work(title.lower()) as watch:
             try:
-                sections[title] = _found(
-                    title, caption, make(watch), f"wavesweep {command.format(name)}"
-                )
+                sections[title] = _found(title, make(watch), f"wavesweep {command.format(name)}")
             except WavesweepError as error:
                 text = str(error).replace(
                     str(spec.source), f"{spec.name}.toml"
                 )  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        design_lines, judged = _own_lines(spec)
+        design_lines, judged, how_known = _own_lines(spec)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
@@ -109,7 +100,7 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     ]
     body += [
         html.element("h2", "The spec's own numbers"),
-        html.element("p", OWN, "small"),
+        html.element("p", how_known, "small"),
         html.listing(design_lines),
     ]
     number = 1 + (INTERVALS in sections)
@@ -118,10 +109,9 @@ def report(spec: Spec, asked: ReportRequest) -> str:
         number += 1
     for section in sections.values():
         if section.known:
-            caption = f"{section.known} {claimed(section.table.facts)}".rstrip()
             body += [
                 html.element("h2", section.title),
-                html.element("p", caption, "small"),
+                html.element("p", section.known, "small"),
                 html.listing(section.lines),
             ]
             if section.svg:
@@ -134,9 +124,9 @@ def report(spec: Spec, asked: ReportRequest) -> str:
     )
 
 
-def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
-    """Title -> how the numbers of a section are known, the command of its table, with {} for the
-    spec, and a function of the watcher of its progress that makes the table.
+def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, Callable[[Any], Table]]]:
+    """Title -> the command of the table of a section, with {} for the spec, and a function of the
+    watcher of its progress that makes the table.
     """
     from wavesweep.program.tables import interval_table as intervals
     from wavesweep.program.tables import response_table as responses
@@ -148,7 +138,6 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Calla
     kind = command.partition(" ")[0] + ("-hands" if hands else "")
     tables = {
         INTERVALS: (
-            "",
             command,
             lambda watch: replace(
                 intervals.intervals(spec, hands=hands, progress=watch), kind=kind
@@ -157,15 +146,15 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Calla
     }
     for part in sorted(modules("section"), key=lambda each: each.PLACE):
         said, make = part.section(spec, asked.cut)
-        tables[part.TITLE] = part.KNOWN, said, lambda _, make=make: make()
-    return tables | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
+        tables[part.TITLE] = said, lambda _, make=make: make()
+    return tables | {RESPONSE: ("bode {}", lambda _: responses.responses([spec]))}
 
 
 def _for_hands(asked: ReportRequest) -> str:
     return "".join(f" --for-hands {quote(word)}" for word in asked.hands)
 
 
-def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
+def _found(title: str, table: Table, command: str) -> ReportSection:
     """A table written, drawn and summarised, as its command does all of it."""
     from wavesweep.program import results
     from wavesweep.program.plots import drawn
@@ -182,11 +171,14 @@ def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
     if PANEL not in svg:  # nothing to be drawn, as of a limit that a range ends
         svg = ""
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
-    return ReportSection(title, known, table, lines, svg, command, sha256(csv).hexdigest())
+    claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
+    how_known = "" if title == INTERVALS else known(claims)
+    return ReportSection(title, how_known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
-def _own_lines(spec: Spec) -> tuple[list[Line], Verdict]:
-    """What is known of the spec's own numbers, and the verdict on what it asks."""
+def _own_lines(spec: Spec) -> tuple[list[Line], Verdict, str]:
+    """What is known of the spec's own numbers, the verdict on what it asks, and how that is
+    known."""
     from wavesweep.program.analyses.assumptions import over_preset, unusual
     from wavesweep.program.analyses.claims import Verdict
     from wavesweep.program.analyses.own_design import own_claim, own_design, own_lines
@@ -207,7 +199,14 @@ def _own_lines(spec: Spec) -> tuple[list[Line], Verdict]:
         )
         for line in lines
     ]
-    return marked, Verdict.of(spec, [own_claim(spec, found), *claims])
+    own = own_claim(spec, found)
+    certified = all(limit["certified"] for limit in found.get("limits", ()))
+    ranges = Property("ranges of each number alone", "figures")
+    modes = Property("modes and what is felt", "figures")
+    status = Status.CERTIFIED if certified else Status.COMPUTED
+    figures = [replace(own, what=ranges, status=status, reason="")]
+    figures.append(replace(own, what=modes, status=Status.COMPUTED, reason=""))
+    return marked, Verdict.of(spec, [own, *claims]), known(figures)
 
 
 def _picture_of_time(spec: Spec) -> str:
@@ -251,8 +250,8 @@ def _answer(
             or whose_column(intervals.table.columns)
             or not (rows and text.startswith("  "))
         ]
-        known = _known(intervals.table, doubtful=doubtful)
-        yield html.verdict(good and not doubtful, title, known, [*lines, own])
+        how_known = _known(intervals.table, doubtful=doubtful)
+        yield html.verdict(good and not doubtful, title, how_known, [*lines, own])
         if rows:
             yield html.table(*rows)
         else:
@@ -300,7 +299,8 @@ def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[st
     """What is unstable beyond the certified intervals."""
     if intervals and (rows := counterexamples(spec, intervals.table)):
         yield html.element("h2", "Refuted beyond")
-        yield html.element("p", BEYOND, "small")
+        claims = [Claim.read(fact) for fact in intervals.table.facts["claims"].values()]
+        yield html.element("p", beyond_the_ends(claims), "small")
         yield html.table(("with", "value", "what makes it unstable"), rows)
 
 

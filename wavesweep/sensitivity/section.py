@@ -6,7 +6,6 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "What sets the limits", 1
-KNOWN = "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one."
 
 
 def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:

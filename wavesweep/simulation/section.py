@@ -7,7 +7,6 @@ from wavesweep.program.spec import Spec, load
 from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "Simulation", 3
-KNOWN = "A run of the model, tick by tick from rest. It shows one experiment and proves nothing."
 
 
 def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:

@@ -22,6 +22,8 @@ from wavesweep.program.analyses.claims import (
     Tick,
     Verdict,
     answer,
+    beyond_the_ends,
+    known,
     own_scope,
     questions,
     ranges_of,
@@ -201,3 +203,21 @@ def test_check_begins_with_the_verdict_and_strict_ends_with_it(settings, code, f
     assert found == code
     assert out.startswith(first)
     assert wavesweep("check", "mine.toml", *told, "--quiet")[0] == 0
+
+
+def test_captions_say_how_each_claim_is_known():
+    """No caption calls proved what was computed, and what a requirement misses is refuted by what is not stable."""
+    modes = Claim(Property("modes", "figures"), Scope(), Status.COMPUTED)
+    proved = Claim(STABLE, Scope(), Status.PROVED)
+    said = known([modes, proved, modes])
+    assert said.startswith("Modes with the spec's own numbers: computed in double precision, and not proved. Stable with")
+    assert said.endswith(": proved, but for what a line says is not.")
+    required = Claim(Property("a damping ratio of 0.1", "requirement"), Scope(), Status.CERTIFIED)
+    assert beyond_the_ends([required, proved]) == "By what each line names: not stable with the spec's own numbers."
+
+
+def test_a_row_that_is_not_certified_is_not_worded_as_proved():
+    proved = Claim(STABLE, Scope(), Status.PROVED)
+    assert proved.of_row(certified=True).value("K") == "proved K"
+    row = proved.of_row(certified=False)
+    assert row.value("K") + row.unless(known=False) == "stable K, not proved"

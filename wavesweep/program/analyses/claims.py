@@ -58,6 +58,17 @@ class Status(IntEnum):
         return {Status.REFUTED: "no", Status.UNKNOWN: "not known"}.get(self, "yes")
 
 
+HOW_KNOWN = {
+    Status.REFUTED: "refuted",
+    Status.UNKNOWN: "not known",
+    Status.COMPUTED: "computed in double precision, and not proved",
+    Status.SEARCHED: "searched, and not proved",
+    Status.CHECKED: "checked",
+    Status.CERTIFIED: "certified, but for what a line says is not",
+    Status.PROVED: "proved, but for what a line says is not",
+}
+
+
 class Form(NamedTuple):
     """How a property is worded, with {words} and {short}: if it holds, is proved, does not hold,
     and is in question.
@@ -597,6 +608,26 @@ class Claim:
     def unless(self, known: bool) -> str:
         """What is added to a bound of a row of which that is not known; nothing to one that is."""
         return "" if known else f", not {self.vouched}"
+
+
+def known(claims: Iterable[Claim]) -> str:
+    """What is claimed, and how that is known, in sentences."""
+    sentences = []
+    for claim in claims:
+        said = f"{claim.said()}: {HOW_KNOWN[claim.status]}."
+        sentences.append(f"{said[:1].upper()}{said[1:]}")
+    return " ".join(dict.fromkeys(sentences))
+
+
+def beyond_the_ends(claims: Iterable[Claim]) -> str:
+    """What is refuted of values beyond the ends of rows, in a sentence; a requirement is refuted
+    by what is not stable."""
+    said = []
+    for claim in claims:
+        what = STABLE if claim.what.required else claim.what
+        loops = claim.scope.in_words() or claim.scope.own()
+        said.append(f"{what.worded().fails} {loops}")
+    return f"By what each line names: {'; '.join(dict.fromkeys(said))}."
 
 
 def of_rows(facts: Mapping[str, Any], word: str, columns: Collection[str] = ()) -> Claim:

@@ -271,7 +271,8 @@ def _settle(canvas: Any) -> None:
 
 def _lay_out(canvas: Any) -> None:
     """Place all panels, with their texts as they will be drawn: what a drawing does first."""
-    canvas.get_layout_engine().execute(canvas)
+    if canvas.axes:
+        canvas.get_layout_engine().execute(canvas)
 
 
 def _without_legend(canvas: Any) -> None:
