@@ -277,7 +277,7 @@ def test_values_of_a_number_are_cases():
 @pytest.mark.parametrize(
     ("controller", "more", "said"),
     [
-        ("dc-vc", {}, "found a loop that drifts without its wall otherwise than"),
+        ("dc-vc", {}, "found a wall that reads a mean of positions, as behind a virtual coupling"),
         ("dc-slow", {"lost": 1}, "no bound is found on where it rests, as where results are lost"),
     ],
 )

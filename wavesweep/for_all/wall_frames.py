@@ -28,6 +28,10 @@ READ = (FACTOR, BESIDE)
 OTHER_DRIFT = (
     "a loop that drifts without its wall otherwise than by the one position that the wall reads"
 )
+WEIGHTED = (
+    "a wall that reads a mean of positions, as behind a virtual coupling, "
+    "of which rounding hides whether its weights are 1 in all"
+)
 ROUNDINGS = 8.0  # of the terms of a product of a row and a matrix, for each of these
 
 
@@ -144,7 +148,7 @@ def _without_drift(found, drift, follows, names) -> WallFrames:
     if len(moving) > 1 or rows[:, 1, drift.leads].any():
         raise UnfitWallError(OTHER_DRIFT)
     if moving and not (rows[:, 0, moving[0]] == 1).all():
-        raise UnfitWallError(OTHER_DRIFT)
+        raise UnfitWallError(WEIGHTED)
     kept = list(drift.remaining)
     force = changes.shape[-1] - 1
     while True:
