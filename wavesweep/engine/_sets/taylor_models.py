@@ -38,6 +38,10 @@ OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices 
 SUMMED_NORM = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS_BY = 0.9  # norm up to which what an inverse leaves out has a geometric series
 BALANCED = 6  # sweeps of balancing
+# entries of an array, and pairs of a piece: a single `reduceat` takes less for fewer entries, and
+# where a piece has more pairs, as these are of few entries
+SMALL_ARRAY = 1 << 13
+MANY_PAIRS = 128
 PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays are slow for being new
 
 
@@ -81,20 +85,22 @@ def _degrees(numbers, order):
 
 
 class _Piece(NamedTuple):
-    """Pairs of monomials whose products are computed at once, in rounds.
+    """Pairs of monomials whose products are computed at once.
 
-    first, second: the pairs. targets: the monomials that they add up to, those of most pairs first.
-    Each round has a pair of each of the first so many targets, and the first round one of all.
-    rounds: how many pairs each further round has, and where it begins.
+    first, second: the pairs. targets: the monomials that they add up to. starts: where the pairs of
+    each target begin, or None of pairs in rounds: each round has a pair of each of the first so many
+    targets, and the first round one of all. rounds: how many pairs each further round has, and where
+    it begins.
     """
 
     first: np.ndarray
     second: np.ndarray
     targets: np.ndarray
+    starts: np.ndarray | None
     rounds: list[tuple[int, int]]
 
     @staticmethod
-    def of(first, second, targets, counts) -> _Piece:
+    def in_rounds(first, second, targets, counts) -> _Piece:
         """Return pairs of some targets, sorted by these, of each of which there are so many."""
         begins = np.cumsum(counts) - counts
         by_count = np.argsort(-counts, kind="stable")
@@ -108,7 +114,7 @@ class _Piece(NamedTuple):
             places.append(own)
             begun += own.size
         place = np.concatenate(places)
-        return _Piece(first[place], second[place], targets[by_count], rounds)
+        return _Piece(first[place], second[place], targets[by_count], None, rounds)
 
 
 @lru_cache(maxsize=512)
@@ -132,8 +138,15 @@ def _pairs(numbers, order, one, two, at_once, degree=None):
         if at + 1 == len(starts) or ends[at + 1] - starts[begun] > at_once:
             pairs = slice(starts[begun], ends[at])
             own = slice(begun, at + 1)
+            targets = target[starts[own]]
             counts = ends[own] - starts[own]
-            pieces.append(_Piece.of(first[pairs], second[pairs], target[starts[own]], counts))
+            if at_once < MANY_PAIRS:
+                piece = _Piece.in_rounds(first[pairs], second[pairs], targets, counts)
+            else:
+                piece = _Piece(
+                    first[pairs], second[pairs], targets, starts[own] - starts[begun], []
+                )
+            pieces.append(piece)
             begun = at + 1
     return pieces
 
@@ -144,6 +157,9 @@ def _multiply_into(terms, one, two, plan, multiply):
     two = np.ascontiguousarray(two)
     for piece in plan:
         products = multiply(one.take(piece.first, 0), two.take(piece.second, 0))
+        if piece.starts is not None:
+            terms[piece.targets] = np.add.reduceat(products, piece.starts, axis=0)
+            continue
         if len(piece.targets) == 1:
             terms[piece.targets[0]] = products.sum(0)
             continue
@@ -541,8 +557,10 @@ def _by_degree(size, numbers, order):
     """The sums of sizes over the monomials of each degree."""
     if len(size) == 1:  # without numbers there is no degree but 0
         return np.concatenate([size, np.zeros((order, *size.shape[1:]))])
-    sums = np.empty((order + 1, *size.shape[1:]))
     begins = _degrees(numbers, order)
+    if size.size < SMALL_ARRAY:
+        return np.add.reduceat(size, begins[:-1], axis=0)
+    sums = np.empty((order + 1, *size.shape[1:]))
     for degree in range(order + 1):
         sums[degree] = size[begins[degree] : begins[degree + 1]].sum(0)
     return sums
