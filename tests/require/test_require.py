@@ -376,7 +376,7 @@ def test_the_table_says_what_is_required():
 
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
 NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
-NAMES += "margins.cut, margins.Ms, margins.disk, "
+NAMES += "margins.cut, margins.Ms, margins.disk, margins.gain, margins.phase_deg, "
 NAMES += ", ".join(f"{table}.{key}" for table in IN_TIME for key in ("from", "to", "at_most"))
 CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "

@@ -39,11 +39,7 @@ def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], 
     Errors: UsageError for a signal at which the loops cannot be cut, or at which what is bounded is
     not this gain.
     """
-    fault = fault_of_cut(loops.drawing, bound.cut)
-    if fault:
-        expected, found, hint = fault
-        meant = f"; did you mean `{hint}`?" if hint else ""
-        raise UsageError(f"{PATH}.cut: expected {expected}, found {found}{meant}")
+    refuse_cut(loops.drawing, bound.cut)
     loops = loops.with_gain_at(bound.cut)
     drawing = loops.drawing
     (behind,) = (block for block in drawing.blocks if block.name == BLOCK)
@@ -61,24 +57,37 @@ def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], 
         outputs=(*drawing.outputs, (SEEN, seen, "")),
     )
     loops = loops._replace(drawing=drawing)
-    ticks = _ticks_between(loops, bound)
+    ticks = ticks_between(loops, bound.cut)
+    runs = loops.drawn().ticks // ticks
+    if bound.centre and runs > 1:
+        raise UsageError(
+            f"{PATH}.disk: expected Ms in its place, since {bound.cut!r} is made {runs} times "
+            "in a frame, and a disk margin is of one factor on all of them"
+        )
     return loops, (INPUT, OUTPUT + SEEN), GainBound(INPUT, SEEN, bound.at_most * sqrt(ticks))
 
 
-def _ticks_between(loops, bound):
-    """The ticks between two values of the signal."""
+def refuse_cut(drawing, cut: str) -> None:
+    """Raise UsageError for a signal at which loops cannot be cut."""
+    fault = fault_of_cut(drawing, cut)
+    if fault:
+        expected, found, hint = fault
+        meant = f"; did you mean `{hint}`?" if hint else ""
+        raise UsageError(f"{PATH}.cut: expected {expected}, found {found}{meant}")
+
+
+def ticks_between(loops: Loops, cut: str) -> int:
+    """Return the ticks between two values of a signal behind which there is a gain.
+
+    Errors: UsageError if the steps are not even.
+    """
     drawn = loops.drawn()
     (behind,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
     runs = np.flatnonzero(behind.runs(drawn.ticks))
     steps = np.diff([*runs, runs[0] + drawn.ticks])
     if (steps != steps[0]).any():
         raise UsageError(
-            f"{PATH}.cut: expected a signal that is made at even steps, found {bound.cut!r}, "
+            f"{PATH}.cut: expected a signal that is made at even steps, found {cut!r}, "
             f"made {steps.min()} to {steps.max()} ticks apart"
-        )
-    if bound.centre and runs.size > 1:
-        raise UsageError(
-            f"{PATH}.disk: expected Ms in its place, since {bound.cut!r} is made {runs.size} times "
-            "in a frame, and a disk margin is of one factor on all of them"
         )
     return int(steps[0])

@@ -62,7 +62,7 @@ class Between:
     """Loops between an input and a signal (route) along a number, of which something is asked that
     has a level.
 
-    A judge of `panels`, of these columns, without what `_label` and `worst` are. kept: states that
+    A judge of `panels`, of these columns, without what `labelled` and `worst` are. kept: states that
     the input reaches and the signal depends on. inputs: of the map, one for each tick. stable:
     where loops may be stable, and nothing is looked for elsewhere.
     """
@@ -117,7 +117,7 @@ class Between:
         inside = within.any(-1)
         label = np.full(column.size, BAD)
         if inside.any():
-            label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
+            label[inside] = self.labelled(column[inside], low[inside], high[inside], bounds)
         return label
 
     def _about(self, column, low, high, bounds):

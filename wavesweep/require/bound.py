@@ -19,16 +19,17 @@ from wavesweep.require.gain_bound import (
     RMS,
     STEP_SETTLING,
     CutBound,
+    FactorBound,
     GainBound,
     TimeBound,
 )
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
-BY_DISCS, BY_GAIN = (
-    0.6,
-    1.0,
-)  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
+# s per slice, measured: of a damping ratio, or of loops that conserve; of a gain; of factors
+BY_DISCS = 0.6
+BY_GAIN = 1.0
+BY_FACTORS = 5.0
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
 IN_TIME = "responses in time, frame by frame, on panels of the number: what is seen, and bounds on all that follows"
@@ -57,7 +58,7 @@ class Bound:
     time_constant: float = np.inf
     damped: Damped | None = None
     bounded: bool = False
-    gains: tuple[GainBound | CutBound | TimeBound, ...] = ()
+    gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
 
     @property
     def of_modes(self) -> "Bound | None":
@@ -68,7 +69,9 @@ class Bound:
     @property
     def cost(self) -> float:
         """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
-        return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * len(self.gains)
+        factors = sum(isinstance(gain, FactorBound) for gain in self.gains)
+        of_gains = BY_GAIN * (len(self.gains) - factors) + BY_FACTORS * factors
+        return BY_DISCS * bool(self.damped or self.bounded) + of_gains
 
     @property
     def set_by(self) -> str:
@@ -165,6 +168,7 @@ class Bound:
         stable."""
         from wavesweep.program.analyses.signals import routed
         from wavesweep.require.at_cut import seen_at_cut
+        from wavesweep.require.factors import along_factors
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.time_intervals import along_time
 
@@ -172,6 +176,10 @@ class Bound:
         bounds, resolved = frames.bounds, frames.resolved
         small = []
         for wanted in self.gains:
+            if isinstance(wanted, FactorBound):
+                of_number = along, span, period, bounds, resolved
+                small.append(along_factors(loops, *of_number, wanted, stable))
+                continue
             find = along_time if isinstance(wanted, TimeBound) else along_gain
             if isinstance(wanted, CutBound):
                 seen, route, level = seen_at_cut(loops, wanted)
@@ -283,7 +291,12 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
 
 def _at_cut(margins):
     """The margins at a cut in words."""
-    said = {"Ms": "Ms of at most {:g}", "disk": "a disk margin of at least {:g}"}
+    said = {
+        "Ms": "Ms of at most {:g}",
+        "disk": "a disk margin of at least {:g}",
+        "gain": "a gain margin of at least {:g}, up and down,",
+        "phase_deg": "a phase margin of at least {:g} deg",
+    }
     words = " and ".join(
         text.format(margins[name]) for name, text in said.items() if name in margins
     )

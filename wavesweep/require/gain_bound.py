@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 LIFTED, BASE_BAND = "lifted", "base-band"
 OVERSHOOT, STEP_SETTLING, PEAK, RMS = "overshoot", "step_settling", "peak_to_peak", "rms"
+FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
 IN_TIME = (OVERSHOOT, STEP_SETTLING, PEAK, RMS)
 
 
@@ -32,6 +33,19 @@ class CutBound(NamedTuple):
     cut: str
     at_most: float
     centre: float
+
+    band_hz = None  # it is of all frequencies
+
+
+class FactorBound(NamedTuple):
+    """With which factors of the signal at a cut a loop has to be stable.
+
+    margin: FACTOR_GAIN, from 1/size to size; or FACTOR_PHASE, a phase of up to `size` deg either way.
+    """
+
+    cut: str
+    margin: str
+    size: float
 
     band_hz = None  # it is of all frequencies
 

@@ -70,15 +70,23 @@ def along_gain(
         columns = np.flatnonzero(at_rest)
         judges.append(in_general(*about, columns, stable, gain.arc, at_rest=True))
 
-    low_end = np.full(size, span[0] + BESIDE_POLE * width)
-    poles = np.linalg.eigvals(gain.changes(np.arange(size), low_end))
-    with np.errstate(divide="ignore"):
-        begun = BESIDE_POLE * np.minimum(1.0, SLOW_MODE / np.abs(poles).min(-1))
-    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, np.maximum(begun, END_EXACTNESS), slow=True)
+    begun = begun_at_low_end(gain, span)
+    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
     known = np.ones(size, bool)
     found = along_panels(judges, known, span, step, bounds, resolved, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
     return attached(found, stable, SHARE_OF_SPAN * width)
+
+
+def begun_at_low_end(gain, span):
+    """From which share of the span on an interval that begins at its low end is proved, see
+    `Accuracy`, of each column."""
+    size = gain.columns.size
+    low_end = np.full(size, span[0] + BESIDE_POLE * (span[1] - span[0]))
+    poles = np.linalg.eigvals(gain.changes(np.arange(size), low_end))
+    with np.errstate(divide="ignore"):
+        begun = BESIDE_POLE * np.minimum(1.0, SLOW_MODE / np.abs(poles).min(-1))
+    return np.maximum(begun, END_EXACTNESS)
 
 
 def _arc(wanted, ticks, step):
@@ -104,14 +112,16 @@ def _arc(wanted, ticks, step):
     return np.minimum(arc, np.pi)
 
 
-def attached(found: Intervals, stable: Intervals, nothing: float) -> Intervals:
+def attached(
+    found: Intervals, stable: Intervals, nothing: float, exactness: float = END_EXACTNESS
+) -> Intervals:
     """Intervals whose ends that are as near to those of stability as ends are exact are these."""
     same_column = found.column[:, None] == stable.column
     ends = {}
     for side in ("low", "high"):
         end = getattr(found, side)[:, None]
         stable_end = getattr(stable, side)
-        exact = END_EXACTNESS * (np.abs(stable_end) + nothing)
+        exact = exactness * (np.abs(stable_end) + nothing)
         near = (np.abs(end - stable_end) <= exact) & same_column
         nearest = near.argmax(-1)
         for name in (side, f"{side}_omega"):

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from math import inf, radians, tan
+from math import inf
 from typing import TYPE_CHECKING
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
-from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
     BASE_BAND,
+    FACTOR_GAIN,
+    FACTOR_PHASE,
     IN_TIME,
     LIFTED,
     OVERSHOOT,
@@ -20,6 +21,7 @@ from wavesweep.require.gain_bound import (
     RMS,
     STEP_SETTLING,
     CutBound,
+    FactorBound,
     GainBound,
     TimeBound,
 )
@@ -146,6 +148,22 @@ KEYS = Key.by_path(
             low=1e-6,
             high=1.999,
         ),
+        Key.number(
+            "sweep.require.margins.gain",
+            None,
+            "1",
+            "find the intervals in which the loop is stable with every factor of the cut from 1/gain to gain",
+            low=1.001,
+            high=1e3,
+        ),
+        Key.number(
+            "sweep.require.margins.phase_deg",
+            None,
+            "deg",
+            "find the intervals in which the loop is stable with every phase at the cut of up to so many degrees either way",
+            low=0.01,
+            high=179.0,
+        ),
         *(
             key
             for measure, (unit, most, found) in LEVELS.items()
@@ -168,7 +186,6 @@ KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()
 BETWEEN = ("gain", *IN_TIME)  # tables of what lies between an input and a signal
 NEEDED = ("from", "to", "at_most")  # keys that each of these has
 OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
-SINGLE = ("gain", "phase_deg")  # margins that are not proved along a number
 
 
 class Require(KeyValues):
@@ -205,7 +222,7 @@ class Require(KeyValues):
         if self.get("damping_ratio"):
             modes = self.get("modes", ALL_MODES)
             damped = Damped(self["damping_ratio"], modes, self.get("slower_than", 0.0))
-        gains: tuple[GainBound | CutBound | TimeBound, ...] = ()
+        gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
         if "gain.at_most" in self:
             band, measure = self.get("gain.band_hz"), self.get("gain.measure", LIFTED)
             level = self["gain.at_most"]
@@ -214,6 +231,9 @@ class Require(KeyValues):
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
             gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
+        for margin in (FACTOR_GAIN, FACTOR_PHASE):
+            if f"margins.{margin}" in self:
+                gains += (FactorBound(self["margins.cut"], margin, self[f"margins.{margin}"]),)
         for measure in IN_TIME:
             if f"{measure}.at_most" in self:
                 gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
@@ -231,7 +251,6 @@ def build(request: Request) -> Require | None:
     """Return the requirement and add its mistakes; None if nothing is required."""
     mistakes = request.mistakes
     leaves = request.belongs.below(PATH)
-    _refuse_single(mistakes, leaves)
     values = TABLE.read(leaves, mistakes)
     if values.get("bounded") and len(values) > 1:
         expected, found = "true alone", "other requirements as well"
@@ -247,27 +266,6 @@ def build(request: Request) -> Require | None:
     return Require(values) if any(values.values()) else None
 
 
-def _refuse_single(mistakes, leaves):
-    """Take the margins of a gain or a phase alone out of the table, with the disk that holds
-    them."""
-    for name in SINGLE:
-        leaf = leaves.pop(f"margins.{name}", None)
-        if leaf is None:
-            continue
-        instead = ""
-        value = leaf.value
-        if isinstance(value, (int, float)) and name == "gain" and value > 1:
-            disk = 2 * (value - 1) / (value + 1)
-            instead = (
-                f"; disk = {rounded_up(disk, 4)} holds a gain up and down by {value:g}, and more"
-            )
-        elif isinstance(value, (int, float)) and name == "phase_deg" and 0 < value < 90:
-            disk = 2 * tan(radians(value) / 2)
-            instead = f"; disk = {rounded_up(disk, 4)} holds a phase of {value:g} deg, and more"
-        expected = f"Ms or disk, which are proved along a number{instead}"
-        mistakes.refuse(leaf, f"{PATH}.margins.{name}", expected, name, of_key=False)
-
-
 def _refuse_wrong_cut(request, leaves):
     """Add the mistakes of margins without a cut, or with one at which the loop cannot be cut,
     and of a cut alone."""
@@ -277,9 +275,14 @@ def _refuse_wrong_cut(request, leaves):
     mistakes = request.mistakes
     leaf = leaves.get("margins.cut")
     if leaf is None or len(given) == 1:
-        missing = "cut" if leaf is None else "Ms and disk"
+        missing = "cut" if leaf is None else "Ms, disk, gain and phase_deg"
         first = leaves[given[0]]
-        mistakes.refuse(first, f"{PATH}.margins", "cut, and Ms or disk", f"none of {missing}")
+        mistakes.refuse(
+            first,
+            f"{PATH}.margins",
+            "cut, and one of Ms, disk, gain, phase_deg",
+            f"none of {missing}",
+        )
     elif request.drawing:
         from wavesweep.program.analyses.cuts import fault_of_cut
 

@@ -204,7 +204,7 @@ class LongGain(BoundedGain):
                 kinds, [of_tick(*each, level**2, points) for each in ticks], then
             ), pivots
 
-    def _label(self, column, low, high, bounds):
+    def labelled(self, column, low, high, bounds):
         label, singular = self._at_level(self.level, column, low, high, bounds)
         for level, kept in ((self.level * BESIDE_LEVEL, BAD), (self.level / BESIDE_LEVEL, GOOD)):
             again = np.flatnonzero(singular & (label == OPEN))

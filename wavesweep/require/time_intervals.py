@@ -124,7 +124,7 @@ class InTime(Between):
         total = np.abs((through + shown).mean((-1, -2)))
         return bool((total <= NO_END * size.max((-1, -2))).all())
 
-    def _label(self, column, low, high, bounds):
+    def labelled(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
         maps = by_panel(maps, shape)
         for matrix, size in maps:
