@@ -14,7 +14,7 @@ from support.specs import KINDS, nested, random_values
 import wavesweep
 from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine._search.frames_along import FramesAlong
-from wavesweep.engine._search.lines_of_loops import range_of_lines
+from wavesweep.engine._search.lines_of_loops import _turns_of_pair, range_of_lines
 from wavesweep.engine._search.question import Question
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import near_rates
@@ -647,6 +647,20 @@ def test_a_damping_ratio_does_not_change_with_a_block_that_only_looks(every):
     assert other.certified.all()
     assert one.high_hz[0] > 10  # half the rate of a frame of 50 ms
     np.testing.assert_allclose(one[["low", "high"]], other[["low", "high"]], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("other", "off", "told"), [(0.0, 0.0, True), (0.6, 0.0, True), (0.8, 0.0, False), (0.6, 0.2, False)])
+def test_the_line_of_a_pair_is_told_if_it_leads_for_every_vector_of_the_plane(other, off, told):
+    """Beside the lines 3 and -4 of both vectors stands another one of each, of such a part of their length."""
+    k = 2j * np.pi * np.arange(12) / 12
+    columns = np.array([[np.exp(3 * k) + other * np.exp(5 * k)], [np.exp(-4 * k) + other * np.exp(-6 * k)]])
+    differ = np.full((2, 1), off * np.linalg.norm(columns[0]))
+    unknown = np.array([1.0, 0.0, 99.0])
+    turns = _turns_of_pair(columns, differ, np.pi - 1e-3, unknown)
+    if told:
+        assert turns[1:] == pytest.approx([7 * np.pi - 1e-3, 7 * np.pi + 1e-3])
+    else:
+        assert turns is unknown
 
 
 def test_a_mode_whose_line_cannot_be_told_is_in_doubt():
