@@ -233,6 +233,9 @@ def hold_members(case, row):
 def refuted(case, text, K, B):
     """Whether the frames or the mass that a text names grow."""
     text = re.sub(r".*from \S+: ", "", text)
+    if " in all)" in text:  # the table has the whole of it
+        named = {int(each) for each in re.findall(r"\d+(?!\d*\))", re.sub(r" x \d+", "", text.partition(", ...")[0]))}
+        return named <= {*case.lengths}
     mass = re.search(rf"mass = {N}", text)
     lengths = [case.own_length]
     if "frames" in text:

@@ -242,9 +242,13 @@ def along(run, name, required):
     return [(max(low, 0.1), min(high, 10.0))] if max(low, 0.1) < min(high, 10.0) else []
 
 
+SPAN = rf"{N}{BEYOND} to (?:at least )?{N}"
+SPANS = rf"((?:{SPAN})(?: and {SPAN})*)".replace(N, N.replace("(-", "(?:-"))
+
+
 @shape(
     rf"  (K|c) = {N}(?: \w+)?: (stable|met|as required) from {N}{BEYOND} to (?:at least )?{N}{BEYOND}"
-    r"( \(.*?\))?(?:; also in (.*))?",
+    rf"( \((?:down|up) to [^()]* times its value\))?(?:; also in {SPANS})?",
     "check",
 )
 def span_of(run, name, value, what, low, high, may, also):
@@ -255,13 +259,11 @@ def span_of(run, name, value, what, low, high, may, also):
         for way, factor in re.findall(rf"(down|up) to {N}", may):
             end = high if way == "up" else low
             assert near(float(factor), end / value, 0.006), (factor, end / value)
+            inwards = float(factor) - end / value if way == "down" else end / value - float(factor)
+            assert inwards >= -DIGITS * end / value, (factor, end / value)
     for a, b in re.findall(rf"{N}{BEYOND} to {N}", also or ""):
         assert within(float(a), float(b), found), (a, b, found)
     return True
-
-
-SPAN = rf"{N}{BEYOND} to (?:at least )?{N}"
-SPANS = rf"((?:{SPAN})(?: and {SPAN})*)".replace(N, N.replace("(-", "(?:-"))
 
 
 @shape(rf"(?:  |.*: )(K|c) = {N}(?: \w+)?(?:: (on an end)| (on an end))?[:,] (stable|met|as required) in {SPANS}", "check")
