@@ -124,7 +124,7 @@ AT_AN_END = 1e-9  # relative: nearer to an end a value is not told from it
 UNSETTLED = 0.02  # relative: between what is proved and what is refuted
 
 
-@shape(r"(?:mine, drawn|the spec's own design): (.*)|  (not (?:as required|stable|every motion|known) .*)", ("check", "why"))
+@shape(r"(?:mine, drawn|the spec's own design): (.*)|  (not (?:as required|stable|every motion|known)\b.*)", ("check", "why"))
 def verdict(run, said, again):
     said = said or again
     case = run.case
