@@ -5,6 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.response import Bounded
 from wavesweep.program.spec import load
 from wavesweep.require import enclosed
 from wavesweep.require.disc_panels import HALF_RIM
@@ -95,7 +96,7 @@ def of_ratio(ratio, rate):
         flow = np.array([[0, 1, 0], [-(rate**2), -2 * rate * each, rate**2], [0, 0, 0]])
         A = expm(T * flow)
         matrices.append((A[:2, :2] - np.eye(2), A[:2, 2:], np.array([[1.0, 0]]), np.zeros((1, 1))))
-    return [(np.array(each)[None], 1e-16 * np.abs(each)[None]) for each in zip(*matrices, strict=True)]
+    return [Bounded(np.array(each)[None], 1e-16 * np.abs(each)[None]) for each in zip(*matrices, strict=True)]
 
 
 @pytest.mark.slow
@@ -203,3 +204,8 @@ def test_a_range_in_which_the_loop_comes_to_rest_too_slowly_is_left_open():
     assert (row.certified, row.doubt, row.open_places) == (False, "search", 1)
     assert 0 < row.low < 0.02
     assert row.high == pytest.approx(120, rel=1e-8)
+
+
+def test_a_product_of_matrices_with_large_errors_holds_its_corners():
+    wide = Bounded(np.ones((1, 1)), np.ones((1, 1)))
+    assert (wide @ wide).error >= 2 * 2 - 1

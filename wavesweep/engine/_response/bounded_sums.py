@@ -56,7 +56,7 @@ class Bounded(NamedTuple):
     def __matmul__(self, other: "Bounded") -> "Bounded":
         size = np.abs(other.value)
         of_other = other.error + SHORT_SUM_ROUNDING * size
-        error = self.error @ size + np.abs(self.value) @ of_other
+        error = self.error @ (size + other.error) + np.abs(self.value) @ of_other
         return Bounded(self.value @ other.value, error)
 
     def scaled(self, factor: np.ndarray) -> "Bounded":
