@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.program.analyses.claims import (
@@ -17,7 +16,7 @@ from wavesweep.program.analyses.claims import (
     curve_of,
     own_scope,
 )
-from wavesweep.program.tables.refuters import LONGEST_REFUTER_TEXT
+from wavesweep.program.tables.refuters import in_a_sentence
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -57,7 +56,7 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
 
 def _claim(scope: Scope, verdict: Mapping[str, str]) -> Claim:
     status = _STATUS[verdict["verdict"]]
-    reason = shorten(verdict["counterexample"], LONGEST_REFUTER_TEXT, placeholder=" ...")
+    reason = in_a_sentence(verdict["counterexample"])
     return Claim(AT_REST, scope, status, reason)
 
 

@@ -101,7 +101,10 @@ def refuse(spec: Spec, along: str) -> None:
         except offered("switched").UnfitWallError as error:
             found = f"{error}; --set for_all.contact=false leaves contact out"
     elif wall_cut(own_loop(spec, along)) is None:
-        found = "one that acts several times in it, as where rates do not divide; give ratio, or leave contact out"
+        found = (
+            "one that acts several times in it, as where rates do not divide; leave contact out, or ask for frames in any "
+            "order, such as rates.ratio = 17 and [for_all] rates.ratio = [16, 17] for 60 Hz under 1 kHz"
+        )
     if found:
         expected = "a wall whose force is computed once a frame, and one position that drifts without it at most"
         raise UsageError(f"[for_all] contact: expected {expected}, found {found}")

@@ -35,7 +35,11 @@ class Refuters(NamedTuple):
 
 
 def in_a_sentence(refuter: str) -> str:
-    """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST_REFUTER_TEXT."""
+    """A refuter for a sentence: of a pattern that is repeated the runs, and no more letters than LONGEST_REFUTER_TEXT;
+    of a wall the frames of the motion, one for each point of its curve."""
+    wall, of_curve, curve = refuter.partition(" through (")
+    if of_curve:
+        return f"{wall} and a motion of {curve.count(')')} frames"
     before, _, text = refuter.partition("frames ")
     frames = re.match(rf"{_FRAME}(?:, {_FRAME})*", text)
     if frames:
