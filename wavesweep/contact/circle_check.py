@@ -190,18 +190,18 @@ def _opened(loop, wall, about, curved):
     """Return `1 - K G_x - B G_v` without its pole at middles of arcs, its slope, and the rest."""
     terms = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (loop.B.size + 4)
     row, size_of_wall = wall @ loop.rows, np.abs(wall)
-    of_row = size_of_wall @ (
+    row_error = size_of_wall @ (
         loop.dRows + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.rows)
     )
-    size = np.abs(row) + of_row
+    size = np.abs(row) + row_error
     direct = wall @ loop.direct
-    of_direct = size_of_wall @ (
+    direct_error = size_of_wall @ (
         loop.dDirect + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.direct)
     )
-    of_a = of_direct + about.size @ (of_row + terms * size) + size.sum() * about.error
-    a = Known(1 - direct - about.X @ row, of_a + terms * (1 + abs(direct)))
-    of_a1 = about.size1 @ (of_row + terms * size) + size.sum() * about.error1
-    a1 = Known(1j * about.z * (about.X1 @ row), of_a1)
+    a_error = direct_error + about.size @ (row_error + terms * size) + size.sum() * about.error
+    a = Known(1 - direct - about.X @ row, a_error + terms * (1 + abs(direct)))
+    a1_error = about.size1 @ (row_error + terms * size) + size.sum() * about.error1
+    a1 = Known(1j * about.z * (about.X1 @ row), a1_error)
     return a, a1, curved * a1.size + size.sum() * about.rest
 
 
@@ -235,11 +235,13 @@ def _resolvents(loop, middles, half):
         w[:, None, None] * eye - loop.E, loop.dE + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * eye
     )
     B = np.broadcast_to(loop.B, (middles.size, loop.B.size))
-    X, of_X = inverse.times(B, np.full(middles.size, loop.dB.max(initial=0.0)))
-    X1, of_X1 = inverse.times(X, of_X)
-    X2, of_X2 = inverse.times(X1, of_X1)
+    X, X_error = inverse.times(B, np.full(middles.size, loop.dB.max(initial=0.0)))
+    X1, X1_error = inverse.times(X, X_error)
+    X2, X2_error = inverse.times(X1, X1_error)
     near = half * inverse.size
-    rest = half**2 * (np.abs(X2).max(-1, initial=0.0) + of_X2) / (1 - near)
+    rest = half**2 * (np.abs(X2).max(-1, initial=0.0) + X2_error) / (1 - near)
     converges = (inverse.alpha < LEAST_SURE) & (near < RESOLVENT_REACH)
-    size, size1 = np.abs(X) + of_X[:, None], np.abs(X1) + of_X1[:, None]
-    return _Resolvents(1 + w, X, X1, size, size1, of_X, of_X1, BOUNDS_OF_DOUBLES * rest, converges)
+    size, size1 = np.abs(X) + X_error[:, None], np.abs(X1) + X1_error[:, None]
+    return _Resolvents(
+        1 + w, X, X1, size, size1, X_error, X1_error, BOUNDS_OF_DOUBLES * rest, converges
+    )

@@ -95,11 +95,11 @@ class _Rests:
         reach = np.abs(self.middle) + np.abs(self.G).sum(1) + self.errors
         middle = step + self.middle + change @ self.middle
         G = self.G + change @ self.G
-        errors = frames.of_changes[i, n, :n] + size @ self.errors
-        errors = errors + frames.of_changes[i, :n, :n].T @ reach
+        errors = frames.changes_error[i, n, :n] + size @ self.errors
+        errors = errors + frames.changes_error[i, :n, :n].T @ reach
         rounding = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (2 * n + 8)
-        of_sums = reach + np.abs(change) @ reach + np.abs(step)
-        return _Rests(middle, G, errors + rounding * of_sums)
+        size_of_sums = reach + np.abs(change) @ reach + np.abs(step)
+        return _Rests(middle, G, errors + rounding * size_of_sums)
 
     def turned(self, frames: Any, i: int) -> tuple[float, float]:
         """Return the least and the largest of `r + omega' b`."""
@@ -110,7 +110,7 @@ class _Rests:
         value = r + self.middle @ b
         rounding = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (2 * n + 8)
         off = np.abs(b @ self.G).sum() + np.abs(b) @ self.errors
-        off = off + frames.of_changes[i, n, n] + frames.of_changes[i, :n, n] @ reach
+        off = off + frames.changes_error[i, n, n] + frames.changes_error[i, :n, n] @ reach
         off = off + rounding * (abs(r) + np.abs(b) @ reach)
         return float(value - off), float(value + off)
 
@@ -165,12 +165,14 @@ def _rests_in(frames, T) -> _Rests | None:
     # The inverse of `back` is T (1 - D)^-1 with |D| <= lost.
     off_of_inverse = np.full((n, n), share / (1 - share))
     M = back @ A.mT @ T
-    of_A = frames.of_changes[:, :n, :n].mT + rounding * np.abs(A.mT)
-    of_M = size_of_back @ of_A @ np.abs(T) + rounding * (size_of_back @ np.abs(A.mT) @ np.abs(T))
-    of_M = of_M + (np.abs(M) + of_M) @ off_of_inverse
+    A_error = frames.changes_error[:, :n, :n].mT + rounding * np.abs(A.mT)
+    M_error = size_of_back @ A_error @ np.abs(T) + rounding * (
+        size_of_back @ np.abs(A.mT) @ np.abs(T)
+    )
+    M_error = M_error + (np.abs(M) + M_error) @ off_of_inverse
     moved = step @ back.T
-    of_moved = frames.of_changes[:, n, :n] @ size_of_back.T
-    of_moved = of_moved + rounding * (np.abs(step) @ size_of_back.T)
+    moved_error = frames.changes_error[:, n, :n] @ size_of_back.T
+    moved_error = moved_error + rounding * (np.abs(step) @ size_of_back.T)
     above = np.maximum(M, 0.0)
     below = np.minimum(M, 0.0)
     try:
@@ -179,7 +181,7 @@ def _rests_in(frames, T) -> _Rests | None:
         return None
     high = low.copy()
     for _ in range(ROUNDS):
-        off = of_moved + of_M @ np.maximum(np.abs(low), np.abs(high))
+        off = moved_error + M_error @ np.maximum(np.abs(low), np.abs(high))
         off = off + rounding * (np.abs(moved) + np.abs(M) @ np.maximum(np.abs(low), np.abs(high)))
         least = (moved + above @ low + below @ high - off).min(0)
         most = (moved + above @ high + below @ low + off).max(0)

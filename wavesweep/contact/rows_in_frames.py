@@ -57,7 +57,7 @@ class InFrames:
             edges = edges_of(frames, ahead)
             if edges is None:
                 return None
-            conditions = Conditions.of(frames, edges)
+            conditions = Conditions.on_edges(frames, edges)
             if loops and conditions.R.size > MOST_CONDITIONS:
                 break
             loops.append(InFrames(frames, conditions, unit))
@@ -98,7 +98,7 @@ class InFrames:
         for i in own.tolist():
             n = self.frames.changes.shape[-1] - 1
             E = self.frames.changes[i, :n, :n]
-            dE = self.frames.of_changes[i, :n, :n]
+            dE = self.frames.changes_error[i, :n, :n]
             omega = np.zeros(n)
             residue = 0.0
             if self.frames.drifts:
@@ -115,9 +115,9 @@ class InFrames:
                 rows[:, n],
                 residue * self.unit,
                 dE,
-                self.frames.of_changes[i, :n, n],
-                self.frames.of_rows[i, :, :n],
-                self.frames.of_rows[i, :, n],
+                self.frames.changes_error[i, :n, n],
+                self.frames.rows_error[i, :, :n],
+                self.frames.rows_error[i, :, n],
                 0.0,
                 bool(clear[0] and count[0] == 0),
                 bool(clear[0] and count[0] > 0),
@@ -168,9 +168,9 @@ def _in_units(frames):
     scaled = replace(
         frames,
         changes=frames.changes * row[:, None] * column,
-        of_changes=frames.of_changes * row[:, None] * column,
+        changes_error=frames.changes_error * row[:, None] * column,
         rows=frames.rows * column / unit,
-        of_rows=frames.of_rows * column / unit,
+        rows_error=frames.rows_error * column / unit,
     )
     return scaled, unit
 

@@ -58,9 +58,9 @@ class Conditions:
     """What has to hold on the edges of a graph, at the vertices of the hulls.
 
     moved `(conditions, n + 1, n + 1)`: A and b, and the row (l, r) below; read `(conditions, 2, n +
-    1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`; of_...: bounds on
-    their errors. exact: whether all rests are points, up to such errors. drifts: whether a position
-    does.
+    1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`; ..._error: bounds
+    on the errors of their entries. exact: whether all rests are points, up to such errors. drifts:
+    whether a position does.
     """
 
     source: np.ndarray
@@ -69,43 +69,50 @@ class Conditions:
     read: np.ndarray
     rest: np.ndarray
     R: np.ndarray
-    of_moved: np.ndarray
-    of_read: np.ndarray
-    of_rest: np.ndarray
-    of_R: np.ndarray
+    moved_error: np.ndarray
+    read_error: np.ndarray
+    rest_error: np.ndarray
+    R_error: np.ndarray
     drifts: bool
     exact: bool
 
     @staticmethod
-    def of(frames: Any, edges: Sequence[Edge]) -> Conditions:
-        """The conditions of frames, see `WallFrames`, on these edges."""
+    def on_edges(frames: Any, edges: Sequence[Edge]) -> Conditions:
+        """The conditions of frames, see `WallFrames`, on these edges.
+
+        One for each vertex omega of the hull of an edge, and for each of its R: the middle of the
+        interval of R with half of its width as error, or both of its ends if that error is above
+        POINT times R.
+        """
         n = frames.changes.shape[-1] - 1
-        eye = np.eye(n + 1)
-        eye[n, n] = 0.0  # of the force
-        columns: list[tuple] = []
+        # Changes are those of eta and p; the force u behind them has no value before.
+        unchanged = np.eye(n + 1)
+        unchanged[n, n] = 0.0
+        conditions: list[tuple] = []
         exact = True
         for edge in edges:
             i = edge.frame
-            moved = eye + frames.changes[i]
-            of_moved = frames.of_changes[i] + OPERATION_ROUNDING * np.abs(moved)
-            ends = edge.source, edge.target
-            known = moved, frames.rows[i]
-            of_known = of_moved, frames.of_rows[i], edge.errors
+            moved = unchanged + frames.changes[i]
+            moved_error = frames.changes_error[i] + OPERATION_ROUNDING * np.abs(moved)
             least, most = edge.turned
             middle = (least + most) / 2
-            of_R = (most - least) / 2 + OPERATION_ROUNDING * abs(middle)
-            turns = [middle]
-            if of_R > POINT * abs(middle):
-                turns = [least, most]
-                of_R = 0.0
-            exact &= len(turns) == len(edge.vertices) == 1
-            for R, omega in product(turns, edge.vertices):
-                columns.append((*ends, *known, omega, R, *of_known, of_R))
-        return Conditions(*map(np.array, zip(*columns, strict=True)), frames.drifts, exact)
+            R_values = [middle]
+            R_error = (most - least) / 2 + OPERATION_ROUNDING * abs(middle)
+            if R_error > POINT * abs(middle):
+                R_values = [least, most]
+                R_error = 0.0
+            exact &= len(R_values) == len(edge.vertices) == 1
+            for R, omega in product(R_values, edge.vertices):
+                ends = (edge.source, edge.target)
+                values = (moved, frames.rows[i], omega, R)
+                errors = (moved_error, frames.rows_error[i], edge.errors, R_error)
+                conditions.append((*ends, *values, *errors))
+        arrays = map(np.array, zip(*conditions, strict=True))
+        return Conditions(*arrays, drifts=frames.drifts, exact=exact)
 
     def terms(self, wall: tuple[float, float, float]) -> Terms:
-        """The parts of F at a wall: f - p is a_x of the first row that is read, a_v of the second,
-        less a_u of the force."""
+        """The parts of F at a wall (a_x, a_v, a_u), which is (1, B/K, 1/K), or (K, B, 1) without a
+        drift: `f - p = a_x (x - p) + a_v v - a_u u`, where x - p and v are the rows of `read`."""
         a_x, a_v, a_u = wall
         n = self.rest.shape[1]
         force = n + 1
@@ -114,33 +121,33 @@ class Conditions:
         size = np.abs(a_x * self.read[:, 0]) + np.abs(a_v * self.read[:, 1])
         f[:, n] -= a_u
         size[:, n] += a_u
-        of_f = abs(a_x) * self.of_read[:, 0] + abs(a_v) * self.of_read[:, 1]
-        of_f += 8 * OPERATION_ROUNDING * size
+        f_error = abs(a_x) * self.read_error[:, 0] + abs(a_v) * self.read_error[:, 1]
+        f_error += 8 * OPERATION_ROUNDING * size
         count = len(f)
         G = np.zeros((count, n + 1, n + 2))
-        of_G = np.zeros_like(G)
+        G_error = np.zeros_like(G)
         G[:, :, state] = self.moved
-        of_G[:, :, state] = self.of_moved
+        G_error[:, :, state] = self.moved_error
         G[:, n, state] = f - self.moved[:, n]
-        of_G[:, n, state] += of_f + OPERATION_ROUNDING * np.abs(G[:, n, state])
+        G_error[:, n, state] += f_error + OPERATION_ROUNDING * np.abs(G[:, n, state])
         # From where the device would rest to f.
         from_rest = f.copy()
         from_rest[:, :n] -= self.rest
-        of_from_rest = of_f + OPERATION_ROUNDING * np.abs(from_rest)
-        of_from_rest[:, :n] += self.of_rest
+        from_rest_error = f_error + OPERATION_ROUNDING * np.abs(from_rest)
+        from_rest_error[:, :n] += self.rest_error
         weight = -self.R if self.drifts else np.ones(count)
         own = _times_force(-weight[:, None] * from_rest)
         own[:, force, force] -= self.R**2
-        size_of_R = np.abs(self.R) + self.of_R
-        of_product = np.abs(weight)[:, None] * of_from_rest
-        of_product += self.of_R[:, None] * (np.abs(from_rest) + of_from_rest)
-        of_own = _times_force(of_product)
-        of_own[:, force, force] += self.of_R * (np.abs(self.R) + size_of_R)
-        of_own[:, force, force] += 4 * OPERATION_ROUNDING * self.R**2
-        of_own += 4 * OPERATION_ROUNDING * np.abs(own)
+        size_of_R = np.abs(self.R) + self.R_error
+        product_error = np.abs(weight)[:, None] * from_rest_error
+        product_error += self.R_error[:, None] * (np.abs(from_rest) + from_rest_error)
+        own_error = _times_force(product_error)
+        own_error[:, force, force] += self.R_error * (np.abs(self.R) + size_of_R)
+        own_error[:, force, force] += 4 * OPERATION_ROUNDING * self.R**2
+        own_error += 4 * OPERATION_ROUNDING * np.abs(own)
         stored = _times_force(-f)
         stored[:, force, n] = stored[:, n, force] = 1.0
-        return Terms(G, own, stored, of_G, of_own, _times_force(of_f))
+        return Terms(G, own, stored, G_error, own_error, _times_force(f_error))
 
 
 def _times_force(row: np.ndarray) -> np.ndarray:
@@ -155,15 +162,15 @@ def _times_force(row: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0); of_...: bounds
-    on the errors of the entries."""
+    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0);
+    ..._error: bounds on the errors of the entries."""
 
     G: np.ndarray
     own: np.ndarray
     stored: np.ndarray
-    of_G: np.ndarray
-    of_own: np.ndarray
-    of_stored: np.ndarray
+    G_error: np.ndarray
+    own_error: np.ndarray
+    stored_error: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,55 +190,67 @@ def falls(
     """Return whether V is proved to fall in all frames at a wall, or at two and at all between
     them.
 
-    ends: one or two walls, each with its forms and weights. walls: as in `Conditions.terms`, (1,
-    B/K, 1/K) or, without a drift, (K, B, 1).
+    ends: one or two times forms with weights and the wall to them, as in `Conditions.terms`.
 
     Between two walls, with s from 0 to 1, the walls, forms and weights are linear in s. So F is a
     polynomial of degree three, and positive definite if its Bernstein coefficients are. The k-th one
     is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c` over the ends a, b, c of
-    which k are the second.
+    which k are the second. As doubles it is wrong by at most, with all sizes those of both ends,
+
+        dG' |P_j| (|G| + dG) + |G|' |P_j| dG + g d_own + h d_stored
+        + (2 n + 16) rounding (|G|' |P_j| |G| + g |own| + h |stored| + E' |P_i| E).
     """
     switched = offered("switched")
     forms = [stored for stored, _ in ends]
     for each in forms:
         P = each.P
-        if not (np.isfinite(P).all() and (P.mT == P).all() and each.g > 0 and each.h >= 0):
+        symmetric = np.isfinite(P).all() and (P.mT == P).all()
+        if not symmetric or not (each.g > 0 and each.h >= 0):
             return False
         if not switched.definite(P, np.zeros_like(P)):
             return False
-    if conditions.drifts and not (conditions.R + conditions.of_R < 0).all():
+    if conditions.drifts and not (conditions.R + conditions.R_error < 0).all():
         return False
+
     n = forms[0].P.shape[-1]
     terms = [conditions.terms(wall) for _, wall in ends]
-    last = len(ends) - 1
     P_i = [each.P[conditions.source] for each in forms]
     P_j = [each.P[conditions.target] for each in forms]
-    # Bounds on all terms and on their errors, at both ends.
-    size = np.max([np.abs(each.G) for each in terms], axis=0)
-    of_G = np.max([each.of_G for each in terms], axis=0)
-    size_of_P_j = np.max(np.abs(P_j), axis=0)
+    size_of_P_i = _largest(P_i)
+    size_of_P_j = _largest(P_j)
     g = max(each.g for each in forms)
     h = max(each.h for each in forms)
-    own = np.max([np.abs(each.own) for each in terms], axis=0)
-    on_wall = np.max([np.abs(each.stored) for each in terms], axis=0)
-    across = size.mT @ size_of_P_j
-    of_entries = of_G.mT @ size_of_P_j @ (size + of_G) + across @ of_G
-    added = across @ size + g * own + h * on_wall
-    added[:, :n, :n] += np.max(np.abs(P_i), axis=0)
-    of_rounding = OPERATION_ROUNDING * (2 * n + 16) * added
-    of_own = np.max([each.of_own for each in terms], axis=0)
-    of_stored = np.max([each.of_stored for each in terms], axis=0)
-    error = BOUNDS_OF_DOUBLES * (of_entries + of_rounding + g * of_own + h * of_stored)
-    for k in range(3 * last + 1):
-        coefficients = []
-        for a, b, c in product(range(last + 1), repeat=3):
+    size_of_G = _largest([each.G for each in terms])
+    size_of_own = _largest([each.own for each in terms])
+    size_of_stored = _largest([each.stored for each in terms])
+    G_error = _largest([each.G_error for each in terms])
+    own_error = _largest([each.own_error for each in terms])
+    stored_error = _largest([each.stored_error for each in terms])
+
+    across = size_of_G.mT @ size_of_P_j
+    moved_error = G_error.mT @ size_of_P_j @ (size_of_G + G_error) + across @ G_error
+    added = across @ size_of_G + g * size_of_own + h * size_of_stored
+    added[:, :n, :n] += size_of_P_i
+    rounding_error = OPERATION_ROUNDING * (2 * n + 16) * added
+    error = BOUNDS_OF_DOUBLES * (moved_error + rounding_error + g * own_error + h * stored_error)
+
+    second = len(ends) - 1  # 0 of a single wall, which is the only coefficient
+    for k in range(3 * second + 1):
+        products = []
+        for a, b, c in product(range(second + 1), repeat=3):
             if a + b + c != k:
                 continue
             F = forms[a].g * terms[b].own + forms[a].h * terms[b].stored
             moved = terms[b].G.mT @ P_j[a] @ terms[c].G
             F = F - (moved + moved.mT) / 2
             F[:, :n, :n] += P_i[a]
-            coefficients.append(F)
-        if not switched.definite(*switched.in_its_units(np.mean(coefficients, axis=0), error)):
+            products.append(F)
+        coefficient = np.mean(products, axis=0)
+        if not switched.definite(*switched.in_its_units(coefficient, error)):
             return False
     return True
+
+
+def _largest(ends: Sequence[np.ndarray]) -> np.ndarray:
+    """The largest size of each entry at the ends."""
+    return np.max(np.abs(ends), axis=0)

@@ -270,7 +270,8 @@ class ClosedLoop:
         along others. If `certified` is false, `doubt` says why, and what is between `open_low` and
         `open_high` may be stable or not.
         """
-        key, ends = self._key(along), real_numbers(span)
+        key = self._key(along)
+        ends = real_numbers(span)
         if key.structural:
             expected = "a number that does not decide how the loop is built"
             raise UsageError(
@@ -288,23 +289,21 @@ class ClosedLoop:
                 f"{along}: expected other numbers than the one that the intervals are along"
             )
         low, high = map(float, ends)
+        _, arrays = self._arrays(numbers)
+        # One search for all loops of a drawing, which share what depends on the drawing alone.
         by_drawing: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
-        for members, loops in self._batches(self._arrays(numbers)[1], along=True):
+        for members, loops in self._batches(arrays, along=True):
             by_drawing.setdefault(loops.drawing, []).append((members, loops.read))
-        searches = (
+        searches = [
             Search(key.path, (low, high), tuple(groups), prover=prover)
             for groups in by_drawing.values()
-        )
+        ]
         records = Searches(tuple(searches)).records()
-        names = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
-        columns = {
-            name: np.ascontiguousarray(records[name]) for name in (*names, "certified", "residual")
-        }
-        open_ends = {
-            name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")
-        }
+        ends_of_intervals = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
+        copied = (*ends_of_intervals, "certified", "residual", "open_low", "open_high")
+        columns = {name: np.ascontiguousarray(records[name]) for name in copied}
         return StableIntervals(
-            loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns, **open_ends
+            loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns
         )
 
     def spectral_radius(self, numbers: Numbers = None) -> Floats:

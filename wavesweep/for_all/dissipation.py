@@ -73,24 +73,30 @@ def least_damping(
     M: `[A B]` of each edge, `(edges, n, n + 1)`; S: `(edges, n + 1, n + 1)`; follows: `(edges,
     edges)`. The edges are the symbols of the graph of the energies. Accuracy: OPTIMUM_DISTANCE,
     unless rounding ends the program earlier.
+
+    The search is in units t of the states, s = U s_t with U = diag(t), in which `A_t = U^-1 A U`,
+    `B_t = U^-1 B` and `S_t = diag(U, 1) S diag(U, 1)` have rows and columns of similar sizes. It
+    begins with energies in which all A shrink.
     """
     n = M.shape[1]
+    # Of (s, u): the sizes of what states become, above that of what a displacement takes in.
     size = np.abs(S).sum(0)
     size[:n] = np.abs(M).sum(0)
-    units = balance(size[None], SWEEPS)[1][0]
-    units = units[:n] / units[n]
+    _, units_of_batch = balance(size[None], SWEEPS)
+    units = units_of_batch[0]
+    units = units[:n] / units[n]  # u keeps its own
     M = M / units[:, None]
-    S = S.copy()
     M[..., :n] *= units
+    S = S.copy()
     S[:, :n] *= units[:, None]
     S[..., :n] *= units
     centre, factor = find_norms(M[..., :n], follows)
-    if factor == 1:
-        for each, damping in reversed(_path(centre, M, S)):
-            yield (
-                replace(each, basis=units[:, None] * each.basis, inverse=each.inverse / units),
-                damping,
-            )
+    if factor < 1:
+        return
+    for each, damping in reversed(_path(centre, M, S)):
+        basis = units[:, None] * each.basis
+        inverse = each.inverse / units
+        yield replace(each, basis=basis, inverse=inverse), damping
 
 
 def _path(centre: Centre, M, S) -> list[tuple[Centre, float]]:

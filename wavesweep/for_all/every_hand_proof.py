@@ -20,6 +20,7 @@ hand takes out energy: this refutes.
 
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -134,21 +135,21 @@ class EveryHand:
         too large.
         """
         with ctx.workprec(PROOF_BITS):
-            index, maps = _ticks(plan)
-            rows, samples, symbols, follows = plan.written(index)
+            places, maps = _ticks(plan)
+            rows, samples, symbols, follows = plan.written(places)
             joined: dict[tuple[int, ...], int] = {}
             words = tuple(
                 _timed([*row, sample], maps, joined)
                 for row, sample in zip(rows, samples, strict=True)
             )
-            ticks = [reduce(_after, (maps[index] for index in indices)) for indices in joined]
+            ticks = [reduce(_after, (maps[place] for place in moments)) for moments in joined]
             from_rest = _from_rest(ticks)
             if from_rest is None:
                 return None
-            (kinds, stiffness, rest), graph = from_rest, automaton(words, follows)
-            unmet = Unmet.of(
-                [reduce(_after, (ticks[index] for index in word)) for word in words], rest, follows
-            )
+            kinds, stiffness, unmet_states = from_rest
+            graph = automaton(words, follows)
+            frames = [reduce(_after, (ticks[kind] for kind in word)) for word in words]
+            unmet = Unmet.of(frames, unmet_states, follows)
         n = kinds[0][0].nrows()
         if (most := graph.nodes * n * (n + 1) // 2) > MOST_UNKNOWNS:
             raise UsageError(
@@ -295,11 +296,9 @@ def with_ruler(drawing: Drawing) -> Drawing:
     )
 
 
-def _ticks(plan: Plan):
-    """The index of each kind of tick at each period of the slow blocks, and its map of a loop
-    with a ruler."""
-    index = {}
-    maps = {}
+def _ticks(plan: Plan) -> tuple[dict[tuple[Any, int], int], list[arb_mat]]:
+    """The different maps of ticks of a loop with a ruler, and (kind of tick, period of the slow
+    blocks) -> place of its map among them."""
     balls = offered("ticks")
     if balls is None:
         raise UsageError(
@@ -307,21 +306,27 @@ def _ticks(plan: Plan):
         )
     at_steps = [with_ruler(plan.schedule.with_period(plan.drawing, step)) for step in plan.steps]
     loops = [balls.BallLoop(drawing, plan.values, "") for drawing in at_steps]
-    held = sorted(
-        {output for loop in loops for output in loop.held}
-    )  # at one step perhaps, where a block runs in every tick
+    # An output is held at some periods only if its block runs in every tick at others: held in all,
+    # so that all maps have the same states.
+    held = sorted({output for loop in loops for output in loop.held})
+    places = {}
+    maps = []
+    place_of_map = {}
     for step, loop in zip(plan.steps, loops, strict=True):
         running = plan.schedule.running([block.name for block in loop.blocks])
         loop.kinds = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running)
         loop.held = held
         tick_maps = loop.tick_maps(arb(0))
-        for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
-            matrix = tick_maps[places][0]
-            key = tuple(
+        for kind, running_blocks in zip(plan.schedule.kinds, loop.kinds, strict=True):
+            matrix = tick_maps[running_blocks][0]
+            digits = tuple(
                 (entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries()
             )
-            index[kind, step] = maps.setdefault(key, (len(maps), matrix))[0]
-    return index, [matrix for _, matrix in maps.values()]
+            if digits not in place_of_map:
+                place_of_map[digits] = len(maps)
+                maps.append(matrix)
+            places[kind, step] = place_of_map[digits]
+    return places, maps
 
 
 def _timed(row, maps, joined):
@@ -345,57 +350,63 @@ def _pattern(matrix):
     return np.array([[not entry.is_zero() for entry in row] for row in matrix.tolist()])
 
 
-def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndarray] | None:
+def _from_rest(
+    ticks: list[arb_mat],
+) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndarray] | None:
     """`[A B]` and `[C D - k/2]` of each kind of tick, of the states that matter for the force,
     counted from their rest; the stiffness k; and which of the states are none of these.
+
+    With the place x and the displacement u, `x+ = x + u`, a tick moves the states s that the force
+    reads by `s+ = F s + g x + b u`, and the force is `f = -c s - e x - h u`. They rest at R x if
+    `R = F R + g`, which has to hold in all ticks. So, with s counted from there,
+
+        A = F,   B = b - R,   C = -c,   D = -h,   k = -(e + c R).
 
     None if nothing rests alike in all of them.
     """
     present = np.array([_pattern(tick) for tick in ticks]).any(0)
-    rest = [i for i in np.flatnonzero(closure([present], present[FORCE])).tolist() if i > FORCE]
-
-    def part(tick, rows, columns):
-        return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
-
+    read_by_force = np.flatnonzero(closure([present], present[FORCE])).tolist()
+    states = [state for state in read_by_force if state > FORCE]
     frame = reduce(_after, ticks)
-    identity = arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
+    identity = arb_mat(len(states), len(states), [int(i == j) for i in states for j in states])
     try:
-        R = (identity - part(frame, rest, rest)).solve(part(frame, rest, [X]))
+        R = (identity - _part(frame, states, states)).solve(_part(frame, states, [X]))
     except ZeroDivisionError:
         return None
-    rows_found = []
+    systems = []
     stiffness = None
     for tick in ticks:
-        free = part(tick, rest, rest)
-        moves = tick[X, PUSH]
-        left = part(tick, rest, [X]) + (free - identity) * R
-        k = -(part(tick, [FORCE], [X]) + part(tick, [FORCE], rest) * R)[0, 0]
-        stiffness = k if stiffness is None else stiffness
-        if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness)):
+        moves = tick[X, PUSH]  # the displacement of a push of 1
+        F = _part(tick, states, states)
+        g = _part(tick, states, [X])
+        b = _part(tick, states, [PUSH]) * (1 / moves)
+        c = _part(tick, [FORCE], states)
+        k = -(_part(tick, [FORCE], [X]) + c * R)[0, 0]
+        if stiffness is None:
+            stiffness = k
+        left = g + (F - identity) * R
+        rests = all(entry.contains(0) for entry in left.entries())
+        if not rests or not k.overlaps(stiffness):
             return None
-        B = part(tick, rest, [PUSH]) * (1 / moves) - R
-        C = part(tick, [FORCE], rest)
-        rows_found.append([[*a, *b] for a, b in zip(free.tolist(), B.tolist(), strict=True)])
-        rows_found[-1].append(
-            [*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2]
-        )
-    present = np.array(
-        [[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in rows_found]
-    ).any(0)
-    moved = closure([present[:, :-1].T], present[:, -1]) if rest else np.zeros(0, bool)
-    places = [*np.flatnonzero(moved).tolist(), len(rest)]
-    rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in rows_found]
-    size = (len(places) - 1, len(places))
-    met = {X, PUSH, FORCE, *(rest[place] for place in places[:-1])}
-    kinds = tuple(
-        (
-            arb_mat(*size, [entry for row in rows_of_kind[:-1] for entry in row]),
-            arb_mat(rows_of_kind[-1:]),
-        )
-        for rows_of_kind in rows
-    )
-    return (
-        kinds,
-        stiffness,
-        np.array([state for state in range(ticks[0].nrows()) if state not in met], int),
-    )
+        systems.append((F, b - R, -c, -tick[FORCE, PUSH] / moves - k / 2))
+
+    moved = []  # places among the states that a push moves
+    if states:
+        A_present = np.array([_pattern(A) for A, _, _, _ in systems]).any(0)
+        B_present = np.array([_pattern(B) for _, B, _, _ in systems]).any(0)[:, 0]
+        moved = np.flatnonzero(closure([A_present.T], B_present)).tolist()
+    kinds = []
+    for A, B, C, last in systems:
+        AB = []
+        for i in moved:
+            AB.extend([*(A[i, j] for j in moved), B[i, 0]])
+        CD = [*(C[0, j] for j in moved), last]
+        kinds.append((arb_mat(len(moved), len(moved) + 1, AB), arb_mat([CD])))
+    met = {X, PUSH, FORCE, *(states[place] for place in moved)}
+    unmet = [state for state in range(ticks[0].nrows()) if state not in met]
+    return tuple(kinds), stiffness, np.array(unmet, int)
+
+
+def _part(matrix: arb_mat, rows: list[int], columns: list[int]) -> arb_mat:
+    entries = [matrix[i, j] for i in rows for j in columns]
+    return arb_mat(len(rows), len(columns), entries)

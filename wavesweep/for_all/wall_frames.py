@@ -50,14 +50,14 @@ class WallFrames:
     wall's force from then on. p: the position that nothing opposes, as that of a device which floats
     freely; drifts: whether there is one, or else l, r and p are 0. changes `(frames, n + 1, n + 1)`:
     A less the identity and b, with the row (l, r) below; rows `(frames, 2, n + 1)`: (o, d_x) and
-    (c, d_v). of_changes, of_rows: bounds on the errors of their entries. follows: which frame
+    (c, d_v). changes_error, rows_error: bounds on their errors. follows: which frame
     (column) may come after which (row). names: of each, its ticks and, where delays vary, its delay.
     """
 
     changes: np.ndarray
     rows: np.ndarray
-    of_changes: np.ndarray
-    of_rows: np.ndarray
+    changes_error: np.ndarray
+    rows_error: np.ndarray
     drifts: bool
     follows: np.ndarray
     names: tuple[str, ...]
@@ -121,28 +121,28 @@ def _frames(ticks: Ticks, befores, samples):
         tick = ticks.maps[sample]
         acts = pattern_of(np.array(row), list(changes))
         first = np.where(acts, E[i], -identity), np.where(acts, dE[i], 0.0)
-        whole, of_whole = both(first, (tick.E, ENTRY_ROUNDING * tick.terms[0]))
+        whole, whole_error = both(first, (tick.E, ENTRY_ROUNDING * tick.terms[0]))
         acts = pattern_of(np.array([*row, sample]), list(changes))
-        whole, of_whole = np.where(acts, whole, -identity), np.where(acts, of_whole, 0.0)
+        whole, whole_error = np.where(acts, whole, -identity), np.where(acts, whole_error, 0.0)
         moved = identity + first[0]
-        of_C = ENTRY_ROUNDING * tick.terms[2]
-        of_read = np.abs(tick.C) @ first[1] + of_C @ (np.abs(moved) + first[1])
-        of_read = of_read + ROUNDINGS * n * ENTRY_ROUNDING * (np.abs(tick.C) @ np.abs(moved))
+        C_error = ENTRY_ROUNDING * tick.terms[2]
+        read_error = np.abs(tick.C) @ first[1] + C_error @ (np.abs(moved) + first[1])
+        read_error = read_error + ROUNDINGS * n * ENTRY_ROUNDING * (np.abs(tick.C) @ np.abs(moved))
         yield (
             np.concatenate([whole, tick.B], axis=1),
             np.concatenate([tick.C @ moved, tick.D], axis=1),
-            np.concatenate([of_whole, ENTRY_ROUNDING * tick.terms[1]], axis=1),
-            np.concatenate([of_read, ENTRY_ROUNDING * tick.terms[3]], axis=1),
+            np.concatenate([whole_error, ENTRY_ROUNDING * tick.terms[1]], axis=1),
+            np.concatenate([read_error, ENTRY_ROUNDING * tick.terms[3]], axis=1),
         )
 
 
 def _without_drift(found, drift, follows, names) -> WallFrames:
     """The frames with the drift that the wall reads as their last state, and without states that
     nothing reads. Errors: UnfitWallError of another drift."""
-    changes, rows, of_changes, of_rows = map(np.array, zip(*found, strict=True))
+    changes, rows, changes_error, rows_error = map(np.array, zip(*found, strict=True))
     if rows.shape[1] == 1:  # no damping
         rows = np.concatenate([rows, np.zeros_like(rows)], axis=1)
-        of_rows = np.concatenate([of_rows, np.zeros_like(of_rows)], axis=1)
+        rows_error = np.concatenate([rows_error, np.zeros_like(rows_error)], axis=1)
     share = rows[:, 0, drift.leads]
     moving = [lead for lead, each in zip(drift.leads, share.T, strict=True) if each.any()]
     if len(moving) > 1 or rows[:, 1, drift.leads].any():
@@ -162,7 +162,7 @@ def _without_drift(found, drift, follows, names) -> WallFrames:
         kept = [state for state in kept if is_read[state]]
     columns = [*kept, force]
     at = np.ix_(range(len(changes)), [*kept, *moving], columns)
-    picked = [changes[at], rows[..., columns], of_changes[at], of_rows[..., columns]]
+    picked = [changes[at], rows[..., columns], changes_error[at], rows_error[..., columns]]
     if not moving:
         picked[0] = np.concatenate([picked[0], np.zeros_like(picked[0][:, :1])], axis=1)
         picked[2] = np.concatenate([picked[2], np.zeros_like(picked[2][:, :1])], axis=1)

@@ -159,11 +159,12 @@ def _of_response(
     started = time.perf_counter()
     measured = read_response(path, scales=scales, columns=renamed)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
-    parameters, unwidened = (
-        _parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half)
-    )
-    for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
-        delay["unit"] = "ms"
+    parameters = _parameters(fit, fit.names, fit.half + fit.extra, turns=False)
+    unwidened = _parameters(fit, fit.names, fit.half, turns=False)
+    if rate_hz is None:
+        parameters["delay"]["unit"] = "ms"
+        unwidened["delay"]["unit"] = "ms"
+    # What the curve leaves open is refused; what it lacks widens intervals, and refuses nothing.
     try:
         _refuse_unknown(unwidened)
     except UsageError as refused:
@@ -174,22 +175,22 @@ def _of_response(
         "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
         "share_of_missing": fit.share,
     }
-    options = {"spring": model.spring, "delay": model.delay, "period_s": period} | (
-        {"two_masses": True} if model.load else {}
-    )
-    options |= {"scales": dict(scales)} if scales else {}
-    options |= {"columns": dict(renamed)} if renamed else {}
+    options: dict[str, Any] = {
+        "spring": model.spring,
+        "delay": model.delay,
+        "period_s": period,
+    }
+    if model.load:
+        options["two_masses"] = True
+    if scales:
+        options["scales"] = dict(scales)
+    if renamed:
+        options["columns"] = dict(renamed)
     if rate_hz is None:
-        options |= {"analogue": True}
-    facts = _facts(
-        path,
-        measured.sha256,
-        options,
-        period,
-        parameters,
-        (fit.explained, fit.missing, residual),
-        started,
-    )
+        options["analogue"] = True
+    judgement = (fit.explained, fit.missing, residual)
+    facts = _facts(path, measured.sha256, options, period, parameters, judgement, started)
+    facts["methods"] = {"identify": RESPONSE_METHOD}
     if not scales:
         question = (
             "is the admittance in m/N, or that of a rotor in rad/(N*m), whose mass is in kg*m^2"
@@ -199,18 +200,15 @@ def _of_response(
         facts["notices"] = [
             "the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"
         ]
-    admittances = complex_columns("measured", measured.admittance) | complex_columns(
-        "fitted", fit.fitted
-    )
-    columns = {
+    found = {
         "frequency_hz": measured.frequency_hz,
         "residual_abs": np.abs(fit.residual),
         "coherence": measured.coherence,
-    } | admittances
-    columns = {field.name: columns[field.name] for field in COLUMNS["identify-response"]}
-    return Table.of(
-        "identify-response", columns, facts | {"methods": {"identify": RESPONSE_METHOD}}
-    )
+    }
+    found |= complex_columns("measured", measured.admittance)
+    found |= complex_columns("fitted", fit.fitted)
+    columns = {field.name: found[field.name] for field in COLUMNS["identify-response"]}
+    return Table.of("identify-response", columns, facts)
 
 
 def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:

@@ -73,37 +73,29 @@ def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accura
     loops have no narrow features there. What is left are the ends, each in a gap as narrow as ends
     are exact, and panels in doubt.
     """
-    panels = []
+    # Of each column partitions of the span, each as sorted low ends of panels and their labels:
+    # first the span as one panel, which is in doubt if nothing is known, then those of each judge.
+    partitions = []
     for is_known in known:
         label = GOOD if is_known else LOST
-        panels.append([(np.full(1, span[0]), np.full(1, label))])
+        partitions.append([(np.full(1, span[0]), np.full(1, label))])
     for judge in judges:
         judge_bounds = [bound[judge.columns] for bound in bounds]
         owner, low, label = _panels(judge, span, judge_bounds, resolved, accuracy)
-        for at, column in enumerate(judge.columns.tolist()):
-            own = np.flatnonzero(owner == at)
+        for place, column in enumerate(judge.columns.tolist()):
+            own = np.flatnonzero(owner == place)
             own = own[np.argsort(low[own])]
-            panels[column].append((low[own], label[own]))
+            partitions[column].append((low[own], label[own]))
+
     rows = []
-    for column, partitions in enumerate(panels):
-        edges, label = _merged(column, partitions, span, accuracy)
+    for column, partitions_of_column in enumerate(partitions):
+        edges, label = _merged(column, partitions_of_column, span, accuracy)
         rows.extend(_intervals(column, edges, label, judges, span, period[column], accuracy))
-    found = _Row(*zip(*rows, strict=True))
-    return Intervals(
-        column=np.array(found.column, int),
-        index=np.array(found.index, int),
-        count=np.array(found.count, int),
-        low=np.array(found.low, float),
-        high=np.array(found.high, float),
-        low_omega=np.array(found.low_omega, float),
-        high_omega=np.array(found.high_omega, float),
-        doubt=np.array(found.doubt, int),
-        residual=np.array(found.residual, float),
-    )
+    return Intervals(*map(np.array, zip(*rows, strict=True)))
 
 
 class _Row(NamedTuple):
-    """An interval, or an open place, as `Intervals` have it."""
+    """An interval, or an open place, with the fields of `Intervals` in their order."""
 
     column: int
     index: int

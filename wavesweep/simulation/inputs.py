@@ -83,26 +83,26 @@ def stepped_sine(
 
     Errors: `UsageError` for a frequency out of range.
     """
-    phases = []
+    phases = []  # rad, of the ticks of each section
     tones = []
-    first = 0
-    phase = 0.0
+    first = 0  # tick of the section
+    phase = 0.0  # rad, at that tick
     end = _ticks(fast_hz, min(most, MOST_COUNTED / fast_hz))
     for frequency in map(float, frequencies_hz):
         _check(fast_hz, frequency)
-        turns = max(periods, int(np.ceil(least * frequency)))
+        measured_periods = max(periods, int(np.ceil(least * frequency)))
+        measured_ticks = round(min(measured_periods / frequency * fast_hz, MOST_COUNTED))
         settled = first + _ticks(fast_hz, settle)
-        last = settled + round(min(turns / frequency * fast_hz, MOST_COUNTED))
+        last = settled + measured_ticks
+        phase_of_tick = 2 * np.pi * frequency / fast_hz
+        phases.append(phase + phase_of_tick * np.arange(min(last, end) - first))
         if last > end:
-            phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(end - first))
             break
-        phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(last - first))
-        phase += 2 * np.pi * frequency / fast_hz * (last - first)
+        phase += phase_of_tick * (last - first)
         tones.append(Tone(frequency, settled, last))
         first = last
-    return Input(
-        amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones)
-    )
+    force = amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0)
+    return Input(force, tuple(tones))
 
 
 def chirp(
@@ -195,6 +195,7 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
     """
     file = read_csv(path, MOST_RECORD_BYTES)
     lines = file.body.rstrip("\n, \t").split("\n")
+    first_line = file.above + 2  # in the file, counted from 1; the header is above it
     if file.names.count("force_N") != 1 or file.names.count("time_s") > 1:
         # A spec may name any file, whose text is not for everybody: only that of a table of numbers
         # is shown.
@@ -202,30 +203,30 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
         problem = file.listed if table else "text that is no table of numbers"
         raise UsageError(
-            f"{path}:{file.above + 1}: expected one column force_N and at most one time_s in the header, found {problem}"
+            f"{path}:{first_line - 1}: expected one column force_N and at most one time_s in the header, found {problem}"
         )
     if len(lines) > MOST_TICKS:
         raise UsageError(
             f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more"
         )
-    names = ["force_N", *["time_s"] * ("time_s" in file.names)]
-    if blank := [
-        number
-        for number, line in enumerate(lines, start=file.above + 2)
-        if not line.strip() and len(lines) > 1
-    ]:
-        raise UsageError(f"{path}:{blank[0]}: force_N: expected a number, found nothing")
-    force, *times = file.numbers(names).T
-    if times:
-        expected = times[0][0] + np.arange(len(force)) / fast_hz
-        off = np.abs(times[0] - expected) > AT_A_TICK / fast_hz
-        if off.any():
-            row = int(off.argmax())
-            wanted, problem = apart(float(expected[row]), float(times[0][row]))
-            raise UsageError(
-                f"{path}:{file.above + row + 2}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
-                f"fast rate, found {problem}; resample the record or set {rate}"
-            )
+    # A file without rows has a blank line alone, which `numbers` refuses.
+    if len(lines) > 1:
+        for number, line in enumerate(lines, start=first_line):
+            if not line.strip():
+                raise UsageError(f"{path}:{number}: force_N: expected a number, found nothing")
+    if "time_s" not in file.names:
+        (force,) = file.numbers(["force_N"]).T
+        return Input(force.copy())
+    force, times = file.numbers(["force_N", "time_s"]).T
+    expected = times[0] + np.arange(len(force)) / fast_hz
+    off = np.abs(times - expected) > AT_A_TICK / fast_hz
+    if off.any():
+        row = int(off.argmax())
+        wanted, problem = apart(float(expected[row]), float(times[row]))
+        raise UsageError(
+            f"{path}:{first_line + row}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
+            f"fast rate, found {problem}; resample the record or set {rate}"
+        )
     return Input(force.copy())
 
 

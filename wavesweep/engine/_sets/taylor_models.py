@@ -789,13 +789,13 @@ class Polynomials:
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
         halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, LEAST_POSITIVE) / SUMMED_NORM)))
-        self.refuse(halvings > BALL_BITS)
-        halvings = int(halvings.max())
-        scaled = scaled.times(0.5**halvings)
+        self.refuse(halvings > BALL_BITS)  # the norm is above 2^BALL_BITS: squares overflow
+        squarings = int(halvings.max())
+        scaled = scaled.times(0.5**squarings)
         powers = [scaled.identity(), scaled]
         while len(powers) <= SERIES_BLOCK:
             powers.append(powers[-1] @ scaled)
-        largest = powers.pop()
+        largest = powers.pop()  # X^4, and I to X^3 are left
         total = largest.times(1 / factorial(SERIES_TERMS))
         for begin in range(SERIES_TERMS - SERIES_BLOCK, -1, -SERIES_BLOCK):
             total = total + _combined(
@@ -811,7 +811,7 @@ class Polynomials:
         )
         total = self._like(total.terms, total.rest + left_out)
         with np.errstate(over="ignore", invalid="ignore"):
-            for _ in range(halvings):
+            for _ in range(squarings):
                 total = total @ total
         self.refuse(~np.isfinite(total.whole).all((-1, -2)))
         return total.times(1 / ratio)
