@@ -25,6 +25,7 @@ FEW_BARRIERS = 400  # conditions times their size, up to which each centre is wa
 SLOW_STEPS, SLOW_SHARE = 5, 0.02
 SHARPER = 8.0  # times s
 FIRST_FORMS, FIRST_WEIGHT = 0.1, 0.3
+FIRST_ROOM = 0.1  # of the least eigenvalue, and at least so much: by which t begins below it
 LEAST_LENGTH = 1e-8  # of a step
 SUFFICIENT = 0.05  # share of the predicted descent that a step has to bring
 ROUNDED = 1e-12  # of the barrier, which rounding may add to it
@@ -113,23 +114,26 @@ def find_stored(
     """
     programme = Programme.of(conditions, terms)
     x = programme.start() if near is None else near.x.copy()
+    # With t below the least eigenvalue of all F the search begins at a point where all is positive.
     x[-1] = 0.0
     least = float(np.linalg.eigvalsh(programme.slack(x)).min())
     if near is not None and least > 0:
         x[-1] = least / 2
     else:
-        x[-1] = least - 0.1 * abs(least) - (near is None) * max(0.0, 0.1 - 0.1 * abs(least))
+        x[-1] = least - FIRST_ROOM * abs(least)
+        if near is None:
+            x[-1] -= max(0.0, FIRST_ROOM - FIRST_ROOM * abs(least))
+    # So many logarithms of eigenvalues and of scalars: a centre is within barriers/s of the largest t.
     count, N = terms.own.shape[:2]
     barriers = count * N + programme.nodes * programme.basis.shape[-1] + 3
     s = barriers / max(1.0, abs(x[-1])) if near is None else near.s
     bounded = np.zeros(programme.size)
-    bounded[:-3] = np.tile(
-        BOUNDED * (np.trace(programme.basis, axis1=1, axis2=2) > 0), programme.nodes
-    )
+    on_diagonal = np.trace(programme.basis, axis1=1, axis2=2) > 0
+    bounded[:-3] = np.tile(BOUNDED * on_diagonal, programme.nodes)
     factors = _factors(programme, x)
     if factors is None:
         return None
-    before_now: list[float] = []  # t, since s was changed
+    path: list[float] = []  # t after each step since s was changed
     for _ in range(STEPS):
         gradient, hessian = _derivatives(programme, x, factors)
         gradient += bounded
@@ -152,23 +156,28 @@ def find_stored(
                 return None
         x = tried
         factors = tried_factors
-        gap = barriers / s
-        before_now.append(x[-1])
-        slow = len(before_now) > SLOW_STEPS and abs(x[-1] - before_now[-1 - SLOW_STEPS]) <= (
-            SLOW_SHARE * abs(x[-1])
-        )
+        t = x[-1]
+        path.append(t)
+        slow = False
+        if len(path) > SLOW_STEPS:
+            slow = abs(t - path[-1 - SLOW_STEPS]) <= SLOW_SHARE * abs(t)
         is_centre = descent < CENTRED_DECREMENT or (slow and barriers > FEW_BARRIERS)
-        if x[-1] > ENOUGH and (is_centre or not (best or near)):
-            enough = near is not None or not best or gap <= x[-1]
-            if enough:
-                P = programme.forms(x)
-                stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
-                return Found(stored, x, s)
+        gap = barriers / s
+        if near is not None:
+            suffices = is_centre
+        elif best:
+            suffices = is_centre and gap <= t
+        else:
+            suffices = True
+        if t > ENOUGH and suffices:
+            P = programme.forms(x)
+            stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
+            return Found(stored, x, s)
         if is_centre:
-            if near is not None or gap < max(-x[-1], NO_ROOM):
+            if near is not None or gap < max(-t, NO_ROOM):
                 break
             s *= SHARPER
-            before_now = []
+            path = []
     return None
 
 

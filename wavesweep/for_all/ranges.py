@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from heapq import heapify, nsmallest
 from itertools import count, pairwise
 from operator import itemgetter
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -112,6 +112,15 @@ class _Part:
     barren: int = 0
 
 
+class _Waiting(NamedTuple):
+    """A part in the queue of `cover`, by the first side at its front, which counts down where the
+    proof goes down, and a number of its own."""
+
+    order: float
+    number: int
+    part: _Part
+
+
 def cover(
     frames: Frames,
     box: Box,
@@ -132,16 +141,21 @@ def cover(
     side that the proof has reached, and the share of the box that is proved. gain: of the first
     side, below which the proof ends at a part without norms in its middle, since it can reach no
     further than that middle. stretches: equal ones of the first side, with which the proof begins.
-    Errors: RuntimeError if a part of the box is lost, which is neither
-    proved nor open.
+    Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
+    sign = 1.0 if up else -1.0
+
+    def front(each: Box) -> float:
+        """The value of the first side at which the proof enters a box."""
+        return float(each[0, 0] if up else each[1, 0])
+
     number = count()
     queue = []
-    ends = np.linspace(*box[:, 0], 1 + stretches)
-    for low, high in pairwise(ends[:: 1 if up else -1].tolist()):
+    ends = np.linspace(*box[:, 0], 1 + stretches).tolist()
+    for low, high in pairwise(ends if up else ends[::-1]):
         part = box.copy()
         part[:, 0] = sorted((low, high))
-        queue.append((low if up else -low, next(number), _Part(part)))
+        queue.append(_Waiting(sign * low, next(number), _Part(part)))
     narrow = NARROWEST_SIDE * (box[1] - box[0])
     used = proved = 0.0
     outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
@@ -152,16 +166,17 @@ def cover(
     # other numbers
     divided = set()
     while queue and used < work:
-        _, first, part = queue[0]
+        first = queue[0].number
+        part = queue[0].part
         stretch = _stretch(part)
         if stretch in divided:
             halves = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
             outcomes[first] = _Outcome(halves, 0.0)
         elif first not in outcomes:
             ahead = {}
-            for _, at, next_part in nsmallest(CELLS_AT_ONCE, queue):
-                if at not in outcomes and _stretch(next_part) not in divided:
-                    ahead[at] = next_part
+            for waiting in nsmallest(CELLS_AT_ONCE, queue):
+                if waiting.number not in outcomes and _stretch(waiting.part) not in divided:
+                    ahead[waiting.number] = waiting.part
             used += _enclose(frames, ahead, enclosed)
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
                 if _alone(follows):
@@ -174,40 +189,46 @@ def cover(
                     found = {first: tried}
             used += sum(outcome.used for outcome in found.values())
             outcomes |= found
+
         outcome = outcomes[first]
         if outcome.parts is None:
             word = outcome.word
             break
-        if stretch not in divided and outcome.parts and outcome.parts[0].barren > 0:
+        no_norms = bool(outcome.parts) and outcome.parts[0].barren > 0
+        if no_norms and stretch not in divided:
             if stretch[1] - stretch[0] < gain:
                 break
             if outcome.parts[0].box[0, 0] > part.box[0, 0]:
                 divided.add(stretch)
+
         # Parts that are proved or divided leave the queue in any order; one that ends the proof
         # waits until it is first.
-        waiting = []
-        for entry in queue:
-            outcome = outcomes.get(entry[1])
+        remaining = []
+        for waiting in queue:
+            outcome = outcomes.get(waiting.number)
             if outcome is None or outcome.parts is None:
-                waiting.append(entry)
+                remaining.append(waiting)
                 continue
-            del outcomes[entry[1]]
-            enclosed.pop(entry[1], None)
+            del outcomes[waiting.number]
+            enclosed.pop(waiting.number, None)
             if not outcome.parts:
-                proved += _share(entry[2].box, box)
+                proved += _share(waiting.part.box, box)
             for half in outcome.parts:
-                end = half.box[0, 0] if up else -half.box[1, 0]
-                waiting.append((end, -next(number), half))
-        queue = waiting
+                # Of equal fronts the youngest is first, so that few parts wait.
+                remaining.append(_Waiting(sign * front(half.box), -next(number), half))
+        queue = remaining
         heapify(queue)
         if report and queue:
-            report(float(queue[0][2].box[1 - up, 0]), proved)
-    open_ = tuple(rest.box for *_, rest in sorted(queue, key=itemgetter(0, 1)))
+            report(front(queue[0].part.box), proved)
+
+    in_order = sorted(queue, key=itemgetter(0, 1))
+    open_ = tuple(waiting.part.box for waiting in in_order)
     lost = 1 - proved - sum(_share(each, box) for each in open_)
     if not abs(lost) <= VOLUME_ROUNDING * used / ENCLOSED:
         raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
-    end = float(queue[0][2].box[1 - up, 0] if queue else box[int(up), 0])
-    return Covering(open_, end, used, part.box.mean(0) if word else None, word)
+    end = front(queue[0].part.box) if queue else float(box[int(up), 0])
+    point = part.box.mean(0) if word else None
+    return Covering(open_, end, used, point, word)
 
 
 def _stretch(part):

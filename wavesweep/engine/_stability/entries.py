@@ -12,9 +12,14 @@ from wavesweep.engine.rows import Rows
 # of the polynomials; the points of the lower one are points of the higher one, too
 DEGREES = (14, 28)
 TAYLOR_ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
-# of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
-MODEL = 1e-11
-NOISY = 1e-8  # the same where the values have larger errors than MODEL
+# of the largest entry: by how much the polynomials of a panel may miss the entries of its frames.
+# With more tests of dominance fail, with less panels are halved more often.
+MOST_MISSED = 1e-11
+# the same of polynomials of the highest degree, where the values themselves have larger errors
+MOST_MISSED_OF_NOISY = 1e-8
+# times MOST_MISSED: with less predicted for the higher degree it is tried, since coefficients fall
+# unevenly
+PREDICTED = 100
 ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
 RIM_POINTS = 8  # on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
@@ -247,7 +252,7 @@ def _followed(frames, errors, spans):
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
         least = np.abs(A).max((2, 3)).min(1)
         calm = size < ENTRY_RATIO * np.maximum(1, least)
-        enough = MODEL if degree < DEGREES[-1] else NOISY
+        enough = MOST_MISSED if degree < DEGREES[-1] else MOST_MISSED_OF_NOISY
         ready = np.flatnonzero((last < enough) & calm)
         if ready.size:
             rim, pivots = sample(open_[ready], RIM)
@@ -260,7 +265,7 @@ def _followed(frames, errors, spans):
                 missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
                 off = off + np.abs(exact - A[ready][:, at].reshape(exact.shape))
                 off = off.reshape(ready.size, -1, n, n).max(1)
-                fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
+                fine = missed.max((1, 2)) < np.maximum(MOST_MISSED * size[ready], off.max((1, 2)))
                 fine &= ~pole_inside(pivots, inner[open_[ready]])
                 fine &= np.isfinite(off).all((1, 2))
                 error = (
@@ -275,7 +280,7 @@ def _followed(frames, errors, spans):
                 ready = ready[:0]
         if degree == DEGREES[-1] or not open_.size:
             break
-        going = last ** (DEGREES[-1] / degree) < 100 * MODEL  # coefficients fall unevenly
+        going = last ** (DEGREES[-1] / degree) < PREDICTED * MOST_MISSED
         going[ready] = False
         going &= calm
         open_ = open_[going]

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from math import isnan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -203,70 +203,87 @@ def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
     ]
 
 
+class _Cell(NamedTuple):
+    """Two neighbouring columns of a curve, by its number, with what is not decided between them."""
+
+    number: int
+    start: float
+    stop: float
+
+
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
-    ends = [view.position(x) for curve in curves for x in curve.columns]
-    width_of_all = float(max(ends) - min(ends))
+    places = [view.position(x) for curve in curves for x in curve.columns]
+    width_of_all = float(max(places) - min(places))
+    pixel = width_of_all / view.wide
     # A batch of dear columns costs much by itself, so that a few more of them save time.
     halves = 4 if source.batch else 2
-    smallest = width_of_all / min(FEWEST_CELLS, max(1, int(BUDGET / source.cost / len(curves) / 4)))
-    for curve in curves if source.batch else ():
-        curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, smallest)
-    cells = [
-        (n, *gap)
-        for n, curve in enumerate(curves)
-        for gap in pairwise(sorted(curve.columns))
-        if gap not in curve.gaps
-    ]
+    affordable_cells = max(1, int(BUDGET / source.cost / len(curves) / 4))
+    widest = width_of_all / min(FEWEST_CELLS, affordable_cells)  # cell that its middle may decide
+    if source.batch:
+        for curve in curves:
+            curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, widest)
+    cells = []
+    for number, curve in enumerate(curves):
+        for gap in pairwise(sorted(curve.columns)):
+            if gap not in curve.gaps:
+                cells.append(_Cell(number, *gap))
 
-    def width(cell):
-        return view.position(cell[2]) - view.position(cell[1])
+    def width(cell: _Cell) -> float:
+        return view.position(cell.stop) - view.position(cell.start)
 
     cells.sort(key=width, reverse=True)
-    left, proofs, skipped = BUDGET, MOST_PROVED, []
+    seconds_left = BUDGET
+    proofs_left = MOST_PROVED
+    skipped = []
     while cells:
-        CURVES_LOGGER.info("%f", 1 - left / BUDGET)
+        CURVES_LOGGER.info("%f", 1 - seconds_left / BUDGET)
+        fewest_parts = halves if seconds_left < BUDGET else 2
         examined: list[tuple[int, list[float]]] = []
         wanted: list[tuple[int, float]] = []
         designs: set[int] = set()
         for cell in cells:
-            inside = view.between(
-                *cell[1:],
-                max(halves if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))),
-            )
-            if source.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
+            parts = max(fewest_parts, 2 * int(np.ceil(width(cell) / widest / 2)))
+            inside = view.between(cell.start, cell.stop, parts)
+            designs_with_it = designs | {cell.number}
+            if source.seconds(len(wanted) + len(inside), len(designs_with_it)) > seconds_left:
                 break
-            designs.add(cell[0])
-            examined.append((cell[0], [cell[1], *inside, cell[2]]))
-            wanted += [(cell[0], x) for x in inside]
+            designs = designs_with_it
+            examined.append((cell.number, [cell.start, *inside, cell.stop]))
+            wanted += [(cell.number, x) for x in inside]
         skipped += cells[len(examined) :]
         if not wanted:
             break
-        left -= source.seconds(len(wanted), len(designs))
-        columns, asked = source.ask(wanted, proofs)
-        proofs -= asked
+        seconds_left -= source.seconds(len(wanted), len(designs))
+        columns, asked = source.ask(wanted, proofs_left)
+        proofs_left -= asked
         for (number, x), column in zip(wanted, columns, strict=True):
             curves[number].columns[x] = column
-        undecided = []
+        cells = []
         for number, points in examined:
-            gaps = known_gaps({x: curves[number].columns[x] for x in points}, view, tolerance)
-            curves[number].gaps |= gaps
-            undecided += [(number, *gap) for gap in pairwise(points) if gap not in gaps]
-        for number, a, b in [cell for cell in undecided if width(cell) <= width_of_all / view.wide]:
-            curves[number].gaps[a, b] = NARROW
-        cells = [cell for cell in undecided if width(cell) > width_of_all / view.wide]
-    for number, a, b in skipped:
-        if width((number, a, b)) <= LOOSE * width_of_all / view.wide:
-            curves[number].gaps[a, b] = NARROW
+            curve = curves[number]
+            known = known_gaps({x: curve.columns[x] for x in points}, view, tolerance)
+            curve.gaps |= known
+            for gap in pairwise(points):
+                if gap in known:
+                    continue
+                cell = _Cell(number, *gap)
+                if width(cell) <= pixel:
+                    curve.gaps[gap] = NARROW
+                else:
+                    cells.append(cell)
+    for cell in skipped:
+        if width(cell) <= LOOSE * pixel:
+            curves[cell.number].gaps[cell.start, cell.stop] = NARROW
 
 
-def _gaps_of_neighbours(columns, view, tolerance, smallest):
+def _gaps_of_neighbours(columns, view, tolerance, widest):
     """The gaps of which a line is right over two, by the column between; none is wider than
-    `smallest`."""
+    `widest`."""
     gaps = {}
     places = sorted(columns)
     for three in zip(places, places[1:], places[2:], strict=False):
-        if np.diff(view.position(np.array(three))).max() <= smallest:
+        if np.diff(view.position(np.array(three))).max() <= widest:
             gaps |= known_gaps({x: columns[x] for x in three}, view, tolerance)
     return gaps
 

@@ -22,8 +22,9 @@ from wavesweep.program.reading.tables import TableValue, missing, table_at, tabl
 from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
-# of its value, up and down: how far a number without a span is searched; `options.ABOUT_ITS_VALUE`
-# has it in words
+# of its value, up and down: how far a number without a span is searched by `check` and by tables
+# along it, and how far the sliders of `explore` go; `options.ABOUT_ITS_VALUE` and docs/check.md have
+# it in words
 FARTHEST_FACTOR = 10.0
 DEFAULT_FREQUENCIES = Axis(
     "frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log"

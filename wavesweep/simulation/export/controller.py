@@ -65,14 +65,17 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     _refuse(loop, plants)
     one_sided = loop.wall is not None and loop.wall.position is not None
     results = results_of(loop) if late or one_sided else []
+    # Results in time change no program; a one-sided wall shows with them whether it is touched.
+    late_results = results if late else []
     outside = outside_of(loop)
     ports = [f"{block.name}.{port}" for block in plants for port in block.inputs]
     pushed = [port for port in ports if _is_pushed(loop, port, outside)]
     unforced = set(ports).difference(pushed)
     cut = _cut_at_plants(loop, unforced)
-    delayed = [signal for result in results for signal in result.signals] if late else []
+    delayed = [signal for result in late_results for signal in result.signals]
     ticks = TickSums(cut, [block.name for block in plants], delayed)
-    programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
+    programs, table = _programs(ticks, late_results, one_sided and loop.gated)
+
     sensed = [f"{block.name}.{port}" for block in plants for port in block.outputs]
     read = _read_by(programs, list(ticks.places))
     inputs = [name for name in (*sensed, *outside) if name in read]
@@ -80,12 +83,19 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
         raise UsageError(
             "export: expected a controller that reads the device and acts on it, found one that does not"
         )
+
+    # All places are known before they are named in C. These three have one even if nothing reads
+    # them.
     for name in (DEPTH, SPEED, FORCE):
-        ticks.place(name)  # even if nothing reads it
+        ticks.place(name)
     for signal in delayed:
         ticks.place(signal)
         ticks.place(arrived(signal))
     words = identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_")
+    beside = {}
+    for port in sorted(unforced):
+        if loop.wires.get(port):
+            beside[port] = loop.wires[port]
     return ExportedController(
         loop=cut,
         ticks=ticks,
@@ -96,7 +106,7 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
         outputs=[besides(port) for port in pushed],
         late=late,
         places=dict(zip(ticks.places, words, strict=True)),
-        beside={port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)},
+        beside=beside,
     )
 
 
