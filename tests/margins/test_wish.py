@@ -66,7 +66,10 @@ def test_margins_of_several_rates_are_those_of_the_table():
 @pytest.mark.parametrize(
     ("wish", "said"),
     [
-        ({"at_most": 2}, "expected cut, the signal at which the loop is cut, found none"),
+        (
+            {"at_most": 2},
+            "expected cut, the signal at which the loop is cut, such as that which `wavesweep margins` names, found none",
+        ),
         ({"cut": "d.y"}, 'expected an output of a block that some wire reads (c.y, p.y), found "d.y"'),
     ],
 )

@@ -210,10 +210,13 @@ def test_rates_that_do_not_divide_have_the_ages_of_their_own_instants(slow_hz, d
 
 def test_words_say_when_a_result_is_in_place_and_what_nothing_bounds():
     late = {"controller": {"kind": "dc-slow"}, "environment": {"delay": "frame"}}
-    said = "the force is made of numbers up to 40 ms old (wall: in place 20 ms after it reads, held 20 ms)"
+    said = "the force is computed from samples up to 40 ms old (wall: in place 20 ms after it reads, held 20 ms)"
     assert in_words(moments(load(late)), "the force") == said
     ideal = moments(load({"controller": {"kind": "dc"}}))
-    assert in_words(ideal) == "what acts on device.f is made of numbers up to 1 ms old (device.f: in place at once, held 1 ms)"
+    assert (
+        in_words(ideal)
+        == "what acts on device.f is computed from samples up to 1 ms old (device.f: in place at once, held 1 ms)"
+    )
     random = late | {"for_all": {"loss": 0.1}}
     assert "up to 40 ms old if none is lost (" in in_words(moments(load(random)))
     varying = late | {"for_all": {"rates.ratio": {"values": [10, 30], "varying": True}}}

@@ -50,7 +50,7 @@ def test_the_bars_are_the_life_of_the_oldest_number_and_its_age_is_below():
     assert falls[waits] == waits
     assert max(slow.get_ydata()) == found.age == 34
     said = canvas._supxlabel.get_text().replace("\N{NO-BREAK SPACE}", " ")
-    assert "The force is made of numbers up to 34 ms old" in " ".join(said.split())
+    assert "The force is computed from samples up to 34 ms old" in " ".join(said.split())
     assert ": avatar answers one frame late." in " ".join(said.split())
 
 

@@ -172,7 +172,10 @@ def test_what_can_not_be_required_of_a_response_is_said(require, said):
 @pytest.mark.parametrize(
     ("wish", "said"),
     [
-        ({"at_most": 1}, "expected from and to, the input and the output of the response, found none of from and to"),
+        (
+            {"at_most": 1},
+            "expected from and to, the input and the output of the response, as [ports] names them, found none of from and to",
+        ),
         ({"at_most": 1, **ENDS, "to": "won"}, "design.wish.rms.to: expected an output of the loop (own)"),
     ],
 )

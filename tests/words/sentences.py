@@ -556,7 +556,9 @@ def held_at(run, name, value):
 # Motions, modes, and what sets a limit.
 
 
-@shape(rf"(?:h\.)?y settles at {N}(?:, peak {N} {N} s after the step)?(?:, within 2 % from {N} s after it on)?", "simulate")
+@shape(
+    rf"(?:h\.)?y settles at {N}(?:, peak {N} reached {N} s after the step)?(?:, within 2 % from {N} s after it on)?", "simulate"
+)
 def settles(run, at, peak, peak_s, seconds):
     numbers = run.case.tables["numbers"]
     n, c, f = numbers["n"], numbers["c"], gain(run, numbers["K"])

@@ -250,7 +250,7 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
     hz = band["holds_to_hz"]
     if hz:
         up_to = "up to" if hz >= 1 else "only up to"
-        parts.append(f"within a tenth {up_to} {hz:.3g} Hz")
+        parts.append(f"within 10 % {up_to} {hz:.3g} Hz")
     if outweighed := outweighed_in_words(band):
         parts.append(outweighed)
     yield 2.5, "; ".join(parts)

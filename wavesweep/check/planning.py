@@ -139,7 +139,7 @@ def _bode_lines(spec, estimated):
     curves = _count(sum(job.grid.loops for job in jobs), "curve")
     if spec.routes:
         curves += f" ({', '.join(' to '.join(route) for route in spec.routes)})"
-    line = f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"
+    line = f"  bode: {curves} of {frequencies}; method: lifted resolvent of all rates"
     return [line, *_long_lines(jobs)] if estimated else [line]
 
 

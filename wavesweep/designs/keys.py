@@ -396,11 +396,17 @@ class _Reader:
                 if isinstance(value, tuple):
                     options[option] = distinct(value)
             if "cut" in kind.options and "cut" not in options:
-                self.refuse(f"wish.{name}", "cut, the signal at which the loop is cut", "none")
+                self.refuse(
+                    f"wish.{name}",
+                    "cut, the signal at which the loop is cut, such as that which `wavesweep margins` names",
+                    "none",
+                )
                 continue
             missing = [end for end in ("from", "to") if end in kind.options and end not in options]
             if missing:
-                expected = "from and to, the input and the output of the response"
+                expected = (
+                    "from and to, the input and the output of the response, as [ports] names them"
+                )
                 self.refuse(f"wish.{name}", expected, f"none of {' and '.join(missing)}")
                 continue
             yield Wish(name, bound, options, places)

@@ -71,9 +71,9 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.for_all.varying import Rules
 
     if kinds not in ([], ["passive"]):
-        said = "for hands: expected passive alone beside [for_all] or channels, whose hands are all passive ones at once"
         raise UsageError(
-            f"{said}, found {', '.join(kinds)}; write --for-hands passive, or leave [for_all] and channels out"
+            f"hands ({', '.join(kinds)}): expected no [for_all] and no messages that may be late or lost, found some; "
+            "for these one proof covers every passive hand: `wavesweep stability-region SPEC --for-hands passive`"
         )
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)

@@ -116,7 +116,11 @@ def refused(spec: Spec) -> str:
         if varying == ["messages"]
         else f"{', '.join(varying)} of [for_all] may vary"
     )
-    return f"margins for all need constant numbers, and {refusal}" if varying else ""
+    return (
+        f"margins over all of [for_all] need numbers that are constant, and {refusal}"
+        if varying
+        else ""
+    )
 
 
 def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:

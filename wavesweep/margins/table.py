@@ -199,7 +199,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         elif isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
             at = f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
         else:
-            at = f", at {hz:.4g} Hz within the frame (once a frame {omega / (2 * pi):.4g} Hz)"
+            at = f", at {hz:.4g} Hz (seen once a frame: {omega / (2 * pi):.4g} Hz)"
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all:

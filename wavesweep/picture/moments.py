@@ -226,6 +226,6 @@ def in_words(frames: Sequence[Moments], force: str = "") -> str:
         beside = f", {in_ms(first.age * first.tick_ms)} ms {WHERE[first.which]}"
     unless = " if none is lost" if last.loses else ""
     return (
-        f"{force or f'what acts on {last.main.port}'} is made of numbers up to {in_ms(waits + stays)} ms old{unless}{beside} "
+        f"{force or f'what acts on {last.main.port}'} is computed from samples up to {in_ms(waits + stays)} ms old{unless}{beside} "
         f"({last.main.block}: {place}, held {in_ms(stays)} ms)"
     )

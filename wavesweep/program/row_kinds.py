@@ -19,7 +19,7 @@ class RowKind:
     """Name and look of the rows of one kind; what they say of which loops their claim has.
 
     meaning: of its word in the column, `hand` or `guarantee`. legend, colour, line: in a figure;
-    line: place in `style.LINES`. unsettled: the warning about rows of which some are not settled,
+    line: place in `style.LINES`. unsettled: the warning about rows of which some are undecided,
     with {rows} and the {words} of their kinds.
     """
 
@@ -31,7 +31,7 @@ class RowKind:
     unsettled: str = ""
 
 
-OPEN_BETWEEN = "{rows} of {words} not settled: between what is proved and what is refuted more than 1 % is not known"
+OPEN_BETWEEN = "{rows} of {words} undecided: between what is proved and what is refuted more than 1 % is not known"
 COMPUTED: Mapping[str, RowKind] = {
     "free": RowKind("the device alone, without a hand", "free device"),
     "operator": RowKind("the spec's own operator", "operator", "#56B4E9", 1),

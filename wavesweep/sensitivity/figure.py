@@ -171,7 +171,7 @@ def _title(rows: Columns) -> list[str]:
     corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
     mode = mode_words(*(plain(first[name]) for name in ("omega", "hz", "second_hz")))
     if not np.isnan(first["damping_ratio"]):
-        mode += f", damping ratio {first['damping_ratio']:.2g} beside it"
+        mode += f", damping ratio {first['damping_ratio']:.2g} just inside"
     swept = ", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes_of(rows))
     states = wrap(first["states"].replace(" %", "\u00a0%"), _letters())
     return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _letters()), *states]

@@ -236,7 +236,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     mode = mode_words(end["omega"], end["line_hz"], end["second_hz"])
     damped = ""
     if end["damping_ratio"] is not None:
-        damped = f", damping ratio {end['damping_ratio']:.3g} beside it"
+        damped = f", damping ratio {end['damping_ratio']:.3g} just inside"
     yield (
         f"{end['end']} end, {name} = {_inside(end)}{_unit(limit['unit'])}{corner}: set by {mode}{damped}",
         False,

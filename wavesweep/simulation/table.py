@@ -386,7 +386,7 @@ def _output_line(name: str, output: Numbers) -> str:
     else:
         line = f"{name} is {output['ends_at']:.6g} at the end, where the linear loop settles at {final:.6g}"
     if largest > (1 + SETTLED_WITHIN_VALUE / 10) * abs(final):
-        line += f", peak {output['peak']:.6g} {output['peak_s']:.4g} s after the step"
+        line += f", peak {output['peak']:.6g} reached {output['peak_s']:.4g} s after the step"
     if output["settled_s"] is None:
         return line
     return f"{line}, within {100 * SETTLED_WITHIN_VALUE:g} % from {output['settled_s']:.4g} s after it on"

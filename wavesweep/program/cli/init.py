@@ -229,10 +229,9 @@ def _first_sentence(path: Path) -> str:
 def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> None:
     if name not in names:
         meant = nearest(name, names)
-        hint = f"; did you mean {meant}?" if meant else ""
-        raise UsageError(
-            f"{name} is no {what}; {instead or 'expected one of ' + ', '.join(names)}{hint}"
-        )
+        hint = f"did you mean {meant}? " if meant else ""
+        expected = instead or f"expected one of {', '.join(names)}"
+        raise UsageError(f"{name} is no {what}; {hint}{expected}")
 
 
 def _places_of_numbers(text: str) -> dict[str, tuple[str, ...]]:

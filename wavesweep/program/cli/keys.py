@@ -135,7 +135,7 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         else f"[{name}]  {table['description']}"
     )
     for wish, kind in table.get("wishes", {}).items():
-        unit = "without unit" if kind["unit"] == "1" else kind["unit"]
+        unit = "without unit" if kind["unit"] == "1" else kind["unit"] or "of output per input"
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
     if name == "numbers":

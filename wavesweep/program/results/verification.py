@@ -385,7 +385,7 @@ def _proved_again(
     )
     text = f"{parquet}: {len(picked)} of {len(certified)} certified slices proved again in ball arithmetic: {counts['whole']} "
     text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
-    yield f"{text}{counts['unsettled']} not settled{f' ({reasons})' if reasons else ''}", False
+    yield f"{text}{counts['unsettled']} undecided{f' ({reasons})' if reasons else ''}", False
     fault = (
         "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
     )
