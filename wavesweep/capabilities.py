@@ -213,12 +213,8 @@ OTHER_COMMANDS = "Other commands"
 FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
 FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
 THROUGH_CONTACT = ("zwidth", "stability-region", "check")
-OVER_AXES = (
-    "zwidth",
-    "stability-region",
-    "bode",
-    "passivity",
-)  # whose axes are those of [sweep] or [bode], values or not
+# whose axes are those of [sweep] or [bode], values or not
+OVER_AXES = ("zwidth", "stability-region", "bode", "passivity")
 WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # for which --json has no meaning
 WITH_SPECS = ("design",)  # kinds of tables with a folder of specs beside them
 COMMAND_OF_FIGURE = (

@@ -16,18 +16,15 @@ from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.program.sweep.running import in_memory
 
-HALVINGS, FEW = (
-    30,
-    8,
-)  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
+HALVINGS = 30  # towards the end of what a spec takes
+FEW = 8  # towards the end of where it has loops, as an angle has up to a pole
 # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3
 # s
 PIECES_OF_RANGE = 50_000
 SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
-NEAR, HARDLY = (
-    0.02,
-    1e-3,
-)  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
+# share of a number that a pose depends on, or of its range about 0, that is searched
+NEAR = 0.02
+HARDLY = 1e-3  # of that
 LATE = "it takes longer than check does"
 # of the way to where the range of a key ends, that is left out if it cannot be decided
 LEFT_OUT_OF_WAY = 1e-3

@@ -24,15 +24,8 @@ MOST_BEST_DESIGNS = 10  # designs that are written
 # of a bound: what its violation counts at most; values that are not known count more than all
 WORST_SHARE = 10.0
 LEAST_LOG = 1e-9  # of a quantity whose logarithm is an objective
-EXPERIMENT = (
-    "from",
-    "input",
-    "amplitude",
-    "at_s",
-    "width_s",
-    "duration_s",
-    "wall",
-)  # keys of [simulate] that a design keeps
+# keys of [simulate] that a design keeps
+EXPERIMENT = ("from", "input", "amplitude", "at_s", "width_s", "duration_s", "wall")
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 

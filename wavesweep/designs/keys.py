@@ -26,10 +26,9 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 VARIED, FOR_DESIGNS, WISHED = (f"design.{name}" for name in ("vary", "for_all", "wish"))
-RATIOS, HANDS = (
-    "design.for_all ratios",
-    "design.for_all.hand",
-)  # where the leaves of these are sorted to
+# where the leaves of these are sorted to
+RATIOS = "design.for_all ratios"
+HANDS = "design.for_all.hand"
 DESIGN_KEYS = Key.by_path(
     [
         Key.whole("design.seed", 0, "seed of the search", 0, MOST_SEED),

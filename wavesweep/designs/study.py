@@ -71,12 +71,8 @@ RUNNERS_UP = 3  # further designs next to a single best one
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
 COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
-BETWEEN = (
-    63,
-    15,
-    7,
-    3,
-)  # values between two of a range: the most of these with which the combinations are few, which are
+# values between two of a range: the most of these with which the combinations are few
+BETWEEN = (63, 15, 7, 3)
 MOST_OFTEN_LOOKED_AT = 20  # at most, of those that the search looks at from time to time
 MOST_LAST_COMBINATIONS = 256  # at most, of those of the last check
 

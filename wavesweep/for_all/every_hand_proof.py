@@ -42,14 +42,10 @@ from wavesweep.haptics.held_loop import device_of
 PROOF_BITS = 192
 MOST_UNKNOWNS = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
-LONGEST, TRIED = (
-    3,
-    96,
-)  # frames of a pattern, and how many patterns of two and of three are looked at
-NEAR, LEAST = (
-    1e-4,
-    0.01,
-)  # of what is proved and of so much (N*s/m), next to which no longer patterns are looked at
+LONGEST = 3  # frames of a pattern
+TRIED = 96  # patterns of two and of three frames that are looked at
+NEAR = 1e-4  # share of LEAST and what is proved, within which no longer patterns are looked at
+LEAST = 0.01  # N*s/m
 ROOM_OF_DAMPING = 1e-12  # of the damping, for the rounding of a product
 
 

@@ -29,13 +29,8 @@ from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.loop_frames import Symbol, alive
 
 TOTAL_DEGREE = 5  # total degree of the polynomials
-ORDERS = (
-    8,
-    10,
-    8,
-    6,
-    6,
-)  # the same for so many numbers where frames are all alike, whose forms are of that degree too
+# the same for so many numbers where frames are all alike, whose forms are of that degree too
+ORDERS = (8, 10, 8, 6, 6)
 EQUATION_ROUNDINGS = 16.0  # of its terms, that a row of equations is known to at best
 INSIDE = np.array(
     [[0.3], [0.7]]

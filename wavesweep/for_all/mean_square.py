@@ -43,27 +43,17 @@ PLACES_SCANNED = 24  # numbers at which the nearest one is looked for where mome
 # largest last coefficient, and the least size at all of its points but two, relative to the
 # largest.
 DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
-BEYOND = (
-    1e-10,
-    1e-8,
-    1e-6,
-    1e-5,
-)  # of a number where moments stop to decay, how far beyond it is refuted
+# of a number where moments stop to decay, how far beyond it is refuted
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)
 # of the whole way and of the number, how near to the refuted one the proof goes
 PROOF_DISTANCE = 1e-5
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
-TRIES, WORK = (
-    1000,
-    10**9,
-)  # stretches that are tried where moments grow, and the entries of all times their rows
+TRIES = 1000  # stretches that are tried where moments grow
+WORK = 10**9  # entries of all of these, times their rows
 SIZING = 6  # rounds in which sizes of states are found
-PROBABILITIES = (
-    "loss",
-    "burst_loss",
-    "burst",
-    "burst_end",
-)  # keys of a channel, as `Losses` has them
+# keys of a channel, as `Losses` has them
+PROBABILITIES = ("loss", "burst_loss", "burst", "burst_end")
 CHANCE_ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
 
 

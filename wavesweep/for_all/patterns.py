@@ -15,9 +15,8 @@ WORDS_LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST_WORD = 14  # matrices in a word
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word
 SQUARINGS = 4  # of the product of a word, by whose size its growth is bounded
-EIGENVALUES_AT_ONCE = (
-    32  # words whose eigenvalues are computed together, those of the largest bounds
-)
+# words whose eigenvalues are computed together, those of the largest bounds
+EIGENVALUES_AT_ONCE = 32
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
 WALKS = 32  # of a state
 WALKED = 160  # matrices of a walk
@@ -26,14 +25,8 @@ GONE_STATE = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 WORD_BISECTIONS = 40
-BEYOND = (
-    1e-10,
-    1e-8,
-    1e-6,
-    1e-5,
-    1e-4,
-    1e-3,
-)  # of a number where a word begins to grow, how far beyond it that is proved
+# of a number where a word begins to grow, how far beyond it that is proved
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
 ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
 MOST_RANKING_WORDS = 400  # how many these are at most

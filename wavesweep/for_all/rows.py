@@ -52,10 +52,8 @@ from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
 TRIED_NEAR_REFUTED = 4e-3  # of an end that is refuted, how far from it a proof is tried
-GUARANTEES = (
-    "for_all",
-    "mean_square",
-)  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
+# words in the column `guarantee` of rows that hold for more than the spec's own numbers
+GUARANTEES = ("for_all", "mean_square")
 # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
 SETTLED_WITHIN = 1e-2
 # operations of a proof over ranges beside what varies, of each design that is looked at

@@ -29,14 +29,11 @@ KNOWN = {  # columns of programs: what they are, and the factor to s
     "__time": ("time", 1.0),  # PlotJuggler
     "%time": ("time", 1e-9),  # rostopic
 }
-SECONDS, NANOSECONDS = (
-    "stamp.sec",
-    "stamp.nanosec",
-)  # ends of names in messages of ROS 2, as those of ros2_control
-SWAP_CHAINS = (
-    "SwapChainAddress",
-    "ProcessID",
-)  # of PresentMon, in a file with the frames of several programs
+# ends of names in messages of ROS 2, as those of ros2_control
+SECONDS = "stamp.sec"
+NANOSECONDS = "stamp.nanosec"
+# of PresentMon, in a file with the frames of several programs
+SWAP_CHAINS = ("SwapChainAddress", "ProcessID")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,15 +15,8 @@ from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, overwriting
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
-OF_FRAMES = (
-    "fast_hz",
-    "spec",
-    "every",
-    "columns",
-    "scales",
-    "overwrite",
-    "plot",
-)  # options that frames take
+# options that frames take
+OF_FRAMES = ("fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot")
 
 
 @click.command("identify")

@@ -31,15 +31,11 @@ MOST_NEWTON_STEPS = 30  # steps of Newton's method at most
 # steps by which a reading may miss its rounding, because of the digits of the file
 READING_SLACK = 1e-3
 SEARCHED = 20_000  # rows at most from which the noise is estimated
-ORDER, ROWS_PER_ORDER = (
-    30,
-    15,
-)  # largest order of the autoregression, and fewest rows for each order
-DRAWS, SHORT, WARM = (
-    159,
-    5000,
-    1000,
-)  # logs drawn, rows up to which logs are drawn, rows before each
+ORDER = 30  # of the autoregression, at most
+ROWS_PER_ORDER = 15  # rows for each order, at least
+DRAWS = 159  # logs drawn
+SHORT = 5000  # rows up to which logs are drawn
+WARM = 1000  # rows before each
 CONSTRAINTS_ADDED = 40  # constraints of a linear program that are added at a time
 
 

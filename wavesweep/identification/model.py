@@ -29,12 +29,8 @@ from wavesweep.engine.blocks import impulse_and_step, motion
 
 TWIST = ("twist", "slip")  # of two masses at the first row: x_1 - x_2 and v_1 - v_2
 OWN = ("start", "velocity", "offset", "bias", *TWIST)  # numbers of the log alone
-COUPLED = (
-    "log_load",
-    "load_damping",
-    "log_coupling",
-    "coupling_damping",
-)  # of the second mass, its spring and damper
+# of the second mass, its spring and damper
+COUPLED = ("log_load", "load_damping", "log_coupling", "coupling_damping")
 UNSEEN = {
     "position": ("bias",),
     "velocity": ("start", "bias"),

@@ -36,10 +36,8 @@ from wavesweep.identification.predictor import Predictor, tick_of
 
 # what a fit is at, which a command shows
 FIT_LOGGER = logging.getLogger("wavesweep.proof.fit")
-PART, PART_OF_TWO = (
-    6000,
-    3000,
-)  # rows with the largest forces, from which a long log's numbers are found first; of two masses
+PART = 6000  # rows with the largest forces, from which a long log's numbers are found first
+PART_OF_TWO = 3000  # the same of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 ONE_WAY = 0.98  # share of the motion one way above which friction is a constant force
 CLEAR_OF_NOISE = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
@@ -48,10 +46,9 @@ FEWEST, MOST = -2.0, 20.0  # ticks of delay
 ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tried first, and then
 RATES = (1.0, 20.0)  # damping over mass (1/s), tried first
 TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
-WHITE, DRIFT = (
-    (-8.0, -4.0, 0.0, 4.0),
-    (-14.0, -10.0, -7.0, -4.0, -1.0),
-)  # decades of the variances, tried first
+# decades of the variances that are tried first
+WHITE = (-8.0, -4.0, 0.0, 4.0)
+DRIFT = (-14.0, -10.0, -7.0, -4.0, -1.0)
 HIGHEST_DECADE = 8.0  # decade of a variance
 SPARE_ROWS = 4  # rows that are left out beyond the delay
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
@@ -63,36 +60,19 @@ FALLS = 0.1  # share of the friction by which it has to fall with speed
 LEAST_FADING = 10.0
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
-OTHER = (
-    (2, 0),
-    (-2, 0),
-    (0, 3),
-    (0, -3),
-    (2, 3),
-    (-2, -3),
-)  # decades by which the variances are changed
+# decades by which the variances are changed
+OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
 VALUES_KEPT = 8  # values that a log remembers
-FILTERING = (
-    "rate",
-    "square",
-    "share",
-    "load_rate",
-    "coupling_rate",
-    "white",
-    "drift",
-)  # numbers on which the filter depends
+# numbers on which the filter depends
+FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "drift")
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
-FILTERS = (
-    (1e-2, 1e-6),
-    (1e-5, 1e-9),
-)  # variances, white and of the walk, of the filters through which they are looked for
-STARTS, APART = (
-    2,
-    0.3,
-)  # resonances from which two masses are searched, and the logarithm of their ratio at least
+# variances, white and of the walk, of the filters through which they are looked for
+FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
+STARTS = 2  # resonances from which two masses are searched
+APART = 0.3  # logarithm of the ratio of these, at least
 # logarithm of the odds by which two masses have to explain the innovations better than one
 LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared

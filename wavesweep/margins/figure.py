@@ -33,12 +33,10 @@ from wavesweep.program.tables.number_words import rounded_down
 
 LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
-FIRST, STEP, NEXT, ROUNDS = (
-    600,
-    0.03,
-    1e-10,
-    24,
-)  # angles; change of ln L between neighbours, and least angle (rad)
+FIRST = 600  # angles to begin with
+STEP = 0.03  # change of ln L between neighbours, at most
+NEXT = 1e-10  # rad; neighbours this near get none between them
+ROUNDS = 24  # in which angles are put between neighbours, at most
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM_OF_NYQUIST = 0.08  # of the Nyquist plot, beyond what it has to show
 # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1

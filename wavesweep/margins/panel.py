@@ -20,10 +20,8 @@ from wavesweep.program.columns import RATIO
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 
-COARSE, FIRST = (
-    0.2,
-    90,
-)  # change of ln L between two points of a curve, and the number of points to begin with
+COARSE = 0.2  # change of ln L between two points of a curve
+FIRST = 90  # points to begin with
 MOST_STEP_STATES = 1_000_000  # samples of a step response times states
 SAMPLES = 600  # of a step response that are sent
 

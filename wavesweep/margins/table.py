@@ -50,10 +50,8 @@ SAID = {
     "complementary": "peak complementary sensitivity Mt",
 }
 
-BY_SINGULAR_VALUES = (
-    "sensitivity",
-    "complementary",
-)  # of a lifted signal, after those of one factor
+# of a lifted signal, after those of one factor
+BY_SINGULAR_VALUES = ("sensitivity", "complementary")
 ROUNDED_UP = ("gain_down", *BY_SINGULAR_VALUES)  # the others hold up to their value
 
 

@@ -28,10 +28,8 @@ from wavesweep.program.plots.style import (
 _PASSIVE_NORM = 1e-10  # of the norm: up to this above 1 counts as passive
 # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _LINEAR = 1e-4
-_PASSIVE, _COLOUR = (
-    {"color": "#CCECE3", "linewidth": 0},
-    distinct_colour(0),
-)  # the shade, and the dots
+_PASSIVE = {"color": "#CCECE3", "linewidth": 0}  # of the shade
+_COLOUR = distinct_colour(0)  # of the dots
 _UNSTABLE = {
     "marker": "x",
     "markersize": 3.5,

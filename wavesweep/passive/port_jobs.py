@@ -31,10 +31,8 @@ CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 MOST_TRIED = 200
 LONG_FRAME = 100  # ticks of a frame, from which on a channel may be too large
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
-CHANNEL_KEYS = (
-    "rates.",
-    "filters.",
-)  # the keys that the channel depends on; all others are outside its ports
+# the keys that the channel depends on; all others are outside its ports
+CHANNEL_KEYS = ("rates.", "filters.")
 PORT = np.dtype([
     ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
     ("stable", "?"), ("damping_needed", "<f8"),

@@ -22,13 +22,12 @@ ALONE = (0.0, 0.0)  # the range of a number that does not vary
 LIMITS = np.array(
     [(-4.0, -1.0) * 2, (2.0, 6.0) * 2]
 )  # decimal logarithms of mass and stiffness at both ports
-GENERATIONS, BRED, KEPT, SHRINK, BEYOND = (
-    14,
-    200,
-    20,
-    1.35,
-    1e-7,
-)  # of that search; a damping ratio that is surely negative
+# of that search
+GENERATIONS = 14
+BRED = 200
+KEPT = 20
+SHRINK = 1.35
+BEYOND = 1e-7  # size of a damping ratio that is surely negative
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 
 

@@ -33,10 +33,8 @@ MOST_STROKES = 120
 MOST_LANES = 6
 BESIDE = 0.04  # share of the time shown that is drawn before and after it
 LETTER = 0.058  # inches of a letter in a bar
-OTHERS, PALE = (
-    0.3,
-    0.12,
-)  # share of a lane's colour in bars beside the number shown, and while numbers are computed
+OTHERS = 0.3  # share of a lane's colour in bars beside the number shown
+PALE = 0.12  # the same while numbers are computed
 APART = 0.14  # share of the width of a panel, at least, between two numbers below it
 SHARE_OF_WIDTH = 0.85  # share of the width of a figure that its panels have, about
 DARK = 1.5  # sum of red, green and blue, below which a ground is dark

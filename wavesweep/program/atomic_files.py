@@ -16,12 +16,8 @@ from typing import BinaryIO
 from wavesweep.program.platform_compat import OPEN, READ
 
 SCRATCH = ".wavesweep.new-"  # what the names of folders of incomplete files begin with
-_CANNOT_SYNC = (
-    errno.EINVAL,
-    errno.ENOTSUP,
-    errno.EBADF,
-    errno.EACCES,
-)  # folders of some file systems, or of other users
+# folders of some file systems, or of other users
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)
 
 
 def random_part() -> str:

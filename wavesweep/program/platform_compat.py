@@ -90,12 +90,13 @@ def block_only(numbers: Iterable[int]) -> None:
     signal.pthread_sigmask(signal.SIG_SETMASK, numbers)
 
 
+# variables of libraries
 ONE_THREAD = (
     "OPENBLAS_NUM_THREADS",
     "OMP_NUM_THREADS",
     "MKL_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
-)  # variables of libraries
+)
 
 
 def versions() -> dict[str, str]:

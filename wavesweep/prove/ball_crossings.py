@@ -25,11 +25,10 @@ SHRUNK = 0.7  # of its size, below which a box is contracted again before it is 
 CUTS_A_BIT = 6  # cuts of a box for each bit
 MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
 POLISHED = 3  # times that an enclosure is contracted further
-ALL, FIRST_HALF, SECOND_HALF = (
-    (arb(0), arb(1)),
-    (arb(0), arb(0.5)),
-    (arb(0.5), arb(1)),
-)  # shares of a range
+# shares of a range
+ALL = (arb(0), arb(1))
+FIRST_HALF = (arb(0), arb(0.5))
+SECOND_HALF = (arb(0.5), arb(1))
 
 
 class CrowdedError(UndecidedError):

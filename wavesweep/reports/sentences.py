@@ -27,11 +27,8 @@ MOST_VALUES = 6  # of an axis that are named
 # of a table of intervals that a report shows; of a longer one the rows with the largest and the
 # least end
 MOST_REPORT_ROWS = 24
-BEYOND = (
-    1e-3,
-    1e-6,
-    1e-9,
-)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
+# of an end, how far beyond it the loop is looked at: there may be another interval next to it
+BEYOND = (1e-3, 1e-6, 1e-9)
 HEADS = {
     "guarantee": "for",
     "hand": "for",

@@ -22,16 +22,8 @@ MOST_OPEN_PANELS = 1024  # panels of a column that may be open
 LARGE_MATRICES = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
 RIM_ENTRIES_AT_ONCE = 500_000  # of the matrices of a tick, on circles about panels
-TYPICAL = (
-    0.53,
-    0.37,
-    0.71,
-    0.13,
-    0.91,
-    1e-3,
-    0.0,
-    1.0,
-)  # of the span, where the structure of the frames is looked at
+# of the span, where the structure of the frames is looked at
+TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)
 
 
 def along_by_discs(

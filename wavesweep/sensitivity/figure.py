@@ -24,10 +24,8 @@ from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 MOST_NUMBER_BARS = 12  # numbers of a panel that have bars
 MOST_FIGURE_PANELS = 8
 NO_ELASTICITY = 1e-9  # an elasticity up to which a number has no effect but that of rounding
-_BAR, _ROOM = (
-    0.17,
-    0.95,
-)  # inches of the figure's height for a number, and for the title and the axis of a panel
+_BAR = 0.17  # inches of the figure's height for a number
+_ROOM = 0.95  # the same for the title and the axis of a panel
 LONGEST_NUMBER_NAME = 18  # letters of a name beside bars that is in one line
 _LETTERS = 46  # of a line above a panel
 _NARROW_LETTERS = 34  # the same of a narrow figure

@@ -31,10 +31,8 @@ FORCE = "wall force"
 DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply
 REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
 LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
-LOCAL = (
-    "local_model.K_LM",
-    "local_model.B_LM",
-)  # of a controller's wires: a model of the contact, absent without one
+# of a controller's wires: a model of the contact, absent without one
+LOCAL = ("local_model.K_LM", "local_model.B_LM")
 SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
 # of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
 WHOLE_TICK = 1e-11

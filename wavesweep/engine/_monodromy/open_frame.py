@@ -15,9 +15,8 @@ from wavesweep.engine._monodromy.rounding import CANCELLED_SUM, ENTRY_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._state_space import StateSpace
 
-WORST_INVERSE = (
-    1e-6  # by which a matrix times its inverse may be off from 1, where there is an inverse
-)
+# by which a matrix times its inverse may be off from 1, where there is an inverse
+WORST_INVERSE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

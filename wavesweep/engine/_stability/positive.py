@@ -14,9 +14,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
-NUMBER_ELLIPSE = (
-    4.0  # sum of the semi-axes of the ellipse about a number, in half widths of its part
-)
+# sum of the semi-axes of the ellipse about a number, in half widths of its part
+NUMBER_ELLIPSE = 4.0
 RIM_POINTS = 8  # on its upper half
 NUMBER_RIM = NUMBER_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2

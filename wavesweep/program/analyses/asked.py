@@ -13,12 +13,8 @@ from wavesweep.engine.keys import Key, computable, nearest
 from wavesweep.program.spec import SYMBOLS, Axis, Spec
 from wavesweep.program.spec.resolving import LIMITS
 
-ARGUMENTS = (
-    "along",
-    "span",
-    "require",
-    "frequency_hz",
-)  # of calls that take numbers by name beside these
+# of calls that take numbers by name beside these
+ARGUMENTS = ("along", "span", "require", "frequency_hz")
 Numbers = float | Sequence[float] | np.ndarray  # the values of an axis
 
 

@@ -26,22 +26,17 @@ import numpy as np
 from wavesweep.program.columns import INCOMPLETE, Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
-CURVES_LOGGER = logging.getLogger(
-    "wavesweep.figure.curves"
-)  # hears which share of the further columns is computed
+# hears which share of the further columns is computed
+CURVES_LOGGER = logging.getLogger("wavesweep.figure.curves")
 # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 BUDGET = 1.5
 # cells along a picture that are examined, however few values the table has; fewer if columns are
 # dear
 FEWEST_CELLS = 64
-DEAR, ROUND = (
-    6e-3,
-    0.1,
-)  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
-MOST_PROVED, OPERATIONS = (
-    6,
-    2e6,
-)  # dear columns in doubt that are asked of ball arithmetic, each of so many operations at most
+DEAR = 6e-3  # s of a column along other numbers than the wall's
+ROUND = 0.1  # s of a batch of these for a design, at least
+MOST_PROVED = 6  # dear columns in doubt that are asked of ball arithmetic
+OPERATIONS = 2e6  # of ball arithmetic for each of these at most
 LOOSE = 2  # pixels of a cell that is not decided, up to which it is drawn as if it were one
 KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
@@ -294,26 +289,23 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
 
     A gap that is left and no wider than LOOSE pixels is narrow; a wider one is not known.
     """
-    places, width_of_all = (
-        sorted(curve.columns),
-        float(np.ptp(view.position(np.array(sorted(curve.columns))))),
-    )
+    places = sorted(curve.columns)
+    width_of_all = float(np.ptp(view.position(np.array(places))))
+    pixel = width_of_all / view.wide
     in_table = [x for x in places if x in curve.in_table]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
     for left, right in pairwise(in_table):
-        if not {left, right} & doubtful:
-            inside = [x for x in places if left <= x <= right]
-            certain = [x for x in inside if x not in doubtful]
-            for x in {*inside} - {*certain}:
-                del curve.columns[x]
-            for gap in {*pairwise(inside)} - {*pairwise(certain)}:
-                curve.gaps.pop(gap, None)
-            for gap in {*pairwise(certain)} - {*pairwise(inside)}:
-                if (
-                    view.position(gap[1]) - view.position(gap[0])
-                    <= LOOSE * width_of_all / view.wide
-                ):
-                    curve.gaps[gap] = NARROW
+        if left in doubtful or right in doubtful:
+            continue
+        inside = [x for x in places if left <= x <= right]
+        certain = [x for x in inside if x not in doubtful]
+        for x in {*inside} - {*certain}:
+            del curve.columns[x]
+        for gap in {*pairwise(inside)} - {*pairwise(certain)}:
+            curve.gaps.pop(gap, None)
+        for start, stop in {*pairwise(certain)} - {*pairwise(inside)}:
+            if view.position(stop) - view.position(start) <= LOOSE * pixel:
+                curve.gaps[start, stop] = NARROW
 
 
 def known_gaps(

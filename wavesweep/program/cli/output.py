@@ -35,11 +35,8 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
 
-INTERVALS = (
-    "zwidth",
-    "stability-region",
-    "zwidth-specs",
-)  # commands that sweep all axes of [sweep]
+# commands that sweep all axes of [sweep]
+INTERVALS = ("zwidth", "stability-region", "zwidth-specs")
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 NOTABLE = 20_000

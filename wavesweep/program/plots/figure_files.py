@@ -9,10 +9,8 @@ from typing import Any
 from wavesweep.program.atomic_files import made_folder, scratch
 from wavesweep.program.plots.style import png, style
 
-MOST_MARKS, PRINTED = (
-    500,
-    400,
-)  # marks of a line in an SVG, of which more are an image with so many dots per inch
+MOST_MARKS = 500  # marks of a line in an SVG; more are an image
+PRINTED = 400  # dots per inch of that
 
 
 def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:

@@ -10,13 +10,8 @@ from wavesweep.program.plots import refuse_settings
 
 LEAST, MOST = 2.0, 20.0  # inches
 _INCHES = {"": 1.0, "in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
-_OWN = (
-    "backend",
-    "figure.figsize",
-    "figure.dpi",
-    "savefig.bbox",
-    "savefig.dpi",
-)  # set by the program
+# set by the program
+_OWN = ("backend", "figure.figsize", "figure.dpi", "savefig.bbox", "savefig.dpi")
 
 
 def width_of(text: str) -> float:

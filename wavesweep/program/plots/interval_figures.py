@@ -69,11 +69,10 @@ from wavesweep.program.tables.columns import unlike_units
 PANELS_LOGGER = logging.getLogger("wavesweep.figure.panels")
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
-_FILL, _THIN, _THICK = (
-    0.6,
-    0.8,
-    4.0,
-)  # of the distance between two values of x, bars at most; and their width in points
+_FILL = 0.6  # of the distance between two values of x, which bars fill at most
+# points, their width
+_THIN = 0.8
+_THICK = 4.0
 _PANEL_WIDTH = 0.8  # of its part of the figure
 _ROOM_OF_BOUNDARY = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends

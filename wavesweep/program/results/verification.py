@@ -34,13 +34,8 @@ ROWS = 20
 SEED = 0
 # relative difference that counts as none if versions, or what is computed together, differ
 SAME_NUMBER = 1e-9
-FAULTS = (
-    WavesweepError,
-    LookupError,
-    TypeError,
-    ValueError,
-    AttributeError,
-)  # of packages and schemas that were changed
+# of packages and schemas that were changed
+FAULTS = (WavesweepError, LookupError, TypeError, ValueError, AttributeError)
 NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 

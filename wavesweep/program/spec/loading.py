@@ -17,14 +17,8 @@ from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
 
-MARKS = (
-    "numbers",
-    "type",
-    "block",
-    "signals",
-    "wire",
-    "ports",
-)  # a spec that has one of these draws its loop
+# a spec that has one of these draws its loop
+MARKS = ("numbers", "type", "block", "signals", "wire", "ports")
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 

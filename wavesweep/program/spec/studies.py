@@ -29,10 +29,8 @@ FARTHEST_FACTOR = 10.0
 DEFAULT_FREQUENCIES = Axis(
     "frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log"
 )
-OF_PORTS = (
-    1e-5,
-    0.49,
-)  # of the tick's rate, the usual frequencies of responses between inputs and outputs
+# of the tick's rate, the usual frequencies of responses between inputs and outputs
+OF_PORTS = (1e-5, 0.49)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)

@@ -25,12 +25,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import make_folders
 
 SUFFIX = ".sqlite"  # of the name of a checkpoint
-BESIDE = (
-    "",
-    "-journal",
-    "-wal",
-    "-shm",
-)  # behind it: the file itself, and those that SQLite puts beside it
+# behind it: the file itself, and those that SQLite puts beside it
+BESIDE = ("", "-journal", "-wal", "-shm")
 DAMAGED = ".damaged"  # behind the name of a file that was moved away
 LOCK_SECONDS = 2.0  # s for a lock
 # What SQLite says of the disk or of other programs, and not of the file, each with what helps.

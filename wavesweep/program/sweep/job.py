@@ -22,10 +22,8 @@ SECONDS_OF_CHUNK = 0.3
 # chunk
 CHECKED = 100_000
 FEWEST, MOST = 16, 4096  # slices of a chunk; with more, none takes less time
-MOST_DRAWN, MOST_SLOW = (
-    256,
-    128,
-)  # of drawn loops, and of those by panels or with dead times: one may take 20 ms
+MOST_DRAWN = 256  # of drawn loops
+MOST_SLOW = 128  # of those by panels or with dead times: one may take 20 ms
 
 
 @dataclass(frozen=True, slots=True)

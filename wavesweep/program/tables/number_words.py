@@ -7,10 +7,8 @@ that its digits give exactly is printed as it is.
 
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 
-DIGITS, MOST_DIGITS = (
-    6,
-    17,
-)  # significant ones of a number in a sentence, and those that tell any two doubles apart
+DIGITS = 6  # significant ones of a number in a sentence
+MOST_DIGITS = 17  # those that tell any two doubles apart
 SAME_AS_PRINTED = 1e-15  # relative: 0.1 is not a double, and 2*0.3/1e-5 not 60000
 
 
