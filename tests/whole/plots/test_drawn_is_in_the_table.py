@@ -195,13 +195,6 @@ def entries(figure):
     }
 
 
-def certificate(columns, whose):
-    """Whether a row is certified, or settled where it is searched for."""
-    if whose != "hand":
-        return columns["certified"]
-    return np.where(columns["hand"] == "box", columns["settled"], columns["certified"])
-
-
 def inside(paths, x, y):
     return any(path.contains_point((x, y), radius=1e-9) or path.contains_point((x, y), radius=-1e-9) for path in paths)
 
@@ -214,9 +207,9 @@ def rows_of(columns, axes):
     return {name: column[chosen] for name, column in columns.items()}
 
 
-def check_panel(artists, rows, truths, whose, computed, height):
+def check_panel(artists, rows, truths, computed, height):
     """No more is filled than rows cover, and colours and dashes are those of their certificates."""
-    sure = certificate(rows, whose)
+    sure = rows["certified"]
     stable = rows["intervals"] > 0
     values = np.unique(rows["B_VE"]).tolist()
     ends = [(rows["B_VE"], rows[end], sure) for end in ("low", "high")]
@@ -325,7 +318,7 @@ def check_star(figure, panels, columns, whose):
 
 def check_bars(axes, rows, whose):
     """A bar for each stable row, dotted if it is not certified, and nothing else."""
-    sure, stable = certificate(rows, whose), rows["intervals"] > 0
+    sure, stable = rows["certified"], rows["intervals"] > 0
     for kind in (True, False):
         bars = [
             each.get_bbox().intervalx.tolist()
@@ -365,6 +358,6 @@ def test_a_figure_of_intervals_draws_what_its_table_says(seed, monkeypatch):
     for axes, artists in zip(shown, panels, strict=True):
         rows = rows_of(columns, axes)
         if len(np.unique(columns["B_VE"])) > 1:
-            check_panel(artists, rows, truths, whose, computed, np.ptp(axes.get_ylim()))
+            check_panel(artists, rows, truths, computed, np.ptp(axes.get_ylim()))
         elif figure.get_supxlabel().startswith(r"$K_\mathrm{VE}$"):  # and not over another axis
             check_bars(axes, rows, whose)
