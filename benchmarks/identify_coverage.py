@@ -293,7 +293,8 @@ def outcome(kind, log_of_kind):
     reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
     found = dict(zip(fit.model.names, fit.theta, strict=True))
     truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
-    off = {name: (found[name] - truth[name]) / reach[name] for name in found if name in truth}
+    known = [name for name in found if name in truth and reach[name] < np.inf]
+    off = {name: (found[name] - truth[name]) / reach[name] for name in known}
     inside = {name: bool(abs(share) <= 1) for name, share in off.items()}
     error = abs(found["log_mass"] - truth["log_mass"])
     return {"inside": inside, "off": off, "error": error, "half": float(reach["log_mass"]), "seconds": used}
@@ -342,7 +343,8 @@ def told(kind, seconds, outcomes):
         print(f"{kind:18} {seconds:g} s: none of {len(outcomes)} with intervals ({without})")
         return
     inside = [each["inside"] for each in answered]
-    shares = ", ".join(share_of([each[name] for each in inside if name in each], name) for name in inside[0])
+    names = max(inside, key=len)
+    shares = ", ".join(share_of([each[name] for each in inside if name in each], name) for name in names)
     half, error = (100 * np.array([each[name] for each in answered]) for name in ("half", "error"))
     used = [each["seconds"] for each in outcomes]
     print(

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study, two_masses
+from simulated_logs import of_curves
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
@@ -197,6 +198,44 @@ def test_the_force_before_the_log_is_not_needed():
         assert abs(truth.get(name, value) - value) <= half, name
 
 
+@pytest.mark.parametrize("sided", [False, True])
+def test_friction_that_turns_round_at_a_speed_is_that_of_a_fine_march(sided):
+    """With 400 steps of a tick, of the second order. A device that sticks creeps."""
+    device = {"mass": 0.1, "damping": 0.8, "stiffness": 60.0, "friction": 0.2, "delay": 0.25, "offset": 0.05, "bias": 0.0}
+    device |= {"start": 0.0, "velocity": 0.02, "turning": 2e-3, "sided": sided}
+    force = 0.6 * np.sin(0.3 * np.arange(40))
+
+    def slope(v, x, push):
+        side = np.tanh(v / 2e-3)
+        offset = 0.05 * (abs(side) if sided else 1.0)
+        return (push + offset - 0.2 * side - 0.8 * v - 60.0 * x) / 0.1
+
+    v, x, h = 0.02, 0.0, 1e-3 / 400
+    states = []
+    for tick in range(40):
+        states.append((v, x))
+        for part in range(400):
+            push = force[max(tick - (part < 100), 0)]
+            middle = v + h / 2 * slope(v, x, push)
+            v, x = v + h * slope(middle, x + h / 2 * v, push), x + h * middle
+    speeds, places = np.transpose(states)
+    assert measured(device, "position", force, 1e-3) == pytest.approx(places, abs=2e-7)
+    assert measured(device, "velocity", force, 1e-3) == pytest.approx(speeds, abs=3e-5)
+    at_once = measured(device | {"turning": 0.0}, "position", force, 1e-3)
+    assert np.abs(at_once - places).max() > 4e-6
+
+
+@pytest.mark.slow
+def test_friction_that_creeps_does_not_move_the_numbers_out_of_their_intervals():
+    """If it turned round at once, damping and friction would be 4 half-widths off."""
+    log = of_curves("sided friction", 3, 7, 0.6, "position")[2]
+    fit = fitted(Model(friction=True), log.force, log.reading - log.reading[0], log.period, log.step)
+    size = np.std(log.force)
+    truth = log.truth | {"log_mass": np.log(log.truth["mass"]), "friction": 0.2 * size, "offset": -0.08 * size}
+    for name, value, half in zip(fit.model.names, fit.theta, fit.half, strict=True):
+        assert name not in truth or abs(value - truth[name]) <= half, name
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, pytest.param(0.27, marks=pytest.mark.thorough)])
 def test_a_delay_that_turns_a_fast_force_round_is_found(friction):
@@ -256,6 +295,8 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     rubbing, verdict = identified(Model(friction=True), force, position, 1 / RATE, 1e-5)
     assert rubbing.numbers["friction"] == pytest.approx(0.05, abs=1e-3)
     assert verdict.explained
+    known = dict(zip(rubbing.model.names, np.isfinite(rubbing.extra), strict=True))
+    assert [name for name in known if not known[name]] == ["friction"]
 
 
 @pytest.mark.thorough

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identify_coverage import LOGARITHMS
+from identify_coverage import LOGARITHMS, force_of, marched, read
 from scipy.linalg import solve_discrete_are
-from simulated_logs import KINDS, of_one_mass, of_two_masses
+from simulated_logs import KINDS, of_curves, of_one_mass, of_two_masses
 
+from wavesweep.engine.errors import UsageError
 from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import path_within_ticks, predicted, scaled
+from wavesweep.identification.prediction import Search, least_of, path_within_ticks, predicted, scaled
 from wavesweep.identification.predictor import Predictor, tick_of
 
 SHAPE = {"rate": 5.0, "square": 3e4, "share": 0.7, "load_rate": 3.0, "coupling_rate": 8.0}
@@ -95,6 +96,35 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     known = replace(log, speeds=speeds, path=path).side(1e-6)
     assert known[:, once] == pytest.approx(sides[once].T, abs=4e-3)
     assert np.abs(replace(log, speeds=speeds).side(1e-6)[0, once] - sides[once, 0]).max() > 0.2
+
+
+def test_a_delay_is_found_across_a_whole_number_of_ticks():
+    """At which the errors have a kink: a search from there stays."""
+    source = np.random.default_rng(3)
+    force = source.standard_normal(210)
+    speeds = read(marched(0.1, 1.0, force, 1.875, 0.0, 0.1, "velocity"), 1e-3, source)[10:]
+    log = scaled(Model(friction=True, measured="velocity"), force[10:], speeds, 1e-3, 1e-3)
+    search = Search(log, {"rate": 5.0, "square": 0.0, "delay": 2.0, "white": 1e2, "drift": 1e-9, "turning": log.slowest})
+    found = search.found(least_of(log, search, search.begun, 8, 20))
+    assert found["delay"] == pytest.approx(1.875, abs=0.01)
+
+
+def test_velocities_at_which_a_force_turns_round_are_no_outliers():
+    source = np.random.default_rng(0)
+    force = force_of("steps", source, 400)
+    speeds = read(marched(0.1, 1.0, force, 2.25, 0.0, 0.0, "velocity"), 1e-4, source)[10:]
+    speeds[201] += 0.1
+    found = predicted(Model(measured="velocity"), force[10:], speeds, 1e-3, 1e-4)
+    assert [*np.flatnonzero(~found.used) + found.skip] == [201]
+    at = found.model.names.index("delay")
+    assert abs(found.theta[at] - 2.25) <= 1.5 * found.half[at]
+
+
+@pytest.mark.slow
+def test_a_drag_is_not_friction_below_zero():
+    (log,) = of_curves("drag", 1, 0, 0.3)
+    with pytest.raises(UsageError, match=r"a friction of at least 0.*leave --friction out"):
+        predicted(Model(friction=True, measured="velocity"), log.force, log.reading, log.period, log.step)
 
 
 @pytest.mark.slow

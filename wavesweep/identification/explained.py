@@ -89,6 +89,10 @@ def identified(
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
         fit, verdict = lacking(by_prediction(found, *log), found)
+    one_way = "offset" in fit.model.without if fit.estimate else found.place.log.one_way
+    if model.friction and one_way:  # a constant force, however large, would do the same
+        unknown = np.where(np.array(fit.model.names) == "friction", np.inf, 0.0)
+        fit = replace(fit, extra=fit.extra + unknown)
     return (at_an_instant(fit) if model.measured == "acceleration" else fit), verdict
 
 

@@ -41,6 +41,8 @@ FITTING_ROUNDS = 3  # of least squares without outliers, and of the likelihood a
 OUTLIER = 6.0
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 HUBER = 1.5  # standard deviations beyond which readings count less while outliers are searched
+SLOW_TURN = 0.005  # of the usual velocity, at which friction turns round to see what this changes
+SHARES = (0.1, 10.0)  # of this speed, with which the turn is marched
 SETTLED_HALF_WIDTHS = 0.05  # half-widths; smaller changes end the rounds
 
 
@@ -153,9 +155,12 @@ def fitted(
     # come from wider ones.
     widest = SECANT * scales(model, theta, rows)
     steps = widest if model.friction else DIFFERENCE_STEP * scales(model, theta, rows)
+    count = len(theta)
+    share = 1.0
     for _ in range(FITTING_ROUNDS):
+        beside = _slower_turn(model, theta, rows, share)
         with np.errstate(all="ignore"):
-            J = rows.slopes(model, theta, steps)
+            J = np.hstack([rows.slopes(model, theta, steps), beside])
             left = rows.residual(model, theta)
         if (
             not (np.linalg.norm(J, axis=0) > 0).all()
@@ -163,19 +168,53 @@ def fitted(
         ):
             return None
         estimates = estimated(J, left, resolution)
-        theta = theta + estimates.step
+        half = estimates.half[:count]
+        theta = theta + estimates.step[:count]
+        share = float(np.clip(estimates.step[count:].sum(), *SHARES))
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             return None
-        steps = np.minimum(estimates.half, widest) if model.friction else steps
-        if (np.abs(estimates.step) < SETTLED_HALF_WIDTHS * estimates.half).all():
+        steps = np.minimum(half, widest) if model.friction else steps
+        if (np.abs(estimates.step[:count]) < SETTLED_HALF_WIDTHS * half).all():
             break
     theta = np.where(
         np.array(model.names) == "friction", np.abs(theta), theta
     )  # the model takes its size
-    places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
-    return Fit(
-        model, theta, estimates.half, rows, places, reading - places, estimates.noise, estimates
-    )
+    # What the turn changes in the readings is known to first order: the numbers move by what it would
+    # change in them if it were left out.
+    turned = beside @ estimates.step[count:]
+    size = np.linalg.norm(J[:, :count], axis=0)
+    half = half + np.abs(np.linalg.lstsq(J[:, :count] / size, turned, rcond=1e-12)[0] / size)
+    places = readings(model, theta, force, period, rows.skip) + turned
+    places = np.append(np.full(rows.skip, np.nan), places)
+    return Fit(model, theta, half, rows, places, reading - places, estimates.noise, estimates)
+
+
+def _slower_turn(model, theta, rows, share):
+    """What friction that turns round at a small speed changes in the readings, and the same if the
+    offset is friction that depends on direction: `(rows, 2)`, `(rows, 0)` without friction.
+
+    Friction of a device is F_c tanh(v/v_t): it creeps before it slides. For small v_t this changes
+    the readings in proportion to v_t, which damping and friction take up. So v_t is a number of the
+    fit like the others. share: v_t to march with, over `SLOW_TURN` of the usual speed.
+    """
+    none = np.zeros((len(rows.reading) - rows.skip, 0))
+    if not model.friction:
+        return none
+    told = (rows.force, rows.period, rows.skip)
+    numbers = model.numbers(theta)
+    forms = [{}]
+    if 0 < abs(numbers["offset"]) < numbers["friction"]:
+        forms.append({"sided": True})
+    with np.errstate(all="ignore"):
+        at_once = measured(numbers, model.measured, *told)
+        turning = share * SLOW_TURN * float(np.std(measured(numbers, "velocity", *told)))
+        changed = [
+            (measured(numbers | {"turning": turning} | form, model.measured, *told) - at_once)
+            * (rows.used / share)
+            for form in forms
+        ]
+    shown = [each for each in changed if np.ptp(each) > 0]
+    return np.stack(shown, axis=1) if shown else none
 
 
 def _from_prediction(model, found, rows):

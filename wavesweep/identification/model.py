@@ -19,7 +19,7 @@ the mean over the tick before, as one that adds up its samples does.
 
 from bisect import bisect_left
 from dataclasses import dataclass
-from math import copysign, exp, inf, sqrt
+from math import copysign, exp, expm1, inf, sqrt, tanh
 
 import numpy as np
 from scipy.linalg import expm
@@ -39,6 +39,9 @@ UNSEEN = {
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST_LOG_MASS = 100.0  # logarithm of the largest mass that is tried
 TICKS_AT_ONCE = 1024  # ticks that are marched at a time
+NEAR_TURN = 6.0  # speeds of a turn beyond which friction is constant to 1e-5
+MOST_STEPS = 256  # in which a part of a tick is marched through a turn
+SMALL = 1e-4  # powers of e whose series is used
 DIFFERENCE_STEP = 1e-4  # of finite differences, relative to the scale of a number
 
 
@@ -108,7 +111,11 @@ def readings(
 
 def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
     """The same for numbers by their names; what: a position (m), a velocity (m/s) or an
-    acceleration (m/s^2)."""
+    acceleration (m/s^2).
+
+    With `turning` (m/s) among the numbers friction is F_c tanh(v/turning); with `sided` as well, the
+    offset acts while the device moves alone, as f_0 |tanh(v/turning)|.
+    """
     if not abs(found["delay"]) < len(force):
         return np.full(len(force) - skip, np.nan)
     if "load_mass" in found:
@@ -119,11 +126,12 @@ def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) 
     push = np.pad(push, ((0, 0), (0, int(ahead))))
     pulls = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in pulls)
     row = int(what == "position")
-    places = (
-        _sliding(found, push, pulls, full, period, row)
-        if found["friction"]
-        else _linear(found, push, period, row)
-    )
+    if found.get("turning"):
+        places = _turning(found, pulls, row)
+    elif found["friction"]:
+        places = _sliding(found, push, pulls, full, period, row)
+    else:
+        places = _linear(found, push, period, row)
     return (np.diff(places) / period if ahead else places) + found["bias"]
 
 
@@ -282,6 +290,43 @@ def _linear(found, push, period, row):
     outer = np.concatenate([[first - fast_decay * state[row]], drive])
     inner = lfilter([1.0], [1.0, -two], outer)
     return lfilter([1.0], [1.0, -fast_decay], np.concatenate([[state[row]], inner])).real
+
+
+def _turning(found, parts, row):
+    """The same with friction F_c tanh(v/v_t), which lets a device that sticks creep.
+
+    A step of h is that of the equation with a straight line for the friction near v: with
+    J = F_c (1 - tanh^2)/(m v_t) + d/m and z = J h, the velocity changes by a (1 - e^-z)/J. Near
+    0 it changes by a quarter of v_t at most in a step; elsewhere friction is constant.
+    """
+    friction, damping, stiffness = (
+        found[name] / found["mass"] for name in ("friction", "damping", "stiffness")
+    )
+    turning = found["turning"]
+    near = NEAR_TURN * turning
+    sided = found["offset"] / found["mass"] if found.get("sided") else 0.0
+    v = found["velocity"]
+    x = found["start"]
+    states = []
+    for pushes in zip(*(push.tolist() for _, push in parts), strict=True):
+        states.append((v, x)[row])
+        for (seconds, _), push in zip(parts, pushes, strict=True):
+            left = seconds
+            while left > 0:
+                side = tanh(v / turning)
+                net = push / found["mass"] - friction * side - damping * v - sided * (1 - abs(side))
+                pulled = abs(net - stiffness * x) + 1e-300
+                most = (abs(v) - near if abs(v) > near else turning / 4) / pulled
+                h = min(left, max(most, seconds / MOST_STEPS))
+                a = net - stiffness * (x + v * h / 2)
+                rubbed = friction - copysign(sided, v)
+                z = (rubbed * (1 - side * side) / turning + damping) * h
+                first = -expm1(-z) / z if z > SMALL else 1 - z / 2
+                second = (1 - first) / z if z > SMALL else 0.5 - z / 6
+                x += h * v + h * h * second * a
+                v += h * first * a
+                left -= h
+    return np.array(states)
 
 
 def _sliding(found, push, parts, full, period, row):

@@ -51,6 +51,7 @@ WHITE = (-8.0, -4.0, 0.0, 4.0)
 DRIFT = (-14.0, -10.0, -7.0, -4.0, -1.0)
 HIGHEST_DECADE = 8.0  # decade of a variance
 SPARE_ROWS = 4  # rows that are left out beyond the delay
+BEHIND_KINK = (-0.5, -0.25, -0.1, 0.1, 0.25, 0.5)  # ticks of delay from a minimum, tried as well
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
 SMOOTHER_PASSES = 2  # of the smoother
 TURNS_TRIED = 12  # of the moment in a tick at which a device turns round
@@ -87,6 +88,10 @@ NO_MASS = (
 NO_RESONANCE = (
     "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
     "or leave --two-masses out"
+)
+NO_FRICTION = (
+    "expected a friction of at least 0, found {friction:.2g} N at most: the force against the motion grows with speed by more "
+    "than a line, as a drag does; leave --friction out"
 )
 OTHER_SIGN = (
     "the position moves against the force, as a mass below 0 would; --scale force=-1 turns its sign"
@@ -421,7 +426,7 @@ def predicted(
     force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the
     readings, 0 for none.
 
-    Errors: UsageError if the force does not show in the readings.
+    Errors: UsageError if the force does not show in the readings, or if friction comes out below 0.
     """
     wild = _spikes(reading, resolution)
     between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
@@ -449,6 +454,11 @@ def predicted(
                 moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
             )
     found = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
+    if model.friction:
+        at = found.model.names.index("friction")
+        most = float(found.theta[at] + found.half[at])
+        if most < 0:
+            raise UsageError(NO_FRICTION.format(friction=most))
     return replace(found, used=~wild[skip:])
 
 
@@ -504,20 +514,25 @@ def _with_curve(log, search, point, skip):
     point = least_of(log, curved, curved.begun, skip, 8)
     _, errors, effects = errors_of(log, curved.found(point), skip)
     _, sliding, fades = projected(errors, effects)[0]
-    falls = fades > FALLS * sliding
+    falls = sliding > 0 and fades > FALLS * sliding
     enough = _square(log, curved, point, skip) < without * np.exp(-2 * LIKELIER / len(log.reading))
     return (curved, point) if falls and enough else None
 
 
 def _spikes(reading, resolution):
-    """Which readings are far to one side of both neighbours, which are near to each other:
-    outliers."""
+    """Which readings are far to one side of both neighbours, which are near to each other and to
+    their own: outliers.
+
+    A velocity under a force that turns round is as far from its neighbours, but so are these from
+    theirs.
+    """
     change = np.diff(reading)
     before = change[:-1]
     after = -change[1:]
     usual = np.median(np.abs(before + after)) / 0.6745
     height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
-    alone = np.abs(before - after) < 0.5 * height
+    around = np.abs(np.pad(change, 1))
+    alone = np.maximum(np.abs(before - after), np.maximum(around[:-3], around[3:])) < 0.5 * height
     spikes = np.pad(alone & (height > max(SPIKE * usual, 3 * resolution)), 1)
     return spikes if spikes.mean() < OUTLIER_SHARE else np.zeros(len(reading), bool)
 
@@ -553,7 +568,9 @@ def innovations_of(
         return Innovations(np.inf, np.inf, float("nan"))
     found = search.found(point)
     _, errors, effects = errors_of(log, found, skip)
-    left = projected(errors, effects)[1]
+    gains, left = projected(errors, effects)
+    if model.friction and gains[1] < 0:  # a drag, which no friction explains
+        return Innovations(np.inf, np.inf, float("nan"))
     tone_hz = float("nan")
     if model.load:
         tone_hz = float(np.sqrt(found["square"] * (1 + 1 / found["share"]))) / (2 * np.pi)
@@ -805,10 +822,23 @@ def least_of(log, search, point, skip, most):
     high = search.high / search.size
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
     limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
-    return (
-        least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x
-        * search.size
-    )
+
+    def searched(start):
+        return least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x
+
+    best = searched(start)
+    # At a whole number of ticks the errors have a kink, behind which there may be a lower minimum.
+    if "delay" in search.names:
+        at = search.names.index("delay")
+        tried = [best]
+        for ticks in BEHIND_KINK:
+            other = best.copy()
+            other[at] = np.clip(best[at] + ticks / search.size[at], low[at] + 1e-6, high[at] - 1e-6)
+            tried.append(other)
+        lowest = min(tried, key=lambda each: float(np.sum(left(each) ** 2)))
+        if lowest is not best:
+            best = searched(lowest)
+    return best * search.size
 
 
 def theta_of(log, found, gains):

@@ -303,7 +303,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
 def _take_intervals_away(parameters: Mapping[str, dict[str, Any]]) -> None:
     """Leave the numbers without their intervals; one that is given as it is keeps its ends."""
     for number in parameters.values():
-        if number["low"] < number["high"]:
+        if number["low"] != number["high"]:
             number |= {"low": None, "high": None}
 
 
@@ -351,6 +351,8 @@ def _parameters(
         if constants and name in OF_FORCE:
             low, high = _by_constants(low, high, constants)
         unit = TURNING.get(name, turned(units[name])) if turns else units[name]
+        if high == inf:
+            low, high = None, None
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit}
     return parameters
 
@@ -481,11 +483,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield from _spoken(found)
     # whether the residual is that of predictions, which follow a constant force as any other
     followed = found["residual"].get("walked", 0.0) > 0
-    if "offset" not in found["parameters"] and found["measured"] != "acceleration" and not followed:
-        yield (
-            "no constant force was fitted: the device moves one way only, where it and friction are the same",
-            True,
-        )
+    friction = found["parameters"].get("friction")
+    if friction and friction["low"] is None and not found["residual"].get("withheld"):
+        said = "the device moves one way only, where it and friction are the same"
+        yield f"no constant force was fitted: {said}; friction has no interval", True
     left = found["residual"]
     unit = READ[found["measured"]]
     if found["turns"]:
