@@ -392,7 +392,7 @@ def test_a_range_that_is_none_is_said(ranges, expected):
 
 @pytest.mark.asks("passive")
 def test_hands_are_not_asked_for_beside_ranges():
-    with pytest.raises(UsageError, match="passive alone beside"):
+    with pytest.raises(UsageError, match="one proof covers every passive hand"):
         intervals(load(FIG4 | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}}}), "K_VE", wavesweep_hands(), jobs=1)
 
 

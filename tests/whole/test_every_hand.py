@@ -207,7 +207,7 @@ def test_what_contradicts_the_device_alone_is_in_doubt_and_asks_to_be_reported(m
     ("spec", "words", "said"),
     [
         (spec_of("pmw"), "passive", "expected a wall without waves"),
-        (spec_of(), "port", "expected passive alone"),
+        (spec_of(), "port", "one proof covers every passive hand"),
         (load(LOSSES), "passive", "found loss, with which any number in a row may be lost"),
         (spec_of(velocity="exact"), "passive", "expected device.velocity"),
         (
