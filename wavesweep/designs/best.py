@@ -93,7 +93,7 @@ def miss(
             if spec.for_all
             else "that is unstable"
         )
-        said += f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so"
+        said += f"; a loop {loop} has no value, see `wavesweep check`, and what the search could not bound has none either"
     return said
 
 

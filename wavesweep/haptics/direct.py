@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from wavesweep.haptics.controller_page import F_S, BlockDiagram, Slow, device
 
-HELD = "wall force K x + B v at the slow rate"
+HELD = "wall force K*x + B*v at the slow rate"
 
 
 def dc(values: Mapping[str, Any]) -> BlockDiagram:

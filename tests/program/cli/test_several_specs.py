@@ -85,7 +85,7 @@ def test_it_writes_a_table_and_its_figure_with_what_each_spec_assumes(compare, f
     assert re.search("waves:\n  stable for every K_VE from 0 up to .*\n  largest stable K_VE: ", err)
     assert "direct:\n  largest stable K_VE: " in err
     assert "\n  stiffest wall as the hand feels it at rest: " in err
-    direct = "direct: wall force K x + B v at the slow rate, delay of 3 ticks, exact velocity"
+    direct = "direct: wall force K*x + B*v at the slow rate, delay of 3 ticks, exact velocity"
     assert f"assumes: {direct}; " in err
     below = " ".join(figures[0].get_supxlabel().split())
     assert "Assumes: waves: explicit integration of the wall, no delay, exact velocity" in below

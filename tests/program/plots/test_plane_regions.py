@@ -158,6 +158,21 @@ def test_nothing_is_filled_between_values_that_are_not_joined():
     assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
 
 
+def test_an_axis_ends_soon_after_the_last_interval():
+    """If there is none in 40 % of it, which the note says, and all of that is known."""
+    walls = {"controller": {"kind": "dc-slow"}}
+    walls["sweep"] = {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 1.0, 200.0, 400.0]}
+    columns = dict(intervals(load(walls)).columns)
+    figure = plots.zwidth(columns, {})
+    low, high = figure.axes[0].get_xlim()
+    assert (low < 0, 200 < high < 250) == (True, True)
+    assert "Beyond the axis no swept value has an interval." in " ".join(figure.get_supxlabel().split())
+    columns["doubt"] = np.where(columns["B_VE"] == 400, "search", columns["doubt"].astype(str))
+    figure = plots.zwidth(columns, {})
+    assert figure.axes[0].get_xlim()[1] > 400
+    assert "Beyond" not in figure.get_supxlabel()
+
+
 def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(monkeypatch):
     """Batches share polynomials, which a design of a tiny number may spoil; a column that stays in doubt is not joined."""
     asked = []

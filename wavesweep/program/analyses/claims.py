@@ -314,7 +314,7 @@ class Messages(NamedTuple):
         return late and lost and self.chances == asked.chances
 
     def in_words(self) -> str:
-        """What the messages may do."""
+        """What the messages may do that are not all in time."""
         said = []
         if self.late:
             said.append(f"late by up to {self.late} tick{'s' * (self.late != 1)}")
@@ -322,7 +322,7 @@ class Messages(NamedTuple):
             said.append("lost at random")
         elif self.lost:
             said.append(lost_in_words(self.lost))
-        return f"messages of {self.channel} {' or '.join(said) or 'all in time'}"
+        return f"messages of {self.channel} {' or '.join(said)}"
 
 
 class Tick(NamedTuple):
@@ -426,7 +426,9 @@ class Scope:
             return self.run
         said = [each.in_words() for each in self.numbers]
         said += self.frames.in_words()
-        said += [each.in_words() for each in self.messages]
+        said += [each.in_words() for each in self.messages if not each.in_time]
+        if in_time := [each.channel for each in self.messages if each.in_time]:
+            said.append(f"messages of {' and '.join(in_time)} all in time")
         said += self.tick.in_words() if self.tick else ()
         return ", ".join(said)
 

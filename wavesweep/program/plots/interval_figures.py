@@ -76,10 +76,13 @@ _THICK = 4.0
 _PANEL_WIDTH = 0.8  # of its part of the figure
 _ROOM_OF_BOUNDARY = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
+# share of the axis without intervals at its high end, from which it is not shown; and what is
+_EMPTY, _SHOWN_OF_EMPTY = 0.4, 0.1
 _HOW = {  # how stable sets are drawn, in the notes below the figure
     "strokes": "Strokes point to the unstable side.",
     "between": "Lines are computed between swept values too.",
-    "bars": "Bars hold at their value of {} alone.",
+    "bars": "Bars hold at their value alone.",
+    "cut": "Beyond the axis no swept value has an interval.",
 }
 
 
@@ -263,6 +266,11 @@ def _draw_plane(
     logarithmic = is_logarithmic(columns[x])
     if logarithmic:
         by_factors(axes.xaxis, low, high)
+    elif somewhere and not shown.whose:
+        end = _end_of_intervals(shown)
+        if end < high:
+            how.add("cut")
+            high = end
     view = view_of(x, logarithmic, *inches, shown.by_factors)
     curves = member_curves(members, view, (low, high))
     in_bars = sum(not curve.gaps for curve in curves)  # members that have bars alone, side by side
@@ -305,6 +313,23 @@ def _draw_plane(
         low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
+
+
+def _end_of_intervals(shown: Shown) -> float:
+    """Where the axis x ends: at its last value or, if much of it has nothing to show in any panel,
+    a little after what there is."""
+    columns = shown.columns
+    values = np.asarray(shown.layout.points, dtype=float)
+    panels = np.unique(columns[shown.layout.panels]) if shown.layout.panels else [np.nan]
+    empty = (columns["intervals"] == 0) & ~incomplete(columns)
+    own = [place[0] for place in shown.own_design(panels)]
+    last = max([*columns[shown.layout.x][~empty], *own])
+    beyond = values[values > last]
+    if not beyond.size:
+        return float(values[-1])
+    end = beyond[0] + _SHOWN_OF_EMPTY * (beyond[0] - values[0])
+    long = end <= values[-1] - _EMPTY * (values[-1] - values[0])
+    return float(end if long else values[-1])
 
 
 def _nothing_stable(columns: Columns, members: Sequence[Member]) -> str:
@@ -370,7 +395,8 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
         upright = label(layout.family, facts) if layout.family and not layout.beside else ""
     marks = offered("marks")
     unmarked = marks.undrawn(facts, layout.x, shown.along) if marks else ""
-    drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
-    note_below(canvas, layout.left_out, drawn, unmarked, _assumption(shown), axis=beneath)
+    drawn = " ".join(said for word, said in _HOW.items() if word in how)
+    below = " ".join(filter(None, (drawn, unmarked, _assumption(shown))))
+    note_below(canvas, layout.left_out, below, axis=beneath)
     if upright:
         canvas.supylabel(upright, fontsize=8)
