@@ -47,6 +47,7 @@ class Case:
     zeros: tuple = ()
     leak: float = 0.0
     level: float = 0.0
+    tick: float = T
 
     @property
     def start(self):
@@ -55,22 +56,22 @@ class Case:
 
     def held(self, n, c, f):
         """Pole of the frame with a sample of f(K) = f."""
-        q = (1 - self.leak * T) ** n
-        return q - c * f * ((1 - q) / self.leak if self.leak else n * T)
+        q = (1 - self.leak * self.tick) ** n
+        return q - c * f * ((1 - q) / self.leak if self.leak else n * self.tick)
 
     def bounds(self, n, c, required, lost=0.0):
         """The open interval of values f for which a frame has what is asked; required: with [sweep] require.
 
         lost: the probability that a sample is lost.
         """
-        q = (1 - self.leak * T) ** n
+        q = (1 - self.leak * self.tick) ** n
         low, high = q - 1, q + 1  # of g
         if lost:
             high = 2 * (1 - lost) / (1 + lost)
         if required and self.asks == "radius":
             low, high = q - self.level**n, q + self.level**n
         if required and self.asks == "settling":
-            size = exp(-n * T * log(50) / self.level)
+            size = exp(-n * self.tick * log(50) / self.level)
             low, high = q - size, q + size
         if required and self.asks == "damping_ratio":
             # Less than a tenth after a tick has every damping ratio.
@@ -81,7 +82,7 @@ class Case:
             high = 2 - 2 / self.level
         if required and self.asks == "disk":
             high = 2 * (2 - self.level) / (2 + self.level)
-        per = c * ((1 - q) / self.leak if self.leak else n * T)
+        per = c * ((1 - q) / self.leak if self.leak else n * self.tick)
         return tuple(sorted((low / per, high / per)))
 
     def inside(self, members, required=True):

@@ -164,7 +164,8 @@ def in_words(mode: Mapping[str, Any]) -> str:
         image = mode["frequency_hz"]
         if abs(hz - image) > 1e-6 * hz:
             rings += f" (once a frame {image:.4g} Hz)"
-        rings += f", damping ratio {mode['shown_damping_ratio']:.3g}"
+        ratio = mode["shown_damping_ratio"] + 0.0  # of -0: 0
+        rings += f", damping ratio {ratio:.3g}"
     tau = mode["time_constant_s"]
     decays = "stays"
     if tau is not None:
