@@ -39,7 +39,7 @@ ROWS = {
 }
 HANDS = {
     "box": "stable with every hand between a fingertip and an arm, or with ranges of your own, e.g. "
-    "box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m)"
+    "box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m); what is left out keeps its range"
 }
 
 
