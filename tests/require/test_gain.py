@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.response import Bounded
-from wavesweep.require import gain_intervals
+from wavesweep.require import factors, gain_intervals
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
 from wavesweep.require.gain_bound import IN_TIME
 from wavesweep.require.long_gain import of_tick, then
@@ -91,7 +91,7 @@ def test_margins_along_a_number_are_those_of_the_table_of_margins():
         assert peak == pytest.approx(1.7, rel=1e-4)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("every", "margins", "end"),
     [(1, {"gain": 2.0}, 1.0), (4, {"gain": 1.5}, 4 / 3), (1, {"phase_deg": 40.0}, 2 * np.sin(np.radians(50)))],
@@ -121,6 +121,72 @@ def test_a_gain_margin_holds_between_the_ends_of_its_factors():
         assert (row.certified, row.low, row.high) == (True, 0.385 * factor, 0.41 * factor)
     (row,) = loop.stable_intervals(require={"margins": {"cut": "c.y", "gain": 1.7}}).itertuples()
     assert (row.certified, row.intervals) == (True, 0)
+
+
+@pytest.mark.slow
+def test_an_end_that_a_phase_inside_the_range_sets_is_that_of_a_march():
+    """Just beyond the end the loop is unstable with phases about 40 deg, and stable with the last one, 47.27 deg; the
+    controller runs in every other tick."""
+    A = [[-0.5727, -0.9087, 0.0934], [1, 0, 0], [0, 1, 0]]
+    C = [[-0.1506, 0.6282, 0.5898]]
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"K": 0.01},
+        "block": {
+            "p": {"type": "ss", "discrete": True, "A": A, "B": [[1], [0], [0]], "C": C, "D": [[0]]},
+            "c": {
+                "type": "ss",
+                "discrete": True,
+                "A": [[-0.0109]],
+                "B": [[1]],
+                "C": [["0.8701*K"]],
+                "D": [["-2.5431*K"]],
+                "every": 2,
+            },
+        },
+        "wire": {"p.u": "-c.y", "c.u": "p.y"},
+        "sweep": {"along": "K", "K": {"start": 0, "stop": 2}},
+    }
+    (row,) = wavesweep.compile(tables).stable_intervals(require={"margins": {"cut": "c.y", "phase_deg": 47.27}}).itertuples()
+
+    def radius(K, deg):
+        """Of two ticks of plant, controller and what the controller holds, its signal turned by a phase."""
+        turned = np.exp(1j * np.radians(deg))
+        plant = np.zeros((5, 5), complex)
+        plant[:3, :3] = A
+        plant[0, 4] = -turned
+        plant[3:, 3:] = np.eye(2)
+        runs = np.zeros((5, 5), complex)
+        runs[:3, :3] = np.eye(3)
+        runs[3, :4] = [*C[0], -0.0109]
+        runs[4, :4] = [*(-2.5431 * K * np.array(C[0])), 0.8701 * K]
+        return np.abs(np.linalg.eigvals(plant @ plant @ runs)).max()
+
+    phases = np.linspace(0, 47.27, 300)
+    inside = max(radius(row.high * (1 - 1e-4), deg) for deg in phases)
+    beyond = [radius(row.high * (1 + 1e-4), deg) for deg in phases]
+    assert row.certified
+    assert inside < 1 < max(beyond)
+    assert beyond[-1] < 1
+
+
+@pytest.mark.slow
+def test_what_is_not_shown_of_factors_with_the_work_of_a_slice_is_in_doubt(monkeypatch):
+    """With gains of 1.2 either way the ends are 1.2 times less, or more, than those of stability."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 0.4},
+        "block": {"p": {"type": "tf", "num": NUM, "den": DEN, "discrete": True}, "c": {"type": "gain", "k": "K"}},
+        "wire": {"c.u": "p.y", "p.u": "c.y"},
+        "sweep": {"along": "K", "K": {"start": 0, "stop": 3}},
+    }
+    loop = wavesweep.compile(tables)
+    first, second = loop.stable_intervals().itertuples()
+    monkeypatch.setattr(factors, "MOST_WORK", 1e6)
+    found = list(loop.stable_intervals(require={"margins": {"cut": "c.y", "gain": 1.2}}).itertuples())
+    assert [(row.certified, row.doubt) for row in found] == [(False, "search")] * 2
+    assert 0 < found[0].low < found[0].high < first.high / 1.2
+    assert second.low * 1.2 < found[1].low < found[1].high < second.high / 1.2
 
 
 @pytest.mark.parametrize(

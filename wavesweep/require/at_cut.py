@@ -57,14 +57,19 @@ def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], 
         outputs=(*drawing.outputs, (SEEN, seen, "")),
     )
     loops = loops._replace(drawing=drawing)
-    ticks = ticks_between(loops, bound.cut)
-    runs = loops.drawn().ticks // ticks
-    if bound.centre and runs > 1:
+    runs = runs_at_cut(loops)
+    steps = np.diff([*runs, runs[0] + loops.drawn().ticks])
+    if (steps != steps[0]).any():
         raise UsageError(
-            f"{PATH}.disk: expected Ms in its place, since {bound.cut!r} is made {runs} times "
+            f"{PATH}.cut: expected a signal that is made at even steps, found {bound.cut!r}, "
+            f"made {steps.min()} to {steps.max()} ticks apart"
+        )
+    if bound.centre and runs.size > 1:
+        raise UsageError(
+            f"{PATH}.disk: expected Ms in its place, since {bound.cut!r} is made {runs.size} times "
             "in a frame, and a disk margin is of one factor on all of them"
         )
-    return loops, (INPUT, OUTPUT + SEEN), GainBound(INPUT, SEEN, bound.at_most * sqrt(ticks))
+    return loops, (INPUT, OUTPUT + SEEN), GainBound(INPUT, SEEN, bound.at_most * sqrt(steps[0]))
 
 
 def refuse_cut(drawing, cut: str) -> None:
@@ -76,18 +81,8 @@ def refuse_cut(drawing, cut: str) -> None:
         raise UsageError(f"{PATH}.cut: expected {expected}, found {found}{meant}")
 
 
-def ticks_between(loops: Loops, cut: str) -> int:
-    """Return the ticks between two values of a signal behind which there is a gain.
-
-    Errors: UsageError if the steps are not even.
-    """
+def runs_at_cut(loops: Loops) -> np.ndarray:
+    """The ticks of a frame in which a signal is made behind which there is a gain."""
     drawn = loops.drawn()
     (behind,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
-    runs = np.flatnonzero(behind.runs(drawn.ticks))
-    steps = np.diff([*runs, runs[0] + drawn.ticks])
-    if (steps != steps[0]).any():
-        raise UsageError(
-            f"{PATH}.cut: expected a signal that is made at even steps, found {cut!r}, "
-            f"made {steps.min()} to {steps.max()} ticks apart"
-        )
-    return int(steps[0])
+    return np.flatnonzero(behind.runs(drawn.ticks))

@@ -102,7 +102,11 @@ class Between:
                 value = np.concatenate([one.value, other.value])
                 maps.append(Bounded(value, np.concatenate([one.error, other.error])))
             return maps, np.zeros((p.size, 1))  # which may be poles
-        return over_frame(port, self.kept, p.shape), pivots
+        return self.over_frame(port, p.shape), pivots
+
+    def over_frame(self, port, batch):
+        """The maps of a frame."""
+        return over_frame(port, self.kept, batch)
 
     def changes(self, column, p):
         """E less identity of frames, `(points, n, n)`."""

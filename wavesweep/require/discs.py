@@ -207,7 +207,7 @@ def verdicts(E, dE, rims, place, lines=None):
     radii in the middles alone.
     """
     n = E.shape[-1]
-    delta, V = _vectors(E, place.small)
+    delta, V = eigenvectors(E, place.small)
     with np.errstate(all="ignore"):
         W = inverse(V)
         sizes_W = np.abs(W)
@@ -241,7 +241,7 @@ def verdicts(E, dE, rims, place, lines=None):
     return np.where(known, np.where(label == OPEN, label_in_units, label), OPEN)
 
 
-def _vectors(E, small):
+def eigenvectors(E, small):
     """Eigenvalues less 1 and eigenvectors; for several eigenvalues of I + E up to `small`, which
     may have too few of these, the vectors of a Schur form.
     """

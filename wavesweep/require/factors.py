@@ -1,61 +1,63 @@
 """Where a loop stays stable along a number while its signal at a cut is multiplied by any factor of
 a range: gains from 1/g to g, or phases exp(j phi) of up to p either way.
 
-With L the loop from the signal back to it, f a factor in the middle of some, and T = f L/(1 + f L),
+The signal is y in the ticks in which it is made, and with the factor f the input u = (f - 1) y is
+added to it. With E, G, O, T of a frame of the loop with the factor 1, z is an eigenvalue of the
+loop with the factor f (1 + e) where
 
-    1 + f (1 + d) L = (1 + f L) (1 + d T),
+    K - (z - 1) L + e N,   K = [E G; (f-1) O  (f-1) T - 1],   L = [1 0; 0 0],   N = f [0 0; O T]
 
-so no factor f (1 + d) has an eigenvalue on the unit circle where |T| is below 1/|d| on all of it.
-The factors of a range are covered by pieces, each of which has a middle f and the largest |d|. If
-the loop is stable at f = 1 and |T| is below 1/|d| for each piece, on a panel of the number, it is
-stable with all factors there, as no eigenvalue has crossed the circle. A piece for which this is
-not shown is halved, and with |d| its circle of factors, of which the real ones, or those of size 1,
-alone are asked for. Where a loop with one of the factors is not stable, the margin is missed: such
-loops are those at the ends of the range, and those in the middle of pieces that stay open.
+is singular. In eigenvectors of the middle of a panel of the number, and of a piece of the range, it
+is diagonal, `d_i - (z - 1)`, or 1 for the inputs. If the diagonal dominates all that is left for no
+z of the unit circle, no number of the panel and no factor of the piece has an eigenvalue on it, and
+all have as many outside as the middle. So a panel is shown if pieces cover the range and have none
+outside, and it is lost if a piece, or a single factor, has one in all of it.
 
-A phase makes a complex loop, which is a real one of twice the size. Real and imaginary part of T
-below half the level each are enough.
+e is real for gains, and next to the imaginary line for phases. So an eigenvalue moves along a line,
+`d_i + e N_ii`, whose distance from the circle is exact: where the last factor becomes stable inside
+the range, eigenvalues move along the circle, and pieces may be as wide as the root of what is left.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from math import sqrt
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT
-from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing import BLOCK, GAIN, TWIN, path_of, with_complex_factor
+from wavesweep.engine.drawing import BLOCK
+from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import ONE
-from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals, Search
-from wavesweep.require.at_cut import INPUT, refuse_cut, ticks_between
-from wavesweep.require.between import needed, typical_between
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, Accuracy, along_panels
-from wavesweep.require.frame_gain import BoundedGain
+from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse, solve
+from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
+from wavesweep.require.at_cut import INPUT, PATH, refuse_cut, runs_at_cut
+from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
+from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, SAFE, Accuracy, along_panels
+from wavesweep.require.discs import ZERO_EIGENVALUES, eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
-from wavesweep.require.gain_intervals import (
-    MOST_DENSE_TICKS,
-    attached,
-    begun_at_low_end,
-)
-from wavesweep.require.long_gain import LongGain
-from wavesweep.require.pencil import OTHER_TURN, TURN
+from wavesweep.require.gain_intervals import attached, begun_at_low_end
+from wavesweep.require.maps import at_runs
+from wavesweep.require.pencil import DOMINANT_BY, SWEEPS
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
 
-PHASE = "phase at the cut"  # a number of no spec
 RETURNED = "what comes back to the cut"
 # of an end, and of a NEAR_ZERO-th of the span: from there on rounding hides which factor is the last
 END_EXACTNESS = 1e-7
-FIRST_PIECES = 4  # of a range of factors
-FINER_PIECES = 1  # halvings of these beyond those of a panel of the number
-MOST_PIECES = 24  # open at a time on a panel, beyond which it stays open
+FINEST = 16.0  # of the narrowest panels, as wide as ends are exact
+MOST_RUNS = 128  # of the signal in a frame, whose inputs stand beside the states
+# of a slice, some 10 s: what a piece of N rows takes is PIECE_WORK + N^3, see MEASURED
+MOST_WORK = 200e6
+PIECE_WORK = 1000
+MOST_STUCK = (
+    16  # pieces of a panel whose middles may be on the circle, for one of which they are halved
+)
 PIECE = np.dtype([("panel", int), ("place", float), ("half", float)])  # of a range, on a panel
-LOOKED_AT = 17  # places of a range, where loops are looked at first
-ROUNDS = 3  # of factors of open pieces that are looked at
+ENTRIES_AT_ONCE = 1_000_000  # of the pencils of some pieces
+LOOKED_AT = 33  # factors at which the largest eigenvalue is looked for, next to an end
+ZOOMS = 4  # between the neighbours of the largest
 
 
 def along_factors(
@@ -64,235 +66,316 @@ def along_factors(
     """All intervals of a number in which loops are stable with all factors, within those in which
     they may be stable with the factor 1.
 
-    The next: see `along_panels`. Accuracy: ends to END_EXACTNESS. Errors: UsageError for a signal at
-    which loops cannot be cut, or that moves without end.
+    The next: see `along_panels`. The omegas of ends are those of the eigenvalue that leaves with
+    the last factor, with a minus: no mode of the loop itself is on the circle there. Accuracy: ends
+    to END_EXACTNESS; what is not shown with MOST_WORK is in doubt. Errors: UsageError for a signal
+    at which loops cannot be cut, that moves without end, or that is made more than MOST_RUNS times
+    in a frame.
     """
-    way = _way(loops, wanted)
-    size = period.size
-    shown = []
-    for route in way.routes:
-        drift, port, _, _ = typical_between(
-            way.at(way.ends[1]), along, span, size, route, "margins"
-        )
-        kind = LongGain if port.kind.size > MOST_DENSE_TICKS else BoundedGain
-        arc = np.tile([0.0, np.pi], (1, 1))
-        about = way.at(way.ends[1]), along, route, 1.0, drift, needed(port.maps), port.kind.size
-        shown.append(kind(*about, np.zeros(1, int), stable, arc, at_rest=False))
-    judge = _Factors(way, tuple(shown), along, span, np.arange(size), stable)
-    width = span[1] - span[0]
-    begun = begun_at_low_end(replace(shown[0], columns=np.arange(size)), span)
-    ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
-    first = 0 if way.of_gain else 1  # a phase of 0 is the loop itself
-    for place in np.linspace(*way.ends, LOOKED_AT)[first:].tolist():
-        judge.look_at(place)
-    for _ in range(ROUNDS):
-        found = along_panels([judge], np.ones(size, bool), span, period, bounds, resolved, ends)
-        if not found.doubt.any() or not judge.look_further():
-            break
-    for tried in judge.tried:
-        found = attached(found, tried, SHARE_OF_SPAN * width, END_EXACTNESS)
-    return attached(found, stable, SHARE_OF_SPAN * width, END_EXACTNESS)
-
-
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """The loops with a factor at the cut that is a number of its own, and what comes back there of
-    an input.
-
-    ends: of the range, as places of its pieces: logarithms of gains, or angles. level: of |T| for a
-    piece of no width, times its half width.
-    """
-
-    loops: Loops
-    routes: tuple[tuple[str, str], ...]
-    ends: tuple[float, float]
-    of_gain: bool
-    ticks: int
-
-    def at(self, place, half=0.0) -> Loops:
-        """The loops with the factor in the middle of a piece about a place."""
-        if self.of_gain:
-            return self.loops.changed({path_of(GAIN): np.exp(place) * np.cosh(half)})
-        return self.loops.changed({path_of(PHASE): place})
-
-    def level(self, half: float) -> float:
-        """What |T| has to be below for a piece of that half width; see above for the half of it.
-
-        With u from -h to h, exp(u) is cosh(h) (1 + d), |d| <= tanh(h); and exp(j u) is 1 + d, |d|
-        <= 2 sin(h/2).
-        """
-        if self.of_gain:
-            return sqrt(self.ticks) / np.tanh(half)
-        return sqrt(self.ticks) / (4 * np.sin(half / 2))
-
-
-def _way(loops, wanted) -> _Way:
     refuse_cut(loops.drawing, wanted.cut)
     loops = loops.with_gain_at(wanted.cut)
-    ticks = ticks_between(loops, wanted.cut)
+    runs = runs_at_cut(loops)
+    if runs.size > MOST_RUNS:
+        raise UsageError(
+            f"{PATH}.{wanted.margin}: expected Ms in its place, since {wanted.cut!r} is made "
+            f"{runs.size} times in a frame, and factors are proved of at most {MOST_RUNS}"
+        )
     drawing = loops.drawing
-    if wanted.margin == FACTOR_GAIN:
-        end = float(np.log(wanted.size))
-        wires = dict(drawing.wires)
-        wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, ONE))
-        seen = {RETURNED: wanted.cut}
-        ends = (-end, end)
-    else:
-        cos = ("cos", ("name", PHASE, 0), 0)
-        sin = ("sin", ("name", PHASE, 0), 0)
-        drawing = with_complex_factor(drawing, cos, sin)
-        values = {path: loops.values[path.replace(TWIN, "")] for path in drawing.building}
-        loops = loops._replace(values={**loops.values, **values, path_of(PHASE): 0.0})
-        wires = dict(drawing.wires)
-        wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, cos))
-        wires[f"{BLOCK}{TWIN}.u"] = (*wires[f"{BLOCK}{TWIN}.u"], (INPUT, sin))
-        block, _, port = wanted.cut.rpartition(".")
-        seen = {RETURNED: wanted.cut, RETURNED + TWIN: f"{block}{TWIN}.{port}"}
-        ends = (0.0, float(np.radians(wanted.size)))
-    outputs = tuple((name, ((signal, ONE),), "") for name, signal in seen.items())
+    wires = dict(drawing.wires)
+    wires[f"{BLOCK}.u"] = (*wires[f"{BLOCK}.u"], (INPUT, ONE))
     drawing = replace(
         drawing,
         wires=tuple(wires.items()),
         inputs=(*drawing.inputs, (INPUT, INPUT, "")),
-        outputs=(*drawing.outputs, *outputs),
+        outputs=(*drawing.outputs, (RETURNED, ((wanted.cut, ONE),), "")),
     )
-    routes = tuple((INPUT, OUTPUT + name) for name in seen)
-    return _Way(loops._replace(drawing=drawing), routes, ends, wanted.margin == FACTOR_GAIN, ticks)
+    loops = loops._replace(drawing=drawing)
+    route = INPUT, OUTPUT + RETURNED
+    size = period.size
+    drift, port, _, _ = typical_between(loops, along, span, size, route, "margins")
+    if wanted.margin == FACTOR_GAIN:
+        end = float(np.log(wanted.size))
+        factors = Range(-end, end, turning=False)
+    else:
+        factors = Range(0.0, float(np.radians(wanted.size)), turning=True)
+    columns = np.arange(size)
+    about = loops, along, route, 1.0, drift, needed(port.maps), runs.size, columns, stable
+    judge = Factors(*about, factors, runs, span, np.zeros(size))
+    begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
+    ends = Accuracy(END_EXACTNESS, FINEST, END_EXACTNESS, begun, slow=True)
+    found = along_panels([judge], np.ones(size, bool), span, period, bounds, resolved, ends)
+    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
+    width = span[1] - span[0]
+    return attached(found, stable, SHARE_OF_SPAN * width, END_EXACTNESS)
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Factors exp(place) from low to high, or exp(j place) if they are turning; phases below 0 are
+    the conjugates of these."""
+
+    low: float
+    high: float
+    turning: bool
+
+    def first(self) -> np.ndarray:
+        """The whole range as a piece, and its ends."""
+        middle = (self.low + self.high) / 2
+        pieces = [(0, middle, self.high - middle), (0, self.high, 0.0)]
+        if not self.turning:
+            pieces.append((0, self.low, 0.0))
+        return np.array(pieces, PIECE)
+
+    def about(self, place, half):
+        """The factor f about which factors f (1 + e) of pieces are, and e = t u + r with t of size
+        1: the largest real u and the largest r.
+
+        With v from -h to h, exp(v) is cosh(h) (1 + u), |u| <= tanh(h), and exp(j v) is 1 + j sin(v)
+        - (1 - cos(v)).
+        """
+        if self.turning:
+            return np.exp(1j * place), np.sin(half), 2 * np.sin(half / 2) ** 2
+        return np.exp(place) * np.cosh(half), np.tanh(half), np.zeros_like(half)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Factors:
-    """A judge of panels of the number, see `along_panels`.
+class Factors(Between):
+    """A judge of panels of the number, see `along_panels`; level: not asked for.
 
-    shown: for each output what a panel has to have, of any level. tried: where loops with a factor
-    are stable, for factors that were looked at. open: the narrowest panel with a piece that stays
-    open, by its column: its width, the number and the place of the factor. kept: the pieces that
-    stay open on panels, by the column and an end: the others are shown on all parts of these.
+    runs: ticks in which the signal is made. work: spent on each column, see MOST_WORK. kept: the
+    pieces that stay open on panels, by the column and an end: the others are shown on all parts of
+    these.
     """
 
-    way: _Way
-    shown: tuple[BoundedGain, ...]
-    along: str
+    factors: Range
+    runs: np.ndarray
     span: tuple[float, float]
-    columns: np.ndarray
-    stable: Intervals
-    tried: list[Intervals] = field(default_factory=list)
-    open: dict[int, tuple[float, float, float]] = field(default_factory=dict)
-    kept: dict[tuple[int, str, float], np.ndarray] = field(default_factory=dict)
-    many: ClassVar[int] = 150
-    smooth: ClassVar[bool] = False
+    work: np.ndarray
+    kept_pieces: dict[tuple[int, str, float], np.ndarray] = field(default_factory=dict)
+    smooth: ClassVar[bool] = True
 
     @property
     def order(self) -> int:
-        """Of the pencils."""
-        return max(each.order for each in self.shown)
+        """Of the pencil."""
+        return self.kept.size + self.inputs
 
-    def look_at(self, place: float) -> None:
-        """Look where loops with the factor at a place are stable."""
-        loops = self.way.at(np.full(self.columns.size, place))
-        records = Search(self.along, self.span, ((self.columns, loops),), lines=False).records()
-        self.tried.append(_intervals(records))
+    def over_frame(self, port, batch):
+        """The maps of a frame, of the ticks in which the signal is made."""
+        return at_runs(port, self.kept, batch, self.runs)
 
-    def look_further(self) -> bool:
-        """Look at the factors of pieces that stay open, if one of them is not stable; return
-        whether it is so."""
-        before = len(self.tried)
-        for column, (_, p, place) in list(self.open.items()):
-            self.look_at(place)
-            if not _outside(self.tried[-1], np.array([column]), np.array([p]), np.array([p])).any():
-                self.tried.pop()
-        self.open.clear()
-        self.kept.clear()
-        return len(self.tried) > before
-
-    def label(self, column, low, high, bounds):
-        """GOOD, BAD or OPEN of panels; BAD where a loop with one of the factors is not stable."""
+    def labelled(self, column, low, high, bounds):
         label = np.full(column.size, OPEN)
-        own = self.columns[column]
-        label[~_touched(self.stable, own, low, high)] = BAD
-        for known in self.tried:
-            label[_outside(known, own, low, high)] = BAD
-        at = np.flatnonzero((label == OPEN) & _inside(self.stable, own, low, high))
-        halvings = np.log2((self.span[1] - self.span[0]) / (high - low)) + FINER_PIECES
-        finest = self._first()[1] * 0.5**halvings
-        left = self._left(at, own, low, high)
+        spent = self.work[column] > MOST_WORK
+        label[spent] = LOST
+        at = np.flatnonzero(~spent)
+        if not at.size:
+            return label
+        maps, shape, known = self._about(column[at], low[at], high[at], bounds)
+        maps = by_panel(maps, shape)
+        for matrix, error in maps:
+            known &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(error).all((1, 2, 3))
+        maps = of_panels(maps, known)
+        at = at[known]
+        left = self._left(column[at], low[at], high[at])
+        lost = np.zeros(at.size, bool)
+        # A middle that is on the circle stays so: next to an end that one factor inside the range
+        # sets, pieces are as wide as the root of a panel. Where all factors do, that is no help.
+        halvings = np.log2((self.span[1] - self.span[0]) / (high[at] - low[at]))
+        every_other = np.round(halvings) % 2 == 0
         open_pieces = [left[:0]]
         while left.size:
-            half = left["half"].max()
-            now = left["half"] == half
             panel = left["panel"]
-            failing = now.copy()
-            failing[now] = ~self._fine(left[now], own, low, high, column, bounds)
-            many = np.bincount(panel, minlength=column.size) > MOST_PIECES
-            stays = failing & ((half / 2 < finest[panel]) | many[panel])
-            open_pieces.append(left[stays])
-            left = np.concatenate([left[~now], _halves(left[failing & ~stays])])
+            spent = self.work[column[at]] > MOST_WORK
+            open_pieces.append(left[spent[panel]])
+            left = left[~spent[panel]]
+            fine, fine_middle, outside = self._shown(left, maps)
+            np.add.at(self.work, column[at][left["panel"]], PIECE_WORK + self.order**3)
+            lost[left["panel"][(fine | fine_middle) & outside]] = True
+            going_on = ~fine & ~lost[left["panel"]]
+            halved = going_on & fine_middle & (left["half"] > 0)
+            stuck = going_on & ~halved
+            few = np.bincount(left["panel"][stuck], minlength=at.size) <= MOST_STUCK
+            finer = stuck & (left["half"] > 0) & (few & every_other)[left["panel"]]
+            open_pieces.append(left[stuck & ~finer])
+            open_pieces.append(_halves(left[finer]))
+            left = _halves(left[halved])
         still_open = np.concatenate(open_pieces)
-        for index in at.tolist():
-            own_pieces = still_open[still_open["panel"] == index]
-            self._keep(int(own[index]), low[index], high[index], own_pieces)
-        label[np.setdiff1d(at, still_open["panel"])] = GOOD
+        label[at[np.setdiff1d(np.arange(at.size), still_open["panel"])]] = GOOD
+        label[at[lost]] = BAD
+        for index in np.unique(still_open["panel"]).tolist():
+            pieces = still_open[still_open["panel"] == index]
+            place = at[index]
+            self.kept_pieces[int(column[place]), "from", low[place]] = pieces
+            self.kept_pieces[int(column[place]), "to", high[place]] = pieces
         return label
 
     def worst(self, column, p):
-        """Whether a loop with one of the factors that were looked at is not stable, 1, or all are,
-        -1."""
-        own = np.full(p.size, column)
-        misses = [_outside(known, own, p, p) for known in self.tried]
-        return np.zeros(p.size, complex), np.where(np.any(misses, axis=0), 1.0, -1.0)
+        """The largest eigenvalue with any of the factors, less 1, and by how much it is outside."""
+        maps, _ = self.maps(np.full(p.size, column), p)
+        E, G, O, T = (matrix for matrix, _ in maps)
+        delta = []
+        for loop in range(p.size):
+            of_loop = E[loop].real, G[loop].real, O[loop].real, T[loop].real
+            places = np.linspace(self.factors.low, self.factors.high, LOOKED_AT)
+            for _ in range(ZOOMS):
+                f, _, _ = self.factors.about(places, np.zeros(places.size))
+                of_factors = np.linalg.eigvals(_with_factor(*of_loop, f)[0])
+                sizes = np.abs(1 + of_factors).max(-1)
+                largest = int(sizes.argmax())
+                around = places[max(largest - 1, 0)], places[min(largest + 1, places.size - 1)]
+                found = of_factors[largest]
+                places = np.unique(np.append(np.linspace(*around, LOOKED_AT), places[largest]))
+            delta.append(found[np.abs(1 + found).argmax()])
+        delta = np.array(delta)
+        return delta, np.abs(1 + delta) - 1
 
-    def _first(self) -> tuple[np.ndarray, float]:
-        """The middles of the first pieces, and half the width of each."""
-        edges = np.linspace(*self.way.ends, FIRST_PIECES + 1)
-        return (edges[:-1] + edges[1:]) / 2, (edges[1] - edges[0]) / 2
-
-    def _left(self, at, own, low, high):
+    def _left(self, column, low, high):
         """The pieces that are to be shown on panels: those that stay open on twice as wide ones,
         or the first."""
-        places, half = self._first()
-        first = np.zeros(places.size, PIECE)
-        first["place"] = places
-        first["half"] = half
-        pieces = [first[:0]]
-        for index in at.tolist():
-            column = int(own[index])
-            wider = self.kept.get(
-                (column, "from", low[index]), self.kept.get((column, "to", high[index]))
-            )
-            of_panel = first.copy() if wider is None else wider.copy()
+        pieces = [np.zeros(0, PIECE)]
+        for index, own in enumerate(column.tolist()):
+            wider = self.kept_pieces.get((own, "from", low[index]))
+            if wider is None:
+                wider = self.kept_pieces.get((own, "to", high[index]), self.factors.first())
+            of_panel = wider.copy()
             of_panel["panel"] = index
             pieces.append(of_panel)
         return np.concatenate(pieces)
 
-    def _keep(self, column, low, high, pieces):
-        """Keep the pieces that stay open on a panel."""
-        self.kept[column, "from", low] = pieces
-        self.kept[column, "to", high] = pieces
-        narrowest = self.open.get(column, (np.inf, 0.0, 0.0))[0]
-        if pieces.size and high - low < narrowest:
-            place = float(pieces["place"][pieces.size // 2])
-            self.open[column] = float(high - low), float((low + high) / 2), place
+    def _shown(self, pieces, maps):
+        """Of pieces on their panels: whether no factor has an eigenvalue on the circle, whether
+        that in the middle has none, and whether that has one outside."""
+        points = 2 * maps[0].value.shape[1]
+        at_once = max(1, ENTRIES_AT_ONCE // (points * self.order**2))
+        shown = [(np.zeros(0, bool),) * 3]
+        for first in range(0, pieces.size, at_once):
+            some = pieces[first : first + at_once]
+            f, u, r = self.factors.about(some["place"], some["half"])
+            turn = 1j if self.factors.turning else 1.0
+            shown.append(clear(of_panels(maps, some["panel"]), f, turn, u, r))
+        return tuple(np.concatenate(each) for each in zip(*shown, strict=True))
 
-    def _fine(self, pieces, own, low, high, column, bounds):
-        """Whether |T| is below what pieces of one width need, on their panels."""
-        panel = pieces["panel"]
-        half = float(pieces["half"][0])
-        # In a plane of a number and a factor an eigenvalue meets the place that one map loses.
-        halved = round(np.log2(self._first()[1] / half))
-        turn = (TURN, OTHER_TURN)[halved % 2]
-        loops = self.way.loops.some(own[panel])
-        loops = replace(self.way, loops=loops).at(pieces["place"], half)
-        fine = np.ones(panel.size, bool)
-        of_panels = [bound[column[panel]] for bound in bounds]
-        for each in self.shown:
-            at = np.flatnonzero(fine)
-            if at.size:
-                arc = np.tile(each.arc[:1], (panel.size, 1))
-                numbers = np.arange(panel.size)
-                gain = replace(each, loops=loops, level=self.way.level(half), columns=numbers)
-                gain = replace(gain, arc=arc, turn=turn)
-                fine[at] = gain.labelled(at, low[panel[at]], high[panel[at]], of_panels) == GOOD
-        return fine
+
+def clear(maps, f, turn, u, r):
+    """Whether no eigenvalue is on the unit circle, for all numbers of discs and all factors of
+    pieces; the same for the factors f in their middles; and whether these have one outside.
+
+    maps: E, G, O, T in the middles of discs and on the upper halves of circles of twice the size,
+    `(pieces, points, ...)`, with bounds on their errors. f, turn, u, r: see `Range.about`.
+    """
+    E, G, O, T = (matrix for matrix, _ in maps)
+    dE, dG, dO, dT = (error[:, 0] for _, error in maps)
+    n = E.shape[-1]
+    m = T.shape[-1]
+    N = n + m
+    states = np.arange(N) < n
+    rounding = N * SHORT_SUM_ROUNDING  # of complex products of three, one after the other
+    with np.errstate(all="ignore"):
+        # In the middle: the eigenvalues and vectors of the states, and what inputs they have.
+        middle = E[:, 0].real, G[:, 0].real, O[:, 0].real, T[:, 0].real
+        S, to_inputs = _with_factor(*middle, f)
+        fine = np.isfinite(S).all((-1, -2))
+        S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
+        d, V = eigenvectors(S, ZERO_EIGENVALUES)
+        V = units[:, :, None] * V
+        f = f[:, None, None]
+        K = _pencil(*middle, f)
+        alone = np.broadcast_to(np.eye(N, m, -n), (len(V), N, m))  # inputs
+        V = np.concatenate([np.concatenate([V, to_inputs @ V], -2), alone], -1)
+        W = inverse(np.concatenate([V[:, :, :n] * states[:, None], K[:, :, n:]], -1))
+        W_size = np.abs(W)
+        V_size = np.abs(V)
+
+        # What is left of K and L, in the middle and on the discs.
+        diagonal = np.concatenate([d, np.ones((len(d), m))], -1)
+        L = np.diag(states.astype(float))
+        dK = _pencil_sizes(dE, dG, dO, dT, np.abs(f - 1)) + rounding * np.abs(K)
+        F = np.abs(W @ K @ V - diagonal[:, None, :] * np.eye(N)) + W_size @ dK @ V_size
+        loss = np.abs(W @ (L @ V) - L) + rounding * (W_size @ (L @ V_size))
+        moved = []
+        for rims in ((E, G, O, T), (E.conj(), G.conj(), O.conj(), T.conj())):
+            changes = [
+                rim[:, 1:] - centre[:, None] for rim, centre in zip(rims, middle, strict=True)
+            ]
+            moved.append(_between(W, changes, V, f))
+        of_number = np.maximum(*(np.abs(K_moved).max(1) for K_moved, _ in moved))
+        F = F + SAFE / 2 * of_number + 2 * loss  # |z - 1| <= 2 on the circle
+
+        # What factors change, of which states move along lines.
+        to_u = W[:, :, n:] * f
+        read = np.concatenate([middle[2] + 0j, middle[3] + 0j], -1) @ V
+        of_factor = to_u @ read
+        size = np.abs(to_u) @ (rounding * np.abs(read) + np.concatenate([dO, dT], -1) @ V_size)
+        size = size + SAFE / 2 * np.maximum(*(np.abs(N_moved).max(1) for _, N_moved in moved))
+        lines = np.diagonal(of_factor, axis1=-2, axis2=-1) * states
+        beside = np.abs(of_factor - lines[:, None, :] * np.eye(N))
+        beside = (beside + size) * np.hypot(u, r)[:, None, None]
+        beside = beside + np.abs(lines * r[:, None])[:, None, :] * np.eye(N)
+
+        room = _room(d, turn * lines[:, :n], u[:, None])
+        at_middle = _room(d, 0 * d, u[:, None])
+        shown = _dominated(F + beside, np.concatenate([room, np.ones((len(d), m))], -1))
+        of_middle = _dominated(F, np.concatenate([at_middle, np.ones((len(d), m))], -1))
+    outside = (2 * d.real + np.abs(d) ** 2 > 0).any(-1)
+    return fine & shown, fine & of_middle, outside
+
+
+def _with_factor(E, G, O, T, f):
+    """E of loops with factors f, and the map from their states to the inputs."""
+    change = (f - 1)[:, None, None]
+    to_inputs = solve(np.eye(T.shape[-1]) - change * T, change * O)
+    return E + G @ to_inputs, to_inputs
+
+
+def _pencil(E, G, O, T, f):
+    """K of the module's text."""
+    of_states = np.concatenate([E + 0 * f, G + 0 * f], -1)
+    of_inputs = np.concatenate([(f - 1) * O, (f - 1) * T - np.eye(T.shape[-1])], -1)
+    return np.concatenate([of_states, of_inputs], -2)
+
+
+def _pencil_sizes(dE, dG, dO, dT, change):
+    """Bounds on the errors of K by those of its parts."""
+    of_states = np.concatenate([dE, dG], -1)
+    of_inputs = change * np.concatenate([dO, dT], -1)
+    return np.concatenate([of_states, of_inputs], -2)
+
+
+def _between(W, changes, V, f):
+    """`W K V` and `W N V` of changes of E, G, O, T at points, `(n, points, ...)`."""
+    dE, dG, dO, dT = changes
+    n = dE.shape[-1]
+    V = V[:, None]
+    of_states = W[:, None, :, :n] @ (np.concatenate([dE, dG], -1) @ V)
+    of_inputs = W[:, None, :, n:] @ (np.concatenate([dO, dT], -1) @ V)
+    f = f[:, None]
+    return of_states + (f - 1) * of_inputs, f * of_inputs
+
+
+def _room(d, slope, u):
+    """The least distance of `1 + d + slope t` from the circle, of all real t from -u to u.
+
+    The square of the size less 1 is a parabola in t, least at its vertex and largest at an end.
+    """
+    flat = 2 * d.real + np.abs(d) ** 2
+    rise = 2 * ((1 + d.conj()) * slope).real
+    bend = np.abs(slope) ** 2
+    largest = flat + np.abs(rise) * u + bend * u**2
+    vertex = np.clip(np.where(bend > 0, -rise / (2 * bend), 0.0), -u, u)
+    least = flat + rise * vertex + bend * vertex**2
+    square = np.where(largest < 0, largest, np.maximum(least, 0.0))
+    return np.abs(square) / (1 + np.sqrt(np.maximum(1 + square, 0.0)))
+
+
+def _dominated(F, room):
+    """Whether diagonals of these sizes dominate matrices whose entries are at most F."""
+    H = F / room[:, :, None]
+    fine = np.isfinite(H).all((-1, -2))
+    H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
+    N = H.shape[-1]
+    weights = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
+    fine &= (weights > 0).all((1, 2))
+    return fine & (H @ weights < weights * (1 - DOMINANT_BY / 2)).all((1, 2))
 
 
 def _halves(pieces):
@@ -303,41 +386,3 @@ def _halves(pieces):
         halves["half"] /= 2
         halves["place"] += side * halves["half"]
     return np.concatenate([below, above])
-
-
-def _intervals(records) -> Intervals:
-    """Records of a search as intervals."""
-    stable = records["intervals"] > 0
-    return Intervals(
-        column=records["slice"].astype(int),
-        index=np.where(stable, 0, -1),
-        count=records["intervals"].astype(int),
-        low=records["low"],
-        high=records["high"],
-        low_omega=records["low_omega"],
-        high_omega=records["high_omega"],
-        doubt=records["doubt"].astype(int),
-        residual=np.zeros(len(records)),
-    )
-
-
-def _outside(known: Intervals, own, low, high):
-    """Whether panels are in none of the intervals of their columns, and nothing there is in
-    doubt."""
-    in_doubt = (own[:, None] == known.column) & (known.doubt != Doubt.NONE)
-    return ~in_doubt.any(-1) & ~_touched(known, own, low, high)
-
-
-def _touched(known: Intervals, own, low, high):
-    """Whether panels have something in common with intervals of their columns, or places in
-    doubt."""
-    touched = own[:, None] == known.column
-    touched &= (known.low < high[:, None]) & (known.high > low[:, None])
-    return touched.any(-1)
-
-
-def _inside(known: Intervals, own, low, high):
-    """Whether panels are in one of the stable intervals of their columns."""
-    within = (own[:, None] == known.column) & (known.index >= 0)
-    within &= (known.low <= low[:, None]) & (known.high >= high[:, None])
-    return within.any(-1)

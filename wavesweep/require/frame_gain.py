@@ -34,7 +34,7 @@ from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
-from wavesweep.require.pencil import TURN, angles_of, clear, off_circle
+from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel
 
 # of the terms of the form, from which on it is positive at an angle whatever rounding does
@@ -49,12 +49,11 @@ class BoundedGain(Between):
     below.
 
     arc: its ends (rad), on which it has to be so, `(columns, 2)`. at_rest: whether the gain at rest
-    is the level at all values, and its neighbourhood decides. turn: see `pencil`.
+    is the level at all values, and its neighbourhood decides.
     """
 
     arc: np.ndarray
     at_rest: bool
-    turn: complex = TURN
 
     @property
     def order(self) -> int:
@@ -96,9 +95,9 @@ class BoundedGain(Between):
         middle = K[at, 0].real, dK[at, 0], L[at, 0].real, dL[at, 0]
         rims = K[at, 1:], L[at, 1:]
         arc = self.arc[self.columns[column[at]]]
-        inside, d = clear(*middle, rims, self.inputs, arc, self.turn)
+        inside, d = clear(*middle, rims, self.inputs, arc)
         parts = of_panels(parts, at)
-        theta = _angles(d, arc, self.turn)
+        theta = _angles(d, arc)
         value, size, v = _least([matrix[:, 0].real for matrix, _ in parts], theta)
         good = inside & (value > POSITIVE * size).any(-1)
         label[at[good]] = GOOD
@@ -117,8 +116,8 @@ class BoundedGain(Between):
         form = self.form(1, *maps)
         (K, dK), (L, dL) = self.pencil(maps[0], *form)
         arc = self.arc[np.full(p.size, column)]
-        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc, self.turn)
-        theta = _angles(d, arc, self.turn)
+        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc)
+        theta = _angles(d, arc)
         value, size, _ = _least([matrix for matrix, _ in (maps[0], *form)], theta)
         loop = np.arange(p.size)
         lowest = (value / size).argmin(-1)
@@ -235,7 +234,7 @@ class Sine(BoundedGain):
         return np.array(delta), np.array(beyond)
 
 
-def _angles(d, arc, turn):
+def _angles(d, arc):
     """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of
     eigenvalues next to the circle, and between these."""
     off = off_circle(d)
@@ -244,7 +243,7 @@ def _angles(d, arc, turn):
     off = np.take_along_axis(off, nearest, -1)
     low = arc[:, :1]
     high = arc[:, 1:]
-    beside = np.where(off <= NEAR_CIRCLE, angles_of(d, turn), np.nan)
+    beside = np.where(off <= NEAR_CIRCLE, angles_of(d), np.nan)
     angles = with_middles(np.clip(beside, low, high))
     angles = np.where(np.isnan(angles), low, np.clip(angles, low, high))
     return np.concatenate([angles, low + (high - low) * START / np.pi], -1)

@@ -3,7 +3,7 @@ errors."""
 
 import numpy as np
 
-from wavesweep.engine.frames import ENTRY_ROUNDING
+from wavesweep.engine.frames import ENTRY_ROUNDING, in_a_row
 from wavesweep.engine.response import Bounded, Port
 
 
@@ -24,6 +24,32 @@ def over_frame(port: Port, kept, batch) -> tuple[Bounded, ...]:
         E = E + e + e @ E
         G = Bounded.joined((G + e @ G, b), -1)
     return E, G, Bounded.joined(O, -2), Bounded.joined(T, -2)
+
+
+def at_runs(port: Port, kept, batch, runs) -> tuple[Bounded, ...]:
+    """The same of the inputs and outputs in the ticks `runs` of a frame alone."""
+    kinds = of_ticks(port, kept, batch)
+    n = kept.size
+    no_input = _zeros(batch, n, 0)
+    no_output = _zeros(batch, 0, n)
+    neither = _zeros(batch, 0, 0)
+    silent = [(e, no_input, no_output, neither) for e, _, _, _ in kinds]
+    order = port.kind.copy()
+    order[runs] += len(kinds)
+    return in_a_row(order.tolist(), [*silent, *kinds], _joined)
+
+
+def _joined(first, second):
+    """The maps of some ticks and of those that follow."""
+    E_1, G_1, O_1, T_1 = first
+    E_2, G_2, O_2, T_2 = second
+    E = E_1 + E_2 + E_2 @ E_1
+    G = Bounded.joined((G_1 + E_2 @ G_1, G_2), -1)
+    O = Bounded.joined((O_1, O_2 + O_2 @ E_1), -2)
+    to_come = _zeros(T_1.value.shape[:-2], T_1.value.shape[-2], T_2.value.shape[-1])
+    before = Bounded.joined((T_1, to_come), -1)
+    after = Bounded.joined((O_2 @ G_1, T_2), -1)
+    return E, G, O, Bounded.joined((before, after), -2)
 
 
 def _zeros(batch, rows, columns) -> Bounded:

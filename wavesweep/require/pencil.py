@@ -17,8 +17,8 @@ from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import ZERO_EIGENVALUES
 
 TURN = 0.35 + 0.4j  # a
-# another one: an eigenvalue that is 1/conj(a) has no finite place
-OTHER_TURN = 0.31 + 0.52j
+RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
+ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
 DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
 SWEEPS = 12  # of balancing
 WIDER_ARC = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
@@ -29,48 +29,43 @@ def off_circle(d):
     return np.abs(2 * d.real + np.abs(d) ** 2) / (np.abs(1 + d) + 1)
 
 
-def off_arc(d, arc, turn=TURN):
+def off_arc(d, arc):
     """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad),
-    `(n, 2)`; turn: a."""
+    `(n, 2)`."""
     wider = np.clip(arc + WIDER_ARC * np.array([-1, 1]), 0, np.pi)
     low = wider[:, :1]
     high = wider[:, 1:]
     circle = off_circle(d)
     distance = np.inf
     for start, stop in ((low, high), (-high, -low)):
-        first = _mapped(start, turn)
-        last = _mapped(stop, turn)
+        first = _mapped(start)
+        last = _mapped(stop)
         beyond = np.angle((1 + d) / first) % (2 * np.pi) > np.angle(last / first) % (2 * np.pi)
         of_ends = np.minimum(np.abs(1 + d - first), np.abs(1 + d - last))
         distance = np.minimum(distance, np.where(beyond, of_ends, circle))
     return distance
 
 
-def _of_one(turn):
-    """Where the map takes z = 1."""
-    return (1 - turn) / (1 - np.conj(turn))
-
-
-def _mapped(theta, turn):
+def _mapped(theta):
     """Where the map takes angles of the circle, over where it takes z = 1."""
     z = np.exp(1j * theta)
-    return (z - turn) / (1 - np.conj(turn) * z) / _of_one(turn)
+    return (z - TURN) / (1 - np.conj(TURN) * z) / ONE
 
 
-def angles_of(d, turn=TURN):
+def angles_of(d):
     """The angles (rad) of z next to which the eigenvalues are."""
-    zeta = _of_one(turn) * (1 + d)
-    return np.abs(np.angle((zeta + turn) / (1 + np.conj(turn) * zeta)))
+    zeta = ONE * (1 + d)
+    return np.abs(np.angle((zeta + TURN) / (1 + np.conj(TURN) * zeta)))
 
 
-def clear(K, dK, L, dL, rims, inputs, arc, turn=TURN):
+def clear(K, dK, L, dL, rims, inputs, arc):
     """Whether no eigenvalue of pencils is on an arc of the circle, for all numbers of discs; the
     eigenvalues in the middle.
 
     K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles
     of twice the size about the discs, `(n, points, r, r)`. inputs: the last columns, in which L is
     0 and the pencil is N times a number that is not 0 for any d of the circle. arc: its ends (rad),
-    `(n, 2)`; turn: a of the map. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
+    `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
     in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
     """
     N = K.shape[-1]
@@ -78,19 +73,18 @@ def clear(K, dK, L, dL, rims, inputs, arc, turn=TURN):
     states = np.arange(N) < n
     last = ~states
     rounding = N * SHORT_SUM_ROUNDING  # of complex products of three, one after the other
-    rate = (1 - abs(turn) ** 2) / (1 - turn)
 
     def parts(K, L):
         """P and Q of `P - d Q`."""
-        back = -np.conj(turn)
-        unit = 1 - np.conj(turn)
-        return np.where(last, K, rate * K), states * (unit * L + back * K)
+        back = -np.conj(TURN)
+        unit = 1 - np.conj(TURN)
+        return np.where(last, K, RATE * K), states * (unit * L + back * K)
 
     def sizes_of_parts(K, L):
         """Those of their entries, of K and L with entries of these sizes."""
-        back = abs(turn)
-        unit = abs(1 - turn)
-        return np.where(last, K, abs(rate) * K), states * (unit * L + back * K)
+        back = abs(TURN)
+        unit = abs(1 - TURN)
+        return np.where(last, K, abs(RATE) * K), states * (unit * L + back * K)
 
     P, Q = parts(K, L)
     P_error, Q_error = sizes_of_parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L))
@@ -102,7 +96,7 @@ def clear(K, dK, L, dL, rims, inputs, arc, turn=TURN):
         S = inverse(T) @ S
         fine = np.isfinite(S).all((-1, -2))
         S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
-        delta, V = _vectors(S, turn)
+        delta, V = _vectors(S)
         V = units[:, :, None] * V
         U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
         of_states = np.concatenate([V, 0 * U.mT], -1)
@@ -128,7 +122,7 @@ def clear(K, dK, L, dL, rims, inputs, arc, turn=TURN):
 
         F = bound(P_moved, P_off, P_error)
         loss = bound(Q_moved, Q_off, Q_error)
-        room = np.where(last, 1.0, off_arc(d, arc, turn))
+        room = np.where(last, 1.0, off_arc(d, arc))
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
         H = (F + size[:, :, None] * loss) / room[:, :, None]
         fine &= np.isfinite(H).all((-1, -2))
@@ -158,7 +152,7 @@ def _between(W, parts, V, inputs):
     return total
 
 
-def _vectors(S, turn):
+def _vectors(S):
     """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may
     have too few, a Schur basis."""
     from scipy.linalg import schur
@@ -166,8 +160,8 @@ def _vectors(S, turn):
     delta, V = np.linalg.eig(S)
     delta = delta.astype(complex)
     V = V.astype(complex)
-    for middle in (-turn, -1 / np.conj(turn)):
-        place = middle / _of_one(turn) - 1
+    for middle in (-TURN, -1 / np.conj(TURN)):
+        place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
         near = np.abs(delta - place) <= ZERO_EIGENVALUES
 
         def is_near(d, place=place):
