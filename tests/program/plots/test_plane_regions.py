@@ -158,6 +158,7 @@ def test_nothing_is_filled_between_values_that_are_not_joined():
     assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
 
 
+@pytest.mark.slow
 def test_an_axis_ends_soon_after_the_last_interval():
     """If there is none in 40 % of it, which the note says, and all of that is known."""
     walls = {"controller": {"kind": "dc-slow"}}
