@@ -48,12 +48,10 @@ RETURNED = "what comes back to the cut"
 END_EXACTNESS = 1e-7
 FINEST = 16.0  # of the narrowest panels, as wide as ends are exact
 MOST_RUNS = 128  # of the signal in a frame, whose inputs stand beside the states
-# of a slice, some 10 s: what a piece of N rows takes is PIECE_WORK + N^3, see MEASURED
+# of a slice, some 10 s: a piece of N rows takes PIECE_WORK + N^3, by measured times
 MOST_WORK = 200e6
 PIECE_WORK = 1000
-MOST_STUCK = (
-    16  # pieces of a panel whose middles may be on the circle, for one of which they are halved
-)
+MOST_STUCK = 16  # pieces of a panel with a middle next to the circle, up to which they are halved
 PIECE = np.dtype([("panel", int), ("place", float), ("half", float)])  # of a range, on a panel
 ENTRIES_AT_ONCE = 1_000_000  # of the pencils of some pieces
 LOOKED_AT = 33  # factors at which the largest eigenvalue is looked for, next to an end
