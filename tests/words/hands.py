@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 from scipy.linalg import expm
-from words.law import said_by
+from words.law import said_by, unfolded
 
 T = 0.001  # s
 N = r"(\d[\d.]*(?:e[+-]?\d+)?)"
@@ -76,7 +76,7 @@ def hold_hands(seed, box=False):
     claims = json.loads(Path("h/zwidth-hands.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]["claims"]
     hands = {"free": [(0.0, 0.0, 0.0)], "passive": drawn_hands(rng), "box": drawn_hands(rng, ranges)}
     hold_rows(table, hands, device)
-    hold_lines(lines, table, claims)
+    hold_lines(unfolded(lines, "    "), table, claims)
     code, out, err = said_by("inspect", "h/zwidth-hands.csv")
     assert code == 0
     doubts = table["doubt"].count()

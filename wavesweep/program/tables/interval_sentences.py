@@ -1,6 +1,7 @@
 """The summary of a table of stable intervals in sentences."""
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from textwrap import wrap
 
 import numpy as np
@@ -23,6 +24,7 @@ from wavesweep.program.tables.number_words import (
 )
 from wavesweep.program.tables.refuters import in_a_sentence
 
+INDENT = 2  # spaces before the sentences about one of several kinds of rows
 STIFFNESS = ("N/m", "N*m/rad")
 ENDS = {
     "stability": "",
@@ -99,7 +101,10 @@ class Sentences:
         if not upwards:
             texts.append(self._largest())
         texts.append(self._least(upwards))
-        return [text for text in texts if text]
+        fold = partial(
+            wrap, width=WIDEST - INDENT, subsequent_indent="    ", break_on_hyphens=False
+        )
+        return ["\n".join(fold(text)) for text in texts if text]
 
     def _largest(self) -> str:
         """The largest stable value and its place."""
@@ -127,8 +132,7 @@ class Sentences:
         if undecided:
             of_loop = self._numbers.get("conserves") and not self._numbers["required"]
             reason = where_nothing_decides() if of_loop else ""
-        said = self._claim.none(self._along, reason, undecided=undecided)
-        return "\n".join(wrap(said, WIDEST, subsequent_indent="    "))
+        return self._claim.none(self._along, reason, undecided=undecided)
 
     def of_one_without(self) -> str:
         """What keeps a slice from what is required, if others have it; empty otherwise."""
