@@ -45,7 +45,7 @@ def test_every_end_has_its_rows_its_words_and_its_files(wavesweep, hole, tmp_pat
     assert list(found) == [(0, "low"), (0, "high"), (1, "low"), (1, "high")]
     assert "K_VE: stable from 0 to 799.713 and 2523.34 to 4448.81 N/m\n" in err
     assert "B_VE is not swept here, held at the spec's 1\n" in err
-    assert "high end, K_VE = 799.713 N/m: set by an oscillation of 40.427 rad/s (6.434 Hz), damping ratio 0.00462 beside" in err
+    assert "high end, K_VE = 799.713 N/m: set by an oscillation of 40.427 rad/s (6.434 Hz), damping ratio 0.00462 just" in err
     assert "  states that take part: avatar position 47 %, filter lp1 42 %, device velocity 11 %\n" in err
     assert (
         "  1 % more rates.fast_hz (same ratio) moves it up by 5.42 %, 1 % more filters.lp1.cutoff_hz down by 3.96 %, "
