@@ -64,7 +64,7 @@ def hold_spec(seed, others=OTHERS):
     facts = json.loads(Path("t/stability-region.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]
     hold_rows(run, table, facts)
     for line in lines:
-        assert len(line) <= WIDEST or line.startswith(("Wrote", "assumes")), line
+        assert len(line) <= WIDEST or re.match(r"Wrote|assumes|\d+ slices?:", line), line
     for line in unfolded(lines, "    "):
         if found := re.match(r".*? \((\w+)\):$", line):
             run.word = found[1]
