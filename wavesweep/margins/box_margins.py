@@ -117,9 +117,7 @@ def refused(spec: Spec) -> str:
         else f"{', '.join(varying)} of [for_all] may vary"
     )
     return (
-        f"margins over all of [for_all] need numbers that are constant, and {refusal}"
-        if varying
-        else ""
+        f"margins for every case need numbers that are constant, and {refusal}" if varying else ""
     )
 
 

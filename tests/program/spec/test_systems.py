@@ -27,6 +27,7 @@ def tables(rates=1000, **blocks):
     }
 
 
+@pytest.mark.asks("for_all")
 @pytest.mark.parametrize(
     "blocks",
     [
