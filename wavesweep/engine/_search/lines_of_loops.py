@@ -8,6 +8,7 @@ M. Wereley, S. R. Hall, Conference on Decision and Control 1990).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -183,27 +184,37 @@ def lines_in_discs(
     everything = np.ones((1, 1, size), bool)
     rows, (shows,) = _shown_by(drawing, ticks.states, drift, everything)
     rows = rows[shows[0]]
-    for panel, mode in np.argwhere(meeting).tolist():
-        at = slice(panel, panel + 1)
-        X, off_X = _plane_in_disc(E[at], dE[at], delta[at, mode], away[at, mode], margin)
-        plane = np.zeros((1, X.shape[1], size, *X.shape[3:]), complex)
-        plane[:, :, kept] = X * units[at, None, :, None, None]
-        missed = np.zeros((1, size, 2))
-        missed[:, kept] = off_X * units[at, :, None]
-        of_both = np.repeat(s[at, mode][:, None], 2, axis=1)
-        columns, differ = _shown_on_panels(
-            relative.kind.tolist(),
-            ([M[at] for M in maps], [M[at] for M in sizes]),
-            rows,
-            plane,
-            missed,
-            of_both,
-            np.ones((1, 2)),
-            margin,
-        )
-        found[panel, mode] = _turns_of_pair(
-            columns[0], differ[0], theta[panel, mode], found[panel, mode]
-        )
+    pairs = np.argwhere(meeting)
+    turns = np.empty((0, 3))
+    for whole in (False, True):  # most are not told in the middle already
+        p = E.shape[1] if whole else 1
+        c = away.shape[-1] if whole else 1
+        at_once = max(1, STATES_AT_ONCE // (2 * p * c * size))
+        told = []
+        for first in range(0, len(pairs), at_once):
+            panel, mode = pairs[first : first + at_once].T
+            of_disc = delta[panel, mode], away[panel, mode, :c], margin
+            X, off_X = _plane_in_disc(E[panel, :p], dE[panel], *of_disc)
+            plane = np.zeros((panel.size, p, size, c, 2), complex)
+            plane[:, :, kept] = X * units[panel, None, :, None, None]
+            missed = np.zeros((panel.size, size, 2))
+            missed[:, kept] = off_X * units[panel, :, None]
+            columns, differ = _shown_on_panels(
+                relative.kind.tolist(),
+                ([M[panel, :p] for M in maps], [M[panel] for M in sizes]),
+                rows,
+                plane,
+                missed,
+                np.repeat(s[panel, mode, None, :c], 2, axis=1),
+                np.ones((panel.size, 2)),
+                margin,
+            )
+            told += map(_turns_of_pair, columns, differ, theta[panel, mode])
+        turns = np.array(told).reshape(-1, 3)
+        known = ~np.isnan(turns).any(-1)
+        pairs = pairs[known]
+        turns = turns[known]
+    found[*pairs.T] = turns
     return found
 
 
@@ -253,9 +264,9 @@ def _turns_of(share, off_by, sure, possible, s, moved):
     return np.concatenate([first, lowest, highest], -1)
 
 
-def _turns_of_pair(columns, differ, theta, found):
+def _turns_of_pair(columns, differ, theta):
     """What a mode turns by its strongest line, by the lowest and by the highest one that may be it,
-    if its vector is any one of a plane; `found` if that does not tell which.
+    if its vector is any one of a plane; NaN if that does not tell which.
 
     columns: what two vectors of the plane show in each tick, `(2, states, ticks)`, and how far
     these may be off, as lengths, `(2, states)`. A line and its conjugate have the energy `u' K u` of
@@ -268,7 +279,7 @@ def _turns_of_pair(columns, differ, theta, found):
     H = K.sum(1)
     least = np.linalg.eigvalsh(H)[:, 0]
     if not (np.isfinite(H).all() and (least > SHARE_ROUNDING * np.abs(H).max()).all()):
-        return found
+        return np.full(3, np.nan)
     off_by = np.sqrt((differ**2).sum(0) / least)
     W = np.linalg.inv(np.linalg.cholesky(H))[:, None]
     K = W @ K @ W.conj().mT
@@ -281,46 +292,74 @@ def _turns_of_pair(columns, differ, theta, found):
     ahead = K[:, own].sum(1, keepdims=True) / 2 - K[:, others]
     ahead = np.linalg.eigvalsh((ahead + ahead.conj().mT) / 2)[..., 0] - 2 * off_by[:, None]
     if not (ahead > SHARE_ROUNDING).all():
-        return found
+        return np.full(3, np.nan)
     w = np.abs(theta + 2 * np.pi * turns[own])
     return np.array([w[0], w.min(), w.max()])
 
 
+class _Bordered(NamedTuple):
+    """Matrices `B = [E - w, b; c, 0]` of panels, `(n, points, circle, size, size)`: their
+    approximate inverses, that in the middle, and by how much rounding and the panel with its disc
+    move the entries of it, `(n, size, size)`."""
+
+    inverses: np.ndarray
+    middle: np.ndarray
+    rounding: np.ndarray
+    change: np.ndarray
+
+    @classmethod
+    def of(cls, E, dE, w, away, margin, beside, below) -> "_Bordered":
+        """E, dE, w, away: see `_vectors_in_disc`. beside, below: b and c, `(n, k, size - k)` and `(n,
+        size - k, k)`."""
+        n, points, k, _ = E.shape
+        size = k + beside.shape[-1]
+        B = np.zeros((n, points, away.shape[-1], size, size), complex)
+        B[..., :k, :k] = E[:, :, None]
+        B[..., :k, :k] -= (w[:, None] + away)[:, None, :, None, None] * np.eye(k)
+        B[..., :k, k:] = beside[:, None, None]
+        B[..., k:, :k] = below[:, None, None]
+        middle = B[:, 0, 0]
+        rounding = SHORT_SUM_ROUNDING * size * np.abs(middle)
+        rounding[:, :k, :k] += dE
+        change = np.array(rounding)
+        change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
+        change[:, :k, :k] += np.abs(away).max(-1)[:, None, None] * np.eye(k)
+        return cls(inverse(B), middle, rounding, change)
+
+    def columns_off(self, first: int) -> list[np.ndarray]:
+        """How far the columns of the inverse in the middle are off, from the first one on, each `(n,
+        size)`; NaN where an inverse is not proved for the whole panel and disc."""
+        C = self.inverses[:, 0, 0]
+        missing = np.abs(np.eye(C.shape[-1]) - C @ self.middle) + np.abs(C) @ self.change
+        columns = range(first, C.shape[-1])
+        left = [
+            _residual(self.middle, C[:, :, column], column, self.rounding) for column in columns
+        ]
+        return [_enclosed(missing, np.abs(C) @ each) for each in left]
+
+    def last_row_off(self) -> np.ndarray:
+        """The same of the last row."""
+        C = self.inverses[:, 0, 0]
+        missing = np.abs(np.eye(C.shape[-1]) - self.middle @ C) + self.change @ np.abs(C)
+        left = _residual(self.middle.mT, C[:, -1], -1, self.rounding.mT)
+        return _enclosed(missing.mT, np.abs(C).mT @ left)
+
+
 def _plane_in_disc(E, dE, w, away, margin):
-    """Two vectors of which every eigenvector of a panel is a sum, `(1, points, k, circle, 2)`, and
-    by how much rounding moves them in the middle, `(1, k, 2)`, NaN where there are none.
+    """Two vectors of which every eigenvector of a panel is a sum, `(n, points, k, circle, 2)`, and by
+    how much rounding moves them in the middle, `(n, k, 2)`, NaN where there are none.
 
     With two left and two right singular vectors of the least values as border, `B = [E - w, b; c,
     0]` has an inverse also where two eigenvalues meet that have two vectors. An eigenvector x for w
     is `X c x` with `B [X; G] = [0; I]`. The rest is as in `lines_in_discs`. E, dE, w, away: see
     `_vectors_in_disc`.
     """
-    _, points, k, _ = E.shape
-    identity = np.eye(k + 2)
-    middle = np.where(np.isfinite(E[0, 0]), E[0, 0], 0.0).real - w[0].real * np.eye(k)
+    k = E.shape[-1]
+    middle = np.where(np.isfinite(E[:, 0]), E[:, 0], 0.0).real - w.real[:, None, None] * np.eye(k)
     left, _, right = np.linalg.svd(middle)
-    bordered = np.zeros((1, points, away.shape[-1], k + 2, k + 2), complex)
-    bordered[..., :k, :k] = E[:, :, None]
-    bordered[..., :k, :k] -= (w[:, None] + away)[:, None, :, None, None] * np.eye(k)
-    bordered[..., :k, k:] = left[:, -2:]
-    bordered[..., k:, :k] = right[-2:]
-    C = inverse(bordered)
-    B0 = bordered[:, 0, 0]
-    C0 = C[:, 0, 0]
-    size_C = np.abs(C0)
-    rounding = SHORT_SUM_ROUNDING * (k + 2) * np.abs(B0)
-    rounding[:, :k, :k] += dE
-    change = np.array(rounding)
-    change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
-    change[:, :k, :k] += np.abs(away).max(-1)[:, None, None] * np.eye(k)
-    M = np.abs(identity - C0 @ B0) + size_C @ change
-    off = []
-    for column in (k, k + 1):
-        x = C0[:, :, column]
-        left_over = np.abs(identity[column] - (B0 @ x[..., None])[..., 0])
-        left_over = left_over + (rounding @ np.abs(x)[..., None])[..., 0]
-        off.append(_enclosed(M, size_C @ left_over[..., None])[:, :k])
-    return C[..., :k, k:].swapaxes(2, 3), np.stack(off, -1)
+    bordered = _Bordered.of(E, dE, w, away, margin, left[..., -2:], right[:, -2:])
+    off = np.stack(bordered.columns_off(k), -1)
+    return bordered.inverses[..., :k, k:].swapaxes(2, 3), off[:, :k]
 
 
 def _vectors_in_disc(E, dE, w, away, margin):
@@ -332,33 +371,17 @@ def _vectors_in_disc(E, dE, w, away, margin):
     E, dE: in the middle and around it, `(n, points, k, k)`, and bounds on the errors in the middle.
     See `lines_in_discs`.
     """
-    n, points, k, _ = E.shape
+    n, _, k, _ = E.shape
     left, right = (vectors.reshape(n, k) for vectors in vectors_of(E[:, 0], w))
     left = left / np.linalg.norm(left, axis=-1, keepdims=True)
     right = right / np.linalg.norm(right, axis=-1, keepdims=True)
-    bordered = np.zeros((n, points, away.shape[-1], k + 1, k + 1), complex)
-    identity = np.eye(k + 1)
-    bordered[..., :k, :k] = E[:, :, None]
-    bordered[..., :k, :k] -= (w[:, None] + away)[:, None, :, None, None] * identity[:k, :k]
-    bordered[..., :k, k] = left.conj()[:, None, None]
-    bordered[..., k, :k] = right.conj()[:, None, None]
-    C = inverse(bordered)
-
-    # Whether there is an inverse in both discs, and what rounding does.
-    B0 = bordered[:, 0, 0]
-    C0 = C[:, 0, 0]
-    size_C = np.abs(C0)
-    rounding = SHORT_SUM_ROUNDING * (k + 1) * np.abs(B0)
-    rounding[:, :k, :k] += dE
-    change = np.array(rounding)
-    change[:, :k, :k] += margin * np.abs(E - E[:, :1]).max(1)
-    change[:, :k, :k] += np.abs(away).max(-1)[:, None, None] * identity[:k, :k]
-    M = np.abs(identity - C0 @ B0) + size_C @ change
-    of_rows = np.abs(identity - B0 @ C0) + change @ size_C
+    border = left.conj()[:, :, None], right.conj()[:, None]
+    bordered = _Bordered.of(E, dE, w, away, margin, *border)
+    C = bordered.inverses
     x = C[..., :k, k].swapaxes(-1, -2)
     y = C[..., k, :k].swapaxes(-1, -2)
-    off_x = _enclosed(M, size_C @ _residual(B0, C0[:, :, k], rounding))
-    off_y = _enclosed(of_rows.mT, size_C.mT @ _residual(B0.mT, C0[:, k], rounding.mT))
+    (off_x,) = bordered.columns_off(k)
+    off_y = bordered.last_row_off()
     product = x * y
     takes = np.abs(product[:, 0, :, 0])
 
@@ -377,9 +400,9 @@ def _vectors_in_disc(E, dE, w, away, margin):
     return x, off_x[:, :k], takes, differs + of_x + of_y, in_disc
 
 
-def _residual(B, x, rounding):
-    """What is left of `B x = [0; 1]`, at most."""
-    right_side = np.eye(B.shape[-1])[-1]
+def _residual(B, x, row, rounding):
+    """What is left of `B x = e`, e the unit vector of a row, at most."""
+    right_side = np.eye(B.shape[-1])[row]
     left = np.abs(right_side - (B @ x[..., None])[..., 0])
     return (left + (rounding @ np.abs(x)[..., None])[..., 0])[..., None]
 
