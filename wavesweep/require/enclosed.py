@@ -49,11 +49,12 @@ UNSURE = 1e-10  # of the end of a step, which samples may be off
 
 class Enclosed(NamedTuple):
     """What is known of a value on each panel: it is between these two numbers. slow: whether it was
-    given up since the loop comes to rest too slowly."""
+    given up since the loop comes to rest too slowly. looked_at: so many outputs of each."""
 
     low: np.ndarray
     high: np.ndarray
     slow: np.ndarray | bool = False
+    looked_at: int = 0
 
     @staticmethod
     def unknown(count: int) -> Enclosed:
@@ -225,7 +226,8 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
         better = seen.value(rest)
         found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
         if (found.decided(level) | (count >= last)).all():
-            return found._replace(slow=slow & ~found.decided(level))
+            looked_at = count * O[:, :, :, 0].size // len(O) * X.shape[-1]
+            return found._replace(slow=slow & ~found.decided(level), looked_at=looked_at)
         power = 2 * power + power @ power
         count = 2 * count
 

@@ -23,6 +23,7 @@ from wavesweep.require.gain_intervals import END_EXACTNESS, attached
 
 MOST_TICKS = 128  # of a frame
 ENTRIES_AT_ONCE = 2_000_000  # of the outputs of a block of frames, of some panels
+MOST_LOOKED_AT = 4e8  # outputs of a slice, on all points of all panels; some 12 s
 WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
 BESIDE_END = 0.5  # of what ends are exact to, next to an end of stability
 NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
@@ -40,7 +41,7 @@ def enclosed_value(
         return step(maps, level)
     if measure == STEP_SETTLING:
         ticks = step(maps, None if level is None else level * rate, settling=True)
-        return Enclosed(ticks.low / rate, ticks.high / rate, ticks.slow)
+        return ticks._replace(low=ticks.low / rate, high=ticks.high / rate)
     if measure == PEAK:
         return peak_to_peak(maps, level)
     square = mean_square(maps)
@@ -89,7 +90,7 @@ def along_time(
     low = stable.low + BESIDE_END * ends.of(stable.low, width) * (stable.low > span[0])
     high = stable.high - BESIDE_END * ends.of(stable.high, width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
-    judge = InTime(*about, columns, inner, measure, port.rate)
+    judge = InTime(*about, columns, inner, measure, port.rate, np.zeros(size))
     if measure in (OVERSHOOT, STEP_SETTLING) and judge.ends_at_zero(number, p):
         raise UsageError(
             f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
@@ -103,10 +104,11 @@ def along_time(
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime(Between):
     """A value of the response of loops, one of IN_TIME, which has to be at most the level; rate:
-    of ticks, Hz."""
+    of ticks, Hz; looked_at: so many outputs of each column."""
 
     measure: str
     rate: float
+    looked_at: np.ndarray
 
     @property
     def order(self) -> int:
@@ -135,7 +137,13 @@ class InTime(Between):
         known = np.flatnonzero(judged)
         for first in range(0, known.size, at_once):
             at = known[first : first + at_once]
+            spent = self.looked_at[column[at]] > MOST_LOOKED_AT
+            label[at[spent]] = LOST
+            at = at[~spent]
+            if not at.size:
+                continue
             value = enclosed_value(self.measure, of_panels(maps, at), self.rate, self.level)
+            np.add.at(self.looked_at, column[at], value.looked_at)
             label[at] = np.where(value.slow, LOST, OPEN)
             label[at[value.high <= self.level]] = GOOD
             label[at[value.low > self.level]] = BAD
