@@ -89,7 +89,7 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
         sides[tick] = way.mean(), ((0.5 - begun) * way).mean()
         turns[tick] = np.sum(way[1:] != way[:-1])
     log = scaled(Model(friction=True, measured="velocity"), force, speeds, 1e-3, 0.0)
-    found = {"delay": part, "turning": 1e-6}
+    found = {"rate": 0.0, "delay": part, "turning": 1e-6}
     path = path_within_ticks(log, found, np.array([log.pushed, friction]), speeds)
     once = np.flatnonzero(turns[:-1] == 1)
     assert once.size > 8

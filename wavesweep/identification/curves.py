@@ -8,7 +8,7 @@ fitted beside the model, as a sum of forces of unknown size at the motion that a
 compared by what it leaves of the innovations (Ljung, System Identification, 1999, section 16.6).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 from wavesweep.identification.model import late
 from wavesweep.identification.prediction import (
     Place,
+    ScaledLog,
     errors_of,
     force_beside,
     least_of,
@@ -30,6 +31,8 @@ PASSES = 2  # of the smoother, the second with the curve
 # the same for numbers that are answered: what the curve does within a tick is known from the second
 PASSES_ANSWERED = 3
 STEPS = 12  # of the search with a curve
+# of a curve over the mass, per tick; friction that turns round is steeper, and no line in a tick
+STEEPEST = 0.5
 STIFF = 30.0  # usual speeds over that at which friction turns round
 
 
@@ -115,8 +118,7 @@ def forceless(fit: Place) -> float:
 
 
 def _held(curve: Curve, fit: Place) -> list[np.ndarray]:
-    """The means of each force of a curve over the ticks, see `ScaledLog.side`, of the motion of a
-    fit, as smoothed (Simpson's rule in each part of a tick)."""
+    """The means of each force of a curve over the ticks, of the motion of a fit, as smoothed."""
     log, search, point, skip = fit
     found = search.found(point)
     predictor, errors, effects = errors_of(log, found, skip)
@@ -126,7 +128,22 @@ def _held(curve: Curve, fit: Place) -> list[np.ndarray]:
     # Without a position among the states, by trapezoids: half a tick late a spring would be a
     # damper.
     place = states[0] if predictor.tick.speed else np.cumsum(speed) - speed / 2
-    place = place - place.mean()
+    return means_over_ticks(curve, log, found, gains, speed, place - place.mean())
+
+
+def means_over_ticks(
+    curve: Curve,
+    log: ScaledLog,
+    found: Mapping[str, float],
+    gains: np.ndarray,
+    speed: np.ndarray,
+    place: np.ndarray,
+) -> list[np.ndarray]:
+    """The means of each force of a curve over the ticks, see `ScaledLog.side`, from velocities and
+    positions at the rows (Simpson's rule in each part of a tick).
+
+    gains: the last of them are those of the curve, if the log has it beside its force.
+    """
     sizes = [np.sqrt(np.mean(each**2)) + 1e-300 for each in (speed, place, log.force)]
 
     def motion(speed, place, force):
@@ -135,22 +152,31 @@ def _held(curve: Curve, fit: Place) -> list[np.ndarray]:
     whole_ticks = int(np.floor(found["delay"]))
     now = late(log.force, whole_ticks)
     before = late(log.force, whole_ticks + 1)
-    turned = 0.0
+    turned = slope = 0.0
     if log.beside:
+        then = np.append(speed[1:], speed[-1])
         begun = np.stack(curve(motion(speed, place, now)))
-        ended = np.stack(curve(motion(np.append(speed[1:], speed[-1]), place, now)))
+        ended = np.stack(curve(motion(then, place, now)))
         turned = gains[-len(begun) :] @ (ended - begun)
-    path = path_within_ticks(log, found, gains, speed, turned)
+        # Between velocities of one sign a curve is a line.
+        one_sign = (speed * then > 0) & (speed != then)
+        slope = np.where(one_sign, -turned / np.where(one_sign, then - speed, 1.0), 0.0)
+        slope = np.clip(slope, -STEEPEST, STEEPEST)
+    path = path_within_ticks(log, found, gains, speed, turned, slope)
     means = []
-    for length, late_by, first, last in zip(
-        path.lengths, path.late, path.speeds[:-1], path.speeds[1:], strict=True
+    changes = []
+    for length, late_by, first, middle, last in zip(
+        path.lengths, path.late, path.speeds[:-1], path.middles, path.speeds[1:], strict=True
     ):
         force = np.where(late_by > whole_ticks, before, now)
-        there = place + length * (first + last) / 2
+        # Integrals of the parabola through the three velocities.
+        middle_place = place + length * (5 * first + 8 * middle - last) / 24
+        there = place + length * (first + 4 * middle + last) / 6
         begun = np.stack(curve(motion(first, place, force)))
-        middle_place = place + length * (3 * first + last) / 8
-        middle = np.stack(curve(motion((first + last) / 2, middle_place, force)))
+        halfway = np.stack(curve(motion(middle, middle_place, force)))
         ended = np.stack(curve(motion(last, there, force)))
-        means.append((begun + 4 * middle + ended) / 6)
+        means.append((begun + 4 * halfway + ended) / 6)
+        changes.append(ended - begun)
         place = there
-    return [path.over_tick(np.stack(parts)) for parts in zip(*means, strict=True)]
+    over_parts = zip(np.stack(means, axis=1), np.stack(changes, axis=1), strict=True)
+    return [path.over_tick(*parts) for parts in over_parts]

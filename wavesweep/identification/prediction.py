@@ -142,13 +142,13 @@ class ScaledLog:
         if self.speeds is not None:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
         if self.path is not None:
-            few = replace(few, path=Path(*(each[:, first:end] for each in self.path)))
+            few = replace(few, path=Path(*(each[..., first:end] for each in self.path)))
         return few
 
     def side(self, turning: float, fading: float = np.inf) -> np.ndarray:
         """The means of F = tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity
         is a straight line, or several of them; and those of (1/2 - t) F, t of a tick after its
-        start, which moves the position alone: `(2, rows)`.
+        start: `(2, rows)`.
 
         w is turning log cosh(v/turning), which is |v| but for the turn: so there is a primitive.
         """
@@ -160,7 +160,7 @@ class ScaledLog:
             return self.moving * np.stack([means, np.zeros(len(means))])
         ends = self.path.speeds
         means = _mean_side(ends[:-1], ends[1:], turning, fading)
-        return self.moving * self.path.over_tick(means)
+        return self.moving * self.path.over_tick(means, 0.0)
 
 
 def _mean_side(now, then, turning, fading):
@@ -183,23 +183,41 @@ def _next(signal):
 
 
 class Path(NamedTuple):
-    """The velocity within each tick, in three straight parts that change where the force of the
-    log does and where the device turns round.
+    """The velocity within each tick, in three parts that change where the force of the log does
+    and where the device turns round.
 
     lengths: of the parts, in ticks, `(3, rows)`. speeds: at their ends, `(4, rows)`. late: by how
-    many ticks the force of the log is late in a part, `(3, rows)`.
+    many ticks the force of the log is late in a part, `(3, rows)`. decay: by how much of itself the
+    acceleration falls in a tick, as damping has it, `(rows,)`.
     """
 
     lengths: np.ndarray
     speeds: np.ndarray
     late: np.ndarray
+    decay: np.ndarray
 
-    def over_tick(self, means: np.ndarray) -> np.ndarray:
-        """The means over a tick of a force f and of (1/2 - t) f, `(2, rows)`, from its means in the
-        parts."""
+    @property
+    def middles(self) -> np.ndarray:
+        """The velocities in the middle of the parts, `(3, rows)`.
+
+        From a to b in L ticks at an acceleration that falls by d in a tick, the velocity is above
+        the straight line by d (b - a) L/8 in the middle.
+        """
+        first = self.speeds[:-1]
+        last = self.speeds[1:]
+        return (first + last) / 2 + self.decay * self.lengths * (last - first) / 8
+
+    def over_tick(self, means: np.ndarray, changes: np.ndarray | float) -> np.ndarray:
+        """The means over a tick of a force f and of (1/2 - t) f, `(2, rows)`.
+
+        means: of f in the parts. changes: of f from the start of a part to its end; on a straight
+        line over a length L, (middle - t) f has the integral -L^2/12 of this.
+        """
         middles = np.cumsum(self.lengths, axis=0) - self.lengths / 2
         impulses = self.lengths * means
-        return np.stack([impulses.sum(axis=0), ((0.5 - middles) * impulses).sum(axis=0)])
+        within = self.lengths**2 * changes / 12
+        moments = (0.5 - middles) * impulses - within
+        return np.stack([impulses.sum(axis=0), moments.sum(axis=0)])
 
 
 class Place(NamedTuple):
@@ -329,7 +347,7 @@ def _spread(tick, means):
     """The effects of a force that changes within ticks, from its means, see `ScaledLog.side`."""
     mean, moment = means
     parts = [(tick.held, mean)]
-    if tick.lever.any() and moment.any():
+    if moment.any():
         parts.append((tick.lever, moment))
     return parts
 
@@ -665,18 +683,28 @@ def smoothed_states(log, predictor, found, gains, skip):
     return predictor.smoothed(log.reading, push, skip)
 
 
-def path_within_ticks(log, found, gains, speeds, turned=0.0) -> Path:
+def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0) -> Path:
     """The velocity within each tick between those at its ends, v_0 and v_1.
 
     With D = n + p the force of the log is that of the tick before for p of a tick, and v' is by
     J = g (f[k-n] - f[k-n-1]) another one from there on; by H, what friction changes over the tick,
-    from the moment s on at which the device turns round. So with c at first
+    from the moment s on at which the device turns round. Damping and the slope of a drag take d v'
+    from v' in a tick, so that an acceleration of 1 at first moves the velocity by
+    q(t) = (1 - exp(-d t))/d after t. So with c at first
 
-        v_1 = v_0 + c + J (1 - p) + H (1 - s),    v(s) = v_0 + c s + J max(s - p, 0) = 0.
+        v_1 = v_0 + c q(1) + J q(1 - p) + H q(1 - s),
+        v(s) = v_0 + c q(s) + J q(max(s - p, 0)) = 0.
 
     On straight lines in place of these the moment is off, by more the stronger the force is: delay
-    and mass are then by a share of friction over force another one. turned: H of other curves.
+    and mass are then by a share of friction over force another one. And a drag of the usual size
+    would be by 1/12 of d another one. turned: H of other curves; slope: of a drag, over the mass,
+    per tick.
     """
+    decay = found["rate"] * log.period + np.zeros(len(speeds)) + slope
+
+    def moved(time):
+        return time * (1 - decay * time / 2 + (decay * time) ** 2 / 6)
+
     whole_ticks = int(np.floor(found["delay"]))
     part = found["delay"] - whole_ticks
     jump = gains[0] * (late(log.force, whole_ticks) - late(log.force, whole_ticks + 1)) * log.moving
@@ -689,18 +717,19 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0) -> Path:
         turned = turned - (_next(rubbed) - rubbed)
     turns = speeds * then < 0
     moment = np.full(len(speeds), part)
-    begun = then - speeds - (1 - part) * jump
+    begun = then - speeds - moved(1 - part) * jump
     for _ in range(TURNS_TRIED):
-        first = begun - turned * (1 - moment) * turns
-        there = speeds + part * first
+        first = (begun - turned * moved(1 - moment) * turns) / moved(1.0)
+        there = speeds + moved(part) * first
         with np.errstate(all="ignore"):
             early = -speeds / first
             late_on = part - there / (first + jump)
         found_at = np.where(there * then > 0, early, late_on)
         turns = turns & (found_at >= 0) & (found_at <= 1)
         moment = np.where(turns, found_at, part)
-    first = begun - turned * (1 - moment) * turns
-    there = speeds + part * first + np.where(moment < part, turned * (part - moment), 0.0)
+    first = (begun - turned * moved(1 - moment) * turns) / moved(1.0)
+    there = speeds + moved(part) * first
+    there = there + np.where(moment < part, turned * moved(part - moment), 0.0)
     lower = np.minimum(moment, part)
     upper = np.maximum(moment, part)
     at_turn = np.where(turns, 0.0, there)
@@ -711,6 +740,7 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0) -> Path:
             [speeds, np.where(before, at_turn, there), np.where(before, there, at_turn), then]
         ),
         whole_ticks + np.stack([np.ones(len(speeds)), before, np.zeros(len(speeds))]),
+        decay,
     )
 
 

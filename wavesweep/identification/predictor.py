@@ -12,6 +12,7 @@ A tick is the unit of time here.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm, schur
@@ -41,14 +42,21 @@ class Tick:
     flow: np.ndarray
     first: int
 
-    @property
+    @cached_property
     def lever(self) -> np.ndarray:
-        """The effect of a unit mean of (1/2 - t) f over the tick, t of it after its start: it moves
-        the position, if that is a state."""
-        effect = np.zeros(len(self.A))
-        if self.speed > 0:
-            effect[0] = 1.0
-        return effect
+        """The effect of a unit mean of (1/2 - t) f over the tick, t of it after its start.
+
+        It is that of f = 12 (1/2 - t), which has this mean and no other: with the flow F of the
+        states and the force b, 12 times the integral of exp(F (1 - t)) b (1/2 - t). By two more
+        states that follow f, it is an exponential of the tick.
+        """
+        size = len(self.flow)
+        wide = np.zeros((size + 1, size + 1))
+        wide[:size, :size] = self.flow
+        wide[size - 1, size] = 1.0
+        moved = expm(wide)[self.first : size - 1, size - 1 :]
+        effect = 6 * moved[:, 0] - 12 * moved[:, 1]
+        return np.append(effect, np.zeros(len(self.A) - len(effect)))
 
     def begun(self, part: float) -> np.ndarray:
         """The effect of a unit force that begins a part of the tick late, `(states,)`."""
