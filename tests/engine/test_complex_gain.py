@@ -6,6 +6,7 @@ import pytest
 from wavesweep import load
 from wavesweep.engine._drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine._drawing.drawing import path_of
+from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine._loops.dead_time import structure
 from wavesweep.engine._stability.spectrum import eigenvalues
@@ -29,7 +30,7 @@ LOOP = {
 def test_its_eigenvalues_are_those_of_the_complex_loop_and_their_conjugates(cut):
     spec = load(LOOP)
     complex_drawing = with_gain(spec.drawing, cut)
-    real_drawing = with_complex_factor(complex_drawing, ("name", "re", 0), ("name", "im", 0))
+    real_drawing = with_complex_factor(complex_drawing, Tree.name("re"), Tree.name("im"))
     k = np.array([0.9 * np.exp(0.3j), 1.2 * np.exp(-0.5j), -2.0 + 0.1j])
     values = dict(spec.values)
     known = structure(complex_drawing, values)

@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.capabilities import asked, home_of
 from wavesweep.engine.drawing import scalars
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.expressions import sum_of, value_of
+from wavesweep.engine.expressions import sum_of
 from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
@@ -222,7 +222,7 @@ def _dead_time_lines(drawing, values):
     """How long dead times are in ticks, and what they read or bring between two ticks."""
     wires = dict(drawing.wires)
     for name, tree in drawing.dead_times.items():
-        seconds = value_of(tree, scalars(values))
+        seconds = tree.value(scalars(values))
         arriving = []
         sensed = []
         for plant in drawing.plants:
@@ -254,12 +254,12 @@ def dead_times_in_series(spec: Spec) -> Iterator[str]:
     sensed = {signal for plant in drawing.plants for signal, _ in plant.sensed}
     for name, tree in drawing.dead_times.items():
         held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
-        first = value_of(tree, scalars(spec.values)) * drawing.rate(spec.values)
+        first = tree.value(scalars(spec.values)) * drawing.rate(spec.values)
         if not held or abs(first - round(first)) < WHOLE_TICK:
             continue
         for other, other_tree in drawing.dead_times.items():
             if any(signal == f"{name}.y" for signal, _ in wires[f"{other}.u"]):
-                second = value_of(other_tree, scalars(spec.values)) * drawing.rate(spec.values)
+                second = other_tree.value(scalars(spec.values)) * drawing.rate(spec.values)
                 ms = 1e3 / drawing.rate(spec.values)
                 comes = (
                     f"{ms * (ceil(first) + second):.6g} ms late, not {ms * (first + second):.6g}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing
-from wavesweep.engine._drawing.expressions import Terms, text_of
+from wavesweep.engine._drawing.expressions import Terms
 from wavesweep.engine._energy.lifted_map import TickMaps, damping_peak
 from wavesweep.engine._energy.norms import squared_norm
 from wavesweep.engine._keys.checking import Rejected, check, computable, nearest
@@ -696,4 +696,4 @@ class ClosedLoop:
 
 def _sum(terms: Terms) -> str:
     """A linear expression as a text."""
-    return " + ".join(f"({text_of(gain)})*{signal}" for signal, gain in terms)
+    return " + ".join(f"({gain.text})*{signal}" for signal, gain in terms)

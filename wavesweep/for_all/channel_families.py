@@ -24,7 +24,6 @@ from wavesweep.engine.blocks import (
 )
 from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import value_of
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
@@ -140,7 +139,7 @@ def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel
     for block in drawing.channels:
         keys = dict(block.keys)
         ticks = [
-            int(value_of(tree, numbers))
+            int(tree.value(numbers))
             for tree in (block.every, block.phase, keys["late"], keys["lost"])
         ]
         ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]

@@ -14,7 +14,6 @@ import numpy as np
 
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import degree
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.joint import PROVED, decide
@@ -180,7 +179,7 @@ class _Margin:
 
     def is_curved(self, path: str) -> bool:
         """Whether the device's damping or stiffness is no line in a number."""
-        return any(degree(tree, name_of(path)) > 1 for tree in self.device)
+        return any(tree.degree(name_of(path)) > 1 for tree in self.device)
 
     def need(self, p: float):
         """What is needed at a value, and the least damping of the device there."""

@@ -28,6 +28,7 @@ from flint import arb, arb_mat, ctx
 from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import Drawing, DrawnBlock
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import TickMaps, closure, damping_peak
 from wavesweep.engine.poles import is_stable
@@ -260,17 +261,12 @@ def with_ruler(drawing: Drawing) -> Drawing:
     and another block takes the force that pushes it, without the hand's. Their states are the
     first three: X, PUSH, FORCE."""
     device = device_of(drawing)
-    zero = ("number", 0.0, 0)
+    zero = Tree.number(0.0)
     pushes = f"{device}!push"
     takes = f"{device}!force"
     explicit = (("method", "explicit"),)
-    ruler = [
-        DrawnBlock(name, "integrator", explicit, ("number", 1.0, 0), zero)
-        for name in (device, pushes)
-    ]
-    ruler.append(
-        DrawnBlock(takes, "delay", (("steps", ("number", 1.0, 0)),), ("number", 1.0, 0), zero)
-    )
+    ruler = [DrawnBlock(name, "integrator", explicit, ONE, zero) for name in (device, pushes)]
+    ruler.append(DrawnBlock(takes, "delay", (("steps", ONE),), ONE, zero))
     wires = []
     for port, terms in drawing.wires:
         kept = tuple(

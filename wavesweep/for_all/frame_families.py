@@ -21,7 +21,6 @@ from wavesweep.engine.drawing import (
     without_rule,
 )
 from wavesweep.engine.errors import Mistake, SpecError
-from wavesweep.engine.expressions import names_in, text_of
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.plan import FRAME, LATE, LOST, SHOW, THROUGH, TICK, Plan, Schedule
 from wavesweep.haptics.controller_page import loop_drawing
@@ -101,13 +100,13 @@ class SlowFrames:
         ticks_of = {}
         for block in drawing.blocks:
             ticks = tuple(_whole_ticks(block, case, name) for case in cases)
-            reads_it = any(read == name for read, _ in names_in(block.every))
+            reads_it = block.every.reads(name)
             if set(ticks) != {1} or reads_it:
                 ticks_of[block.name] = ticks
         slow = [block for block in drawing.blocks if block.name in ticks_of]
         if len(set(ticks_of.values())) > 1:
             expected = "one `every` of all blocks that do not run in every tick, whatever varies"
-            runs = ", ".join(f"{text_of(block.every)} of {block.name}" for block in slow)
+            runs = ", ".join(f"{block.every.text} of {block.name}" for block in slow)
             refuse(_every(slow[-1]), expected, runs)
         *lengths, nominal = ticks_of[slow[0].name] if slow else (1,)
         distinct = tuple(dict.fromkeys(lengths)) or (nominal,)
@@ -244,15 +243,13 @@ def _refuse_unsteady(
     if elapsed and (wrong := without_rule(slow)):
         refuse(f"block.{wrong[0].partition(' ')[0]}.type", f"slow blocks {RULED}", ", ".join(wrong))
     for path, tree in drawing.trees():
-        if not path.endswith(".every") and any(name == number for name, _ in names_in(tree)):
-            refuse(
-                path, f"keys and wires that do not read the frame's length, {number}", text_of(tree)
-            )
+        if not path.endswith(".every") and tree.reads(number):
+            refuse(path, f"keys and wires that do not read the frame's length, {number}", tree.text)
 
 
 def _every(block: DrawnBlock) -> str:
     """The path of the key that says how often a block runs."""
-    return RATIO if text_of(block.every) == RATIO else f"block.{block.name}.every"
+    return RATIO if block.every.text == RATIO else f"block.{block.name}.every"
 
 
 def refuse(path: str, expected: str, found: str) -> None:

@@ -26,7 +26,6 @@ from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 from wavesweep.engine.blocks import values_of
 from wavesweep.engine.drawing import Drawing, name_of, scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import degree, names_in
 from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.channel_families import LOST, channels_of, frames_with_messages
 from wavesweep.for_all.graph import Graph
@@ -362,13 +361,10 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     numbers = scalars(values)
     trees = _probabilities(drawing)
     reads = [
-        tree
-        for channel_trees in trees.values()
-        for tree in channel_trees
-        if name in dict(names_in(tree))
+        tree for channel_trees in trees.values() for tree in channel_trees if name in tree.names
     ]
-    paths = [path for path, tree in drawing.trees() if name in dict(names_in(tree))]
-    if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
+    paths = [path for path, tree in drawing.trees() if name in tree.names]
+    if reads and (len(paths) > len(reads) or any(tree.degree(name) > 1 for tree in reads)):
         raise UsageError(
             f"intervals along {number}: expected a number that probabilities of channels alone read, linearly, found another"
         )

@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import MarginalModes, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
@@ -75,8 +76,8 @@ class Schedule:
     def with_period(self, drawing: Drawing, step: int) -> Drawing:
         """Return the drawing with another period of its slow blocks, in ticks; `scheduled` sets
         their phases."""
-        every = ("number", float(step), 0)
-        phase = ("number", 0.0, 0)
+        every = Tree.number(step)
+        phase = Tree.number(0.0)
         slow = self.slow
         blocks = (
             replace(each, every=every, phase=phase, phases=()) if each.name in slow else each

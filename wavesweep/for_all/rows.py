@@ -11,7 +11,6 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import names_in
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.for_all.asked_ranges import values_of_range
@@ -181,7 +180,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
 def _read_by_probabilities(drawing) -> set[str]:
     """The numbers from which the probabilities of messages follow."""
     trees = (tree for block in drawing.channels for key, tree in block.keys if key in SHARES)
-    return {path_of(name) for tree in trees for name, _ in names_in(tree)}
+    return {path_of(name) for tree in trees for name in tree.names}
 
 
 def _timed(axes, along, timing_names) -> list[str]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from wavesweep.engine.drawing import Drawing, name_of, without_rule
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.expressions import names_in
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.sets import Side
@@ -198,7 +197,7 @@ class Rules:
         """The plan of a drawn loop, in which one number at most varies, that `every` of blocks
         reads."""
         varying = self.for_all.changing
-        running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
+        running = {name for block in self.drawing.blocks for name in block.every.names}
         wrong = [axis for axis in varying if name_of(axis.path) not in running] or varying[1:]
         if wrong:
             expected = "one number that varies, which `every` of blocks reads"

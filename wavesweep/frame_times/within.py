@@ -10,7 +10,6 @@ import numpy as np
 
 from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.csv_files import seconds
 from wavesweep.program.spec import Axis, Spec
@@ -28,11 +27,11 @@ def number_of(spec: Spec) -> str:
         _refuse_built_in(spec)
         return RATIO
     slow = {
-        text_of(block.every): block.every
+        block.every.text: block.every
         for block in spec.drawing.blocks
-        if block.every[:2] != ("number", 1.0)
+        if not block.every.is_number(1.0)
     }
-    if len(slow) == 1 and next(iter(slow.values()))[0] == "name":
+    if len(slow) == 1 and next(iter(slow.values())).operation == "name":
         return next(iter(slow))
     raise UsageError(
         f"{spec.name}: expected one number as `every` of all blocks that do not run in every tick, found "
@@ -74,9 +73,9 @@ def _drawn_lengths(spec: Spec, name: str | None, values: Iterable[float] | None)
     lengths = set()
     for block in spec.drawing.blocks:
         members = [numbers]
-        if any(each == name for each, _ in names_in(block.every)):
+        if block.every.reads(name):
             members = [numbers | {name: value} for value in values]
-        ticks = tuple(value_of(block.every, member) for member in members)
+        ticks = tuple(block.every.value(member) for member in members)
         if parts := [each for each in ticks if each % 1]:
             raise UsageError(
                 f"{spec.name}: block.{block.name}.every: expected whole ticks for all of [for_all], found {parts[0]:g}"

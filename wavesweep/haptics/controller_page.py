@@ -22,7 +22,7 @@ from fractions import Fraction
 from math import ceil, floor
 
 from wavesweep.engine.drawing import TYPES, DrawnBlock
-from wavesweep.engine.expressions import Tree, linear, parse
+from wavesweep.engine.expressions import Tree, parse
 from wavesweep.haptics.controllers import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
@@ -158,8 +158,8 @@ def drawing_of_page(page: BlockDiagram) -> Drawing:
 
     blocks = tuple(_block(name, dict(keys)) for name, keys in page.blocks.items())
     signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]} | {"f_h"}
-    wires = tuple((port, linear(_tree(text), signals)) for port, text in page.wires.items())
-    hand = "f_h", linear(_tree("device.x"), signals), linear(_tree(page.reaction), signals)
+    wires = tuple((port, _tree(text).linear(signals)) for port, text in page.wires.items())
+    hand = "f_h", _tree("device.x").linear(signals), _tree(page.reaction).linear(signals)
     return Drawing(_tree("rates.fast_hz"), (), frozenset(), blocks, wires, hand, WALL)
 
 
@@ -176,7 +176,7 @@ def _block(name: str, keys: dict[str, Any]) -> DrawnBlock:
 
 @lru_cache(maxsize=256)
 def _tree(value: Any) -> Tree:
-    return parse(value) if isinstance(value, str) else ("number", float(value), 0)
+    return parse(value) if isinstance(value, str) else Tree.number(value)
 
 
 _DECIDING = (

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop, Ports, values_of
 from wavesweep.engine.drawing import AT, Drawing, scalars
-from wavesweep.engine.expressions import ONE
+from wavesweep.engine.expressions import Tree
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import Port
 from wavesweep.haptics.controllers import HAND
@@ -94,11 +94,11 @@ def device_of(drawing: Drawing) -> str | None:
     force, displacement, _ = drawing.hand
     pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
     masses = {f"{block.name}.f": block.name for block in drawing.apart if block.type == "mass"}
-    if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
+    if len(pushed) != 1 or pushed[0][0] not in masses or not pushed[0][1].is_number(1.0):
         return None
     name = masses[pushed[0][0]]
     (signal, gain), *rest = displacement
-    return name if not rest and signal == f"{name}.x" and _is_one(gain) else None
+    return name if not rest and signal == f"{name}.x" and gain.is_number(1.0) else None
 
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
@@ -106,10 +106,6 @@ def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
     keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
     numbers = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
     return tuple(values_of(keys[path.partition(".")[2]], numbers) for path in HAND)
-
-
-def _is_one(tree):
-    return tree[0] == ONE[0] and tree[1] == ONE[1]
 
 
 @lru_cache(maxsize=64)
@@ -122,7 +118,7 @@ def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
         if block.name != device:
             return block
         keys = (
-            (name, ("+", tree, ("name", added[name], 0), 0) if name in added else tree)
+            (name, tree + Tree.name(added[name]) if name in added else tree)
             for name, tree in block.keys
         )
         return replace(block, keys=tuple(keys))

@@ -26,6 +26,7 @@ from wavesweep.capabilities import offered
 from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.engine.frames import ENTRY_ROUNDING, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, UnresolvedError
@@ -110,7 +111,7 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     """The curves of E and of B of each block that moves, for ticks from low to high."""
     drawing = loops.drawing
     own = tuple(block for block in drawing.blocks if block.plant)
-    rate = ("/", ("number", 1.0, 0), ("name", LENGTH, 0), 0)
+    rate = ONE / Tree.name(LENGTH)
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
     if low < high:  # both may be rounded: times and rates are given in decimals
         low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)

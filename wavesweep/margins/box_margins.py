@@ -27,7 +27,7 @@ from wavesweep.engine.drawing import (
     with_complex_factor,
     with_late_signal,
 )
-from wavesweep.engine.expressions import parse, with_trees
+from wavesweep.engine.expressions import Tree, parse
 from wavesweep.engine.frames import Frames
 from wavesweep.engine.intervals import Resolution
 from wavesweep.engine.intervals import Side as Expressed
@@ -57,7 +57,7 @@ INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
 SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
 LOGARITHM = Side(path_of(GAIN), 0.0)
 FACTORS = tuple(
-    with_trees(parse(text), {"p": ("name", SIZE, 0), "psi": ("name", ANGLE, 0)})
+    parse(text).with_trees({"p": Tree.name(SIZE), "psi": Tree.name(ANGLE)})
     for text in (
         "(1 - p*p)/(1 - 2*p*cos(psi) + p*p)",
         "2*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)",
@@ -67,7 +67,11 @@ FACTORS = tuple(
 )
 # real and imaginary part of a factor, and the sides of a proof along it
 TURNED = {
-    "phase": (("cos", ("name", SIZE, 0), 0), ("sin", ("name", SIZE, 0), 0), [Side(path_of(SIZE))]),
+    "phase": (
+        Tree("cos", (Tree.name(SIZE),)),
+        Tree("sin", (Tree.name(SIZE),)),
+        [Side(path_of(SIZE))],
+    ),
     "disk": (*FACTORS[:2], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
     "delay_frames": (*FACTORS[2:], [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
 }

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.engine.drawing import Drawing, DrawnBlock, path_of
+from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
 from wavesweep.margins.broken_loops import with_block
@@ -95,8 +96,8 @@ def _with_dead_time(drawing: Drawing, signal: str) -> Drawing | None:
     exact = readers.isdisjoint(plants) if source in plants else readers <= plants
     if not exact or not readers.isdisjoint(drawing.dead_times):
         return None
-    one, zero = ("number", 1.0, 0), ("number", 0.0, 0)
-    keys = (("seconds", ("name", SECONDS, 0)),)
+    one, zero = ONE, Tree.number(0.0)
+    keys = (("seconds", Tree.name(SECONDS)),)
     behind = {signal: f"{BLOCK}.y"}
     wires = tuple(
         (port, tuple((behind.get(name, name), factor) for name, factor in terms))

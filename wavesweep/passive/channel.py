@@ -9,7 +9,6 @@ import numpy as np
 from wavesweep.engine.blocks import Block, MultirateLoop, ScheduledBlock
 from wavesweep.engine.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import names_in
 from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import NORM_TOLERANCE, TickMaps, reached, read, squared_norm
@@ -33,7 +32,7 @@ def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
     for port, terms in drawing.wires:
         if port.endswith(".in") or port.rpartition(".")[0] not in outside:
             trees += [gain for _, gain in terms]
-    return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
+    return frozenset(path_of(name) for tree in trees for name in tree.names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import lcm
 
 from wavesweep.engine.drawing import Drawing, scalars
-from wavesweep.engine.expressions import ONE, evaluate, text_of
+from wavesweep.engine.expressions import Tree
 
 # Begin the gains of terms of a plant that read plants: of one that is held, and of one that acts
 # continuously.
@@ -55,8 +55,8 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     sinks = []
     ticks = []
     for block in drawing.blocks:
-        every = int(evaluate(block.every, numbers))
-        phase = int(evaluate(block.phase, numbers))
+        every = int(block.every.evaluate(numbers))
+        phase = int(block.phase.evaluate(numbers))
         runs_in_every = len(block.phases) if block.phases else 1
         inputs, outputs = block.ports
         blocks.append(
@@ -126,20 +126,25 @@ def _block_of(signal: str) -> str:
 
 
 def _texts(terms) -> Terms:
-    return tuple((signal, text_of(_shown(gain))) for signal, gain in terms)
+    return tuple((signal, _shown(gain).text) for signal, gain in terms)
 
 
 def _shown(gain):
     """A gain without the factor -1 that a sign before a parenthesis leaves, and with the last
     names of a spec's keys."""
-    if gain[0] == "name":
-        return (gain[0], gain[1].rpartition(".")[2], gain[2])
-    if gain[0] == "*" and any(
-        factor[0] == "negative" and factor[1][:2] == ONE[:2] for factor in gain[1:3]
-    ):
-        operand = gain[2] if gain[1][0] == "negative" else gain[1]
-        return ("negative", _shown(operand), gain[-1])
-    return tuple(_shown(term) if isinstance(term, tuple) else term for term in gain)
+    if gain.operation == "name":
+        return Tree.name(gain.leaf.rpartition(".")[2])
+    if gain.operation == "*":
+        first, second = gain.operands
+        if _is_minus_one(first):
+            return -_shown(second)
+        if _is_minus_one(second):
+            return -_shown(first)
+    return gain.with_operands(tuple(map(_shown, gain.operands)))
+
+
+def _is_minus_one(factor: Tree) -> bool:
+    return factor.operation == "negative" and factor.operands[0].is_number(1.0)
 
 
 def _read(parts, tick_s, ticks):

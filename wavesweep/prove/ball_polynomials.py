@@ -20,7 +20,7 @@ import numpy as np
 from flint import acb, arb, arb_mat, arb_poly, ctx
 
 from wavesweep.engine.drawing import Plant
-from wavesweep.engine.expressions import Tree, degree, evaluate, is_constant
+from wavesweep.engine.expressions import Tree
 from wavesweep.engine.frames import blocks_of
 from wavesweep.prove.ticks import BallLoop, UndecidedError, reads
 
@@ -202,7 +202,7 @@ def _degree(loop: BallLoop) -> float:
         return inf
 
     def largest(trees):
-        return max((degree(tree, number) for tree in trees), default=0)
+        return max((tree.degree(number) for tree in trees), default=0)
 
     of_wires = {port: largest(gain for _, gain in terms) for port, terms in loop.wires.items()}
     of_blocks = []
@@ -220,7 +220,7 @@ def _degree_of_block(block, number, largest) -> float:
     kind = "" if isinstance(block, Plant) else block.type
     keys = dict(block.keys) if kind else {}
     if kind == "gain":
-        return degree(keys["k"], number)
+        return keys["k"].degree(number)
     if kind == "ss" and keys["discrete"]:  # rows side by side have the larger degree of both
         return sum(largest(row) for name in "ABCD" for row in keys[name])
     if kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
@@ -232,12 +232,12 @@ def _branches(tree: Tree, number: str) -> bool:
     """Whether a tree that reads a number has a power with another than a whole exponent, which
     is not analytic everywhere."""
     if (
-        tree[0] == "**"
+        tree.operation == "**"
         and reads(tree, number)
-        and not (is_constant(tree[2]) and evaluate(tree[2], {}).is_integer())
+        and not (tree.operands[1].is_constant and tree.operands[1].evaluate({}).is_integer())
     ):
         return True
-    return any(_branches(branch, number) for branch in tree[1:-1] if isinstance(branch, tuple))
+    return any(_branches(branch, number) for branch in tree.operands)
 
 
 def _ones(p):

@@ -19,11 +19,6 @@ from wavesweep.engine.drawing import TYPES, Drawing, DrawnBlock, Plant, scalars
 from wavesweep.engine.expressions import (
     FUNCTIONS,
     Tree,
-    constants_of,
-    evaluate,
-    named,
-    names_in,
-    value_of,
 )
 from wavesweep.prove.ball_blocks import continuous, held, matrices
 
@@ -56,9 +51,9 @@ class BallLoop:
         self._kept = {}
         self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
-        self.every = [int(value_of(block.every, self.values)) for block in self.blocks]
+        self.every = [int(block.every.value(self.values)) for block in self.blocks]
         self.phases = [
-            block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks
+            block.phases or (int(block.phase.value(self.values)),) for block in self.blocks
         ]
         self.ticks = lcm(*self.every)
         self.kinds = tuple(self._running_in(tick) for tick in range(self.ticks))
@@ -229,7 +224,7 @@ class BallLoop:
         if kind == "number":
             return self._value(value, number)
         if kind == "integer":
-            return int(value_of(value, self.values))
+            return int(value.value(self.values))
         if kind == "list":
             return [self._value(tree, number) for tree in value]
         if kind == "rows":
@@ -238,13 +233,13 @@ class BallLoop:
 
     def _value(self, tree: Tree, number: Any) -> Any:
         ball = type(number)
-        known = {constant: ball(constant) for constant in constants_of(tree)}
-        for name, _ in names_in(tree):
+        known = {constant: ball(constant) for constant in tree.constants}
+        for name in tree.names:
             if name != self.number:
                 known[name] = ball(self.values[name])
         known[self.number] = number
         try:
-            return ball(evaluate(named(tree), known, _LIBRARIES[ball]))
+            return ball(tree.in_names.evaluate(known, _LIBRARIES[ball]))
         except ZeroDivisionError:
             return ball("nan")
 
@@ -340,4 +335,4 @@ def _plan(kinds):
 @lru_cache(maxsize=4096)
 def reads(tree: Tree, number: str) -> bool:
     """Whether a tree reads a number."""
-    return any(name == number for name, _ in names_in(tree))
+    return tree.reads(number)

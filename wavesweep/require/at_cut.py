@@ -20,7 +20,7 @@ import numpy as np
 from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import ONE
+from wavesweep.engine.expressions import ONE, Tree
 from wavesweep.program.analyses.cuts import fault_of_cut
 from wavesweep.require.gain_bound import CutBound, GainBound
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 PATH = "sweep.require.margins"
 INPUT, ALONE, SEEN = "input at the cut", "the input alone", "behind the cut"
-LESS_HALF = ("number", -0.5, 0)
+LESS_HALF = Tree.number(-0.5)
 
 
 def seen_at_cut(loops: Loops, bound: CutBound) -> tuple[Loops, tuple[str, str], GainBound]:

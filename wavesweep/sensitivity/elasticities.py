@@ -9,7 +9,6 @@ import numpy as np
 
 from wavesweep.engine.drawing import decides, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import names_in
 from wavesweep.engine.frames import IN_PLACE_OF_ZERO
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
@@ -202,10 +201,7 @@ def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
     if not spec.drawing and spec.builds(FAST, swept):
         deciding.add(FAST)
     deciding |= {
-        path_of(name)
-        for path, tree in drawing.trees()
-        if decides(path)
-        for name, _ in names_in(tree)
+        path_of(name) for path, tree in drawing.trees() if decides(path) for name in tree.names
     }
     return [
         path for path, value in values.items() if isinstance(value, float) and path not in deciding

@@ -10,7 +10,6 @@ from typing import Any
 from wavesweep.capabilities import offered
 from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import names_in, value_of
 from wavesweep.program.analyses.claims import Claim, Frames, Order, Property, Status, own_scope
 from wavesweep.program.reading.reading import PASSED
 from wavesweep.program.spec import Axis, Spec
@@ -160,11 +159,9 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     if spec.drawing is None:
         return list(values) if axis.path == "rates.ratio" else []
     every = next(
-        block.every
-        for block in spec.drawing.blocks
-        if name_of(axis.path) in {n for n, _ in names_in(block.every)}
+        block.every for block in spec.drawing.blocks if block.every.reads(name_of(axis.path))
     )
-    lengths = [value_of(every, scalars({**spec.values, axis.path: value})) for value in values]
+    lengths = [every.value(scalars({**spec.values, axis.path: value})) for value in values]
     for ticks, value in zip(lengths, values, strict=True):
         if ticks % 1:
             problem = f"{ticks:g} with {axis.name} = {value:g}"

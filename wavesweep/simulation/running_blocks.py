@@ -14,7 +14,6 @@ from typing import Any
 
 from wavesweep.engine.drawing import AT, TYPES, Drawing, scalars, without_rule
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import degree, names_in, value_of
 from wavesweep.program.columns import run_column
 from wavesweep.simulation.laws import (
     LAWS,
@@ -321,11 +320,9 @@ def loop_of(
     numbers = scalars(values)
     if frames:
         _refuse(frames, [(block, *_schedule(block, numbers)) for block in drawing.alone])
-    rate = float(value_of(drawing.tick_hz, numbers))
+    rate = float(drawing.tick_hz.value(numbers))
     tick = 1.0 / rate
-    waits = {
-        name: divided(value_of(tree, numbers) * rate) for name, tree in drawing.dead_times.items()
-    }
+    waits = {name: divided(tree.value(numbers) * rate) for name, tree in drawing.dead_times.items()}
     blocks = _blocks(drawing, numbers, tick, frames, waits)
     terms = _terms(drawing)
     wall = None
@@ -527,8 +524,8 @@ def _refuse(frames, schedules):
 
 def _schedule(block, known):
     """Every how many ticks a block runs, and in which of them."""
-    every = int(value_of(block.every, known))
-    phases = block.phases or (int(value_of(block.phase, known)),)
+    every = int(block.every.value(known))
+    phases = block.phases or (int(block.phase.value(known)),)
     return every, phases
 
 
@@ -545,15 +542,13 @@ def _numbers(block, known):
 def _read_key(kind, value, known):
     """The value of a key of a type: of expressions, and of lists and rows of them."""
     if kind == "number":
-        return 1.0 * value_of(
-            value, known
-        )  # unlike `float`, this leaves a number with a name as it is
+        return 1.0 * value.value(known)  # unlike `float`, this leaves a number with a name as it is
     if kind == "integer":
-        return int(value_of(value, known))
+        return int(value.value(known))
     if kind == "list":
-        return [1.0 * value_of(tree, known) for tree in value]
+        return [1.0 * tree.value(known) for tree in value]
     if kind == "rows":
-        return [[1.0 * value_of(tree, known) for tree in row] for row in value]
+        return [[1.0 * tree.value(known) for tree in row] for row in value]
     return value
 
 
@@ -564,7 +559,7 @@ def _part(block, known, tick, frames):
     if frames and every > 1:
         rhythm = frames.rhythm(*phases)
     else:
-        rhythm = Rhythm(every, phases, slow=every > 1 or any(names_in(block.every)))
+        rhythm = Rhythm(every, phases, slow=every > 1 or bool(block.every.names))
     periods = rhythm.lasting(tick)
     by_period = {}
     for period in periods:
@@ -647,7 +642,7 @@ def _plant(plant, drawing, known, tick, waits):
 
 
 def _valued(terms, numbers) -> Sum:
-    return tuple((1.0 * value_of(gain, numbers), name) for name, gain in terms)
+    return tuple((1.0 * gain.value(numbers), name) for name, gain in terms)
 
 
 def _wall_of(drawing, terms, known):
@@ -705,7 +700,7 @@ def _read_elsewhere(drawing):
     wires |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
     trees = [tree for _, terms in drawing.couplings for _, tree in terms]
     trees += [tree for path, tree in drawing.trees() if path not in wires]
-    return any(name in drawing.wall for tree in trees for name, _ in names_in(tree))
+    return any(name in drawing.wall for tree in trees for name in tree.names)
 
 
 def _wall_factors(names, terms, known):
@@ -714,13 +709,13 @@ def _wall_factors(names, terms, known):
     none = known | dict.fromkeys(names, 0.0)
     factors = {}
     for signal, gain in terms:
-        read = [name for name, _ in names_in(gain) if name in names]
+        read = [name for name in gain.names if name in names]
         if not read:
             continue
-        rest = value_of(gain, none)
-        slopes = [value_of(gain, none | {name: 1.0}) - rest for name in names]
-        both = value_of(gain, none | dict.fromkeys(names, 1.0))
-        if any(degree(gain, name) > 1 for name in read) or abs(
+        rest = gain.value(none)
+        slopes = [gain.value(none | {name: 1.0}) - rest for name in names]
+        both = gain.value(none | dict.fromkeys(names, 1.0))
+        if any(gain.degree(name) > 1 for name in read) or abs(
             both - sum(slopes) - rest
         ) > SAME_SHARE * abs(both):
             return None

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine._drawing.expressions import degree
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._stability.along_any import BENT, stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
@@ -129,7 +128,7 @@ def test_a_range_with_values_without_a_loop_is_refused(force):
     ],
 )
 def test_degree(text, expected):
-    assert degree(parse(text), "K") == expected
+    assert parse(text).degree("K") == expected
 
 
 @pytest.mark.parametrize("from_crossing", [-1, 1])

@@ -6,7 +6,6 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.engine._drawing.expressions import evaluate, value_of
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._loops.values import values_of
 
@@ -29,10 +28,9 @@ CANCELLING = (  # with a of some 1e-9, b next to a, and c next to 1
 
 def reference(tree, numbers):
     """The value at 80 digits; constants are doubles."""
-    operation, *parts = tree[:-1]
-    if operation in ("number", "name"):
-        return mp.mpmathify(parts[0] if operation == "number" else numbers[parts[0]])
-    values = [reference(part, numbers) for part in parts]
+    if tree.is_leaf:
+        return mp.mpmathify(tree.leaf if tree.operation == "number" else numbers[tree.leaf])
+    values = [reference(operand, numbers) for operand in tree.operands]
     return {
         "negative": lambda a: -a,
         "sqrt": mp.sqrt,
@@ -41,7 +39,7 @@ def reference(tree, numbers):
         "*": lambda a, b: a * b,
         "/": lambda a, b: a / b,
         "**": lambda a, b: a ** (int(b) if b == int(b) else b),
-    }[operation](*values)
+    }[tree.operation](*values)
 
 
 @pytest.mark.parametrize("text", CANCELLING)
@@ -56,7 +54,7 @@ def test_a_sum_that_cancels_keeps_its_digits(text, turn):
     np.testing.assert_allclose(found, wanted, rtol=1e-14)
     assert found.dtype == a.dtype
     if turn == 1:
-        assert [value_of(tree, row) for row in rows] == found.tolist()
+        assert [tree.value(row) for row in rows] == found.tolist()
     alone = [values_of(tree, {name: np.array([value]) for name, value in row.items()})[0] for row in rows]
     assert alone == found.tolist()
 
@@ -81,14 +79,14 @@ def test_large_powers_and_tiny_products_keep_their_digits(text):
     wanted = np.array([float(reference(tree, row)) for row in rows])
     found = values_of(tree, numbers)
     np.testing.assert_allclose(found, wanted, rtol=2e-15)
-    assert [value_of(tree, row) for row in rows] == found.tolist()
-    rough = np.array([evaluate(tree, row) for row in rows])
+    assert [tree.value(row) for row in rows] == found.tolist()
+    rough = np.array([tree.evaluate(row) for row in rows])
     assert np.abs(rough / wanted - 1).max() > 1e-14
 
 
 def test_the_same_sums_lose_digits_without_it():
     numbers = {"a": 1e-9, "b": 1e-9 * (1 + 1e-9), "c": 1 + 1e-9}
-    lost = [abs(evaluate(parse(text), numbers) / complex(reference(parse(text), numbers)) - 1) for text in CANCELLING]
+    lost = [abs(parse(text).evaluate(numbers) / complex(reference(parse(text), numbers)) - 1) for text in CANCELLING]
     assert sum(error > 1e-9 for error in lost) >= 8
 
 
@@ -109,8 +107,8 @@ def test_a_thousand_random_expressions_are_right_to_a_few_roundings():
     while compared < 1000:
         tree = parse(random_text(r, 5))
         try:
-            rough, wanted = evaluate(tree, numbers), reference(tree, numbers)
-            found = value_of(tree, numbers)
+            rough, wanted = tree.evaluate(numbers), reference(tree, numbers)
+            found = tree.value(numbers)
         except (ArithmeticError, ValueError):
             continue
         if isinstance(wanted, mp.mpc) or not 1e-100 < abs(wanted) < 1e100:

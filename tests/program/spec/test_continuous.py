@@ -3,7 +3,6 @@
 import pytest
 
 from wavesweep.engine._drawing.continuous import parted
-from wavesweep.engine._drawing.expressions import evaluate
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.program.spec import load
 
@@ -14,7 +13,7 @@ NUMBERS = {"k": 3.0, "q": 5.0, "p": 7.0, "n": 2.0}
 
 def split(text, own="a"):
     """The gains that are held, and those that act continuously."""
-    return [{name: evaluate(gain, NUMBERS) for name, gain in terms} for terms in parted(parse(text), SIGNALS, own, PLANTS)]
+    return [{name: gain.evaluate(NUMBERS) for name, gain in terms} for terms in parted(parse(text), SIGNALS, own, PLANTS)]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
-from wavesweep.engine._drawing.expressions import value_of
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.columns import TAKEN
 from wavesweep.program.spec import load, sweep_axes
@@ -141,7 +140,7 @@ def test_numbers_may_follow_from_others_and_signals_have_names(write):
     assert spec.tables()["numbers"]["m"] == {"value": "2*mass", "unit": "", "description": ""}
     assert spec.tables()["numbers"]["cc"] == {"value": "c", "unit": "N*s/m", "description": ""}
     plain, named = (dict(each.drawing.wires)["arm.f"] for each in (load(write(ARM)), spec))
-    values = {s: value_of(gain, {"kp": 7, "kd": 3, "c": 2, "mass": 1}) for s, gain in named}
+    values = {s: gain.value({"kp": 7, "kd": 3, "c": 2, "mass": 1}) for s, gain in named}
     assert values == {"net.y": -7, "arm.v": -1, "hand": 1}
     assert [signal for signal, _ in plain] == [signal for signal, _ in named]
     assert load(spec.tables()).sha256 == spec.sha256

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.engine._drawing.expressions import FUNCTIONS, Fault, evaluate, exactly, linear, singular, text_of, value_of
+from wavesweep.engine._drawing.expressions import FUNCTIONS, Fault
 from wavesweep.engine._drawing.parsing import MOST_TOKENS, parse
 from wavesweep.engine._loops.values import values_of
 
@@ -41,7 +41,7 @@ def test_a_thousand_random_texts_have_the_value_that_python_gives_them():
             wanted = eval(text, NAMES, NUMBERS)  # noqa: S307 - the test's own text
         except (ArithmeticError, ValueError):
             continue
-        assert evaluate(parse(text), NUMBERS) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(wanted)), text
+        assert parse(text).evaluate(NUMBERS) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(wanted)), text
         compared += 1
 
 
@@ -50,10 +50,10 @@ def test_the_text_of_a_tree_has_its_value_to_the_bit():
     while compared < 1000:
         tree = parse(random_text(r, 4))
         try:
-            wanted = evaluate(tree, NUMBERS)
+            wanted = tree.evaluate(NUMBERS)
         except (ArithmeticError, ValueError):
             continue
-        assert evaluate(parse(text_of(tree)), NUMBERS) == wanted, text_of(tree)
+        assert parse(tree.text).evaluate(NUMBERS) == wanted, tree.text
         compared += 1
 
 
@@ -62,12 +62,12 @@ def test_the_text_of_a_tree_has_its_value_to_the_bit():
     [("-1*a", "-a"), ("((-1)*a - b)/kp", "(-a - b)/kp"), ("(-a)*b/kp", "-a*b/kp"), ("(-a)**2*b", "(-a)**2*b")],
 )
 def test_the_sign_of_a_product_goes_before_it(text, short):
-    assert text_of(parse(text)) == short
+    assert parse(text).text == short
 
 
 @pytest.mark.parametrize("text", ["a - (b - kp)", "a*(b + 2)/kp", "-a", "(a + b)**2", "sqrt(a + 1)", "a/(b/kp)", "2*pi", "0.1"])
 def test_a_text_has_no_more_parentheses_than_it_needs(text):
-    assert text_of(parse(text)) == text
+    assert parse(text).text == text
 
 
 @pytest.mark.parametrize(
@@ -75,17 +75,17 @@ def test_a_text_has_no_more_parentheses_than_it_needs(text):
     [("-2**2", -4), ("2**3**2", 512), ("2**-1", 0.5), ("6/3/2", 1), ("1-2-3", -4), ("-a*2", -3), ("--2", 2), ("2 * -3", -6)],
 )
 def test_operators_bind_as_in_python(text, value):
-    assert evaluate(parse(text), NUMBERS) == value
+    assert parse(text).evaluate(NUMBERS) == value
 
 
 def test_values_may_be_arrays_and_complex():
     p = np.array([1.0, 2.0 + 1j, -3.0])
-    found = evaluate(parse("(p**3 - 1/p)*sqrt(2)/kp"), {"p": p, "kp": 2.0}, np)
+    found = parse("(p**3 - 1/p)*sqrt(2)/kp").evaluate({"p": p, "kp": 2.0}, np)
     np.testing.assert_allclose(found, (p**3 - 1 / p) * np.sqrt(2) / 2, rtol=1e-14)
 
 
 def gains(text, signals=("arm.x", "arm.v", "f")):
-    return {name: evaluate(gain, NUMBERS) for name, gain in linear(parse(text), set(signals))}
+    return {name: gain.evaluate(NUMBERS) for name, gain in parse(text).linear(set(signals))}
 
 
 def test_a_text_is_a_sum_of_signals_times_gains():
@@ -109,7 +109,7 @@ def test_a_text_is_a_sum_of_signals_times_gains():
 )
 def test_what_is_not_linear_in_signals_is_a_mistake(text, offset, words):
     with pytest.raises(Fault) as fault:
-        linear(parse(text), {"arm.x", "arm.v", "f"})
+        parse(text).linear({"arm.x", "arm.v", "f"})
     assert (fault.value.offset, words in fault.value.found) == (offset, True)
 
 
@@ -155,7 +155,7 @@ def test_a_text_too_long_or_too_deep_is_refused():
 
 def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
     def deep(levels, text):
-        return deep(levels - 1, text) if levels else evaluate(parse(text), NUMBERS)
+        return deep(levels - 1, text) if levels else parse(text).evaluate(NUMBERS)
 
     below = sys.getrecursionlimit() // 3
     assert deep(below, "(" * 50 + "a" + ")" * 50) == 1.5
@@ -165,9 +165,9 @@ def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
 
 
 def test_divisors_roots_and_broken_powers_are_where_a_text_is_not_analytic():
-    trees = list(singular(parse("1/(a - 1) + sqrt(b) + kp**0.5 + a**2 + 2**b + sin(a)*exp(a) + log(kp) + tan(a)")))
-    assert [evaluate(tree, NUMBERS) for tree, _ in trees] == [0.5, -0.7, 3.25, 2.0, 3.25, math.cos(1.5)]
-    assert [root and root[0] for _, root in trees] == [None, "sqrt", "**", "**", None, None]
+    trees = list(parse("1/(a - 1) + sqrt(b) + kp**0.5 + a**2 + 2**b + sin(a)*exp(a) + log(kp) + tan(a)").singular())
+    assert [tree.evaluate(NUMBERS) for tree, _ in trees] == [0.5, -0.7, 3.25, 2.0, 3.25, math.cos(1.5)]
+    assert [root and root.operation for _, root in trees] == [None, "sqrt", "**", "**", None, None]
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_functions_are_right_to_a_few_roundings_where_doubles_lose_digits(text, 
     names = {name: getattr(mpmath, name) for name in FUNCTIONS}
     with mpmath.workdps(80):
         wanted = eval(text, names, {"p": mpmath.mpf(p)})  # noqa: S307 - the test's own text
-        found = [value_of(parse(text), {"p": p}), values_of(parse(text), {"p": np.array([p])})[0]]
+        found = [parse(text).value({"p": p}), values_of(parse(text), {"p": np.array([p])})[0]]
         assert [float(abs(each / wanted - 1)) < 1e-15 for each in found] == [True, True]
         wanted = eval(text, names, {"p": mpmath.mpc(p, 0.4)})  # noqa: S307 - the test's own text
-        assert abs(exactly(parse(text), {"p": p + 0.4j}) / complex(wanted) - 1) < 1e-15
+        assert abs(parse(text).exactly({"p": p + 0.4j}) / complex(wanted) - 1) < 1e-15

@@ -100,8 +100,11 @@ def test_registers_run_as_seldom_as_all_that_reads_them():
     same, other = tables("prev(limit.y)", 3), tables("prev(m.x)", 3)
     shown = tables("prev(limit.y)", 3)
     shown["ports"]["outputs"] = {"before": "prev(limit.y)"}
-    runs = [wavesweep.load(each).drawing.blocks[-1].every[1] for each in (same, other, shown)]
-    assert runs == [3, 1, 1]
+    alike = tables("m.x", "n*two") | {"numbers": {"a": A, "n": 1, "two": 2, "three": 3}}
+    alike["block"] |= {"late": {"type": "gain", "k": 0.1, "every": "n*three"}}
+    alike["wire"] |= {"late.u": "prev(limit.y)"}
+    runs = [wavesweep.load(each).drawing.blocks[-1].every.leaf for each in (same, other, shown, alike)]
+    assert runs == [3, 1, 1, 1]
 
 
 def test_a_resolved_spec_is_the_same_loop():

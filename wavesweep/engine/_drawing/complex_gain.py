@@ -27,7 +27,7 @@ def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
     twin_wires, twin_couplings = _twins(wires), _twins(couplings)
     ((signal, _),) = wires[f"{BLOCK}.u"]
     ((twin, _),) = twin_wires[f"{BLOCK}{TWIN}.u"]
-    wires[f"{BLOCK}.u"] = ((signal, re), (twin, ("negative", im, 0)))
+    wires[f"{BLOCK}.u"] = ((signal, re), (twin, -im))
     twin_wires[f"{BLOCK}{TWIN}.u"] = ((signal, im), (twin, re))
     return replace(
         drawing,

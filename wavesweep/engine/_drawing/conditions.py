@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 from wavesweep.engine._drawing.block_types import LONGEST_DELAY, TICK_HZ, TYPES
 from wavesweep.engine._drawing.drawing import Drawing, scalars
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, keys_of_block
-from wavesweep.engine._drawing.expressions import ONE, SharedParts, Tree, names_in, value_of
+from wavesweep.engine._drawing.expressions import ONE, SharedParts, Tree
 from wavesweep.engine._drawing.mass_matrix import MASS, is_mass
 from wavesweep.engine._keys.checking import SIZES, computable, expectation
 from wavesweep.engine._keys.key import LONGEST_FRAME, Key
@@ -38,7 +38,7 @@ class Condition:
             holds,
             expected,
         )
-        self.names = frozenset(name for _, tree in self.reads for name, _ in names_in(tree))
+        self.names = frozenset(name for _, tree in self.reads for name in tree.names)
 
 
 @lru_cache(maxsize=64)
@@ -230,7 +230,7 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     steps, ticks."""
     keys = dict(block.core(ONE).keys)
     counts = (
-        finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0
+        finite_value(keys.get(name, Tree.number(0.0)), numbers) or 0.0
         for name in ("steps", "late", "order")
     )
     return len(keys.get("den", keys.get("A", ()))) + sum(counts)
@@ -291,7 +291,7 @@ def finite_value(
     shared: of trees at the same numbers.
     """
     try:
-        value = value_of(tree, numbers, shared)
+        value = tree.value(numbers, shared)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
     except (
         ArithmeticError,

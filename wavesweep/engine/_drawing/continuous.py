@@ -1,17 +1,12 @@
 """Which terms of a wire act continuously: those by which plants act on each other."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import reduce
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.expressions import (
     Fault,
     Terms,
     Tree,
-    evaluate,
-    linear,
-    names_in,
-    text_of,
 )
 
 Wires = tuple[tuple[str, Terms], ...]
@@ -38,14 +33,14 @@ def parted(
     `linear`, and if terms in both positions, or both velocities, are left that form no spring or
     damper.
     """
-    wire = linear(tree, signals)
+    wire = tree.linear(signals)
     held: list[tuple[str, Tree]] = []
     continuous: list[tuple[str, Tree]] = []
     halves: list[tuple[str, Tree]] = []
     alone: list[tuple[str, Tree]] = []
     for summand in _summands(tree):
-        blocks = {name.rpartition(".")[0] for name, _ in names_in(summand) if name in signals}
-        far_plants, terms = plants.keys() & blocks - {own}, linear(summand, signals)
+        blocks = {name.rpartition(".")[0] for name in summand.names if name in signals}
+        far_plants, terms = plants.keys() & blocks - {own}, summand.linear(signals)
         if far_plants and own in blocks:
             continuous += terms
         else:
@@ -99,9 +94,9 @@ def _springs(
         if near_ends and far_ends and not _balance([*near_ends, *far_ends]):
             (signal, gain), (far, _) = near_ends[0], far_ends[0]
             raise Fault(
-                min(at for name, at in names_in(tree) if name == signal),
+                min(at for name, at in tree.places_of_names() if name == signal),
                 f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
-                f"{text_of(gain)} times {signal}, which may be either",
+                f"{gain.text} times {signal}, which may be either",
             )
         springs += near_ends if far_ends else []
     return springs
@@ -140,39 +135,35 @@ def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, W
 
 def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
     """Yield the trees that a tree is the sum of; products: multiplied out."""
-    operation, at = tree[0], tree[-1]
+    operation = tree.operation
     if operation in ("+", "-", "negative"):
-        *first, last = tree[1:-1]
-        yield from (summand for tree in first for summand in _summands(tree, products))
-        yield from (
-            summand if operation == "+" else ("negative", summand, at)
-            for summand in _summands(last, products)
-        )
+        *first, last = tree.operands
+        for operand in first:
+            yield from _summands(operand, products)
+        for summand in _summands(last, products):
+            yield summand if operation == "+" else Tree("negative", (summand,), tree.offset)
     elif products and operation in ("*", "/"):
-        seconds = list(_summands(tree[2], products)) if operation == "*" else [tree[2]]
-        yield from (
-            (operation, factor, second, at)
-            for factor in _summands(tree[1], products)
-            for second in seconds
-        )
+        left, right = tree.operands
+        seconds = list(_summands(right, products)) if operation == "*" else [right]
+        for factor in _summands(left, products):
+            for second in seconds:
+                yield Tree(operation, (factor, second), tree.offset)
     else:
         yield tree
 
 
 def _opposite(one: Tree, other: Tree) -> bool:
     """Whether two gains differ in their signs alone."""
-    return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(
-        ("negative", other, 0)
-    )
+    return (-one).text == other.text or one.text == (-other).text
 
 
 def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
     """Whether gains are plain numbers that add up to 0: the force does not change if all moves
     together."""
     gains = [gain for _, gain in terms]
-    if any(True for gain in gains for _ in names_in(gain)):
+    if any(gain.names for gain in gains):
         return False
-    values = [evaluate(gain, {}) for gain in gains]
+    values = [gain.evaluate({}) for gain in gains]
     return bool(abs(sum(values)) <= CANCELLED_GAINS * sum(map(abs, values)))
 
 
@@ -180,7 +171,9 @@ def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
     gains_of: dict[str, list[Tree]] = {}
     for signal, gain in terms:
         gains_of.setdefault(signal, []).append(gain)
-    return tuple(
-        (signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains))
-        for signal, gains in gains_of.items()
-    )
+    sums = {}
+    for signal, (first, *others) in gains_of.items():
+        sums[signal] = first
+        for gain in others:
+            sums[signal] = Tree("+", (sums[signal], gain), gain.offset)
+    return tuple(sums.items())

@@ -9,7 +9,7 @@ from functools import lru_cache
 from wavesweep.engine._drawing import scalar_place
 from wavesweep.engine._drawing.block_types import TICK_HZ
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant, keys_of_block
-from wavesweep.engine._drawing.expressions import Terms, Tree, names_in, value_of
+from wavesweep.engine._drawing.expressions import Terms, Tree
 from wavesweep.engine._keys.key import Key, Names
 
 RATE = "rates.tick_hz"
@@ -102,10 +102,10 @@ class Drawing:
         """Return the drawing in which some numbers are multiples of another one: their values
         are the factors."""
         for name in map(name_of, paths):
-            product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
+            product = Tree.name(name) * Tree.name(name_of(along))
             trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
             tied = {
-                field_name: _replaced(getattr(self, field_name), ("name", name), product)
+                field_name: _with_tree(getattr(self, field_name), {name: product})
                 for field_name in trees
             }
             self = replace(self, **tied)  # noqa: PLW0642 - the same drawing, with one number less of its own
@@ -113,7 +113,7 @@ class Drawing:
 
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
-        return value_of(self.tick_hz, scalars(values))
+        return self.tick_hz.value(scalars(values))
 
     @property
     def has_waves(self) -> bool:
@@ -261,10 +261,7 @@ class Drawing:
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
         return frozenset(
-            name
-            for path, tree in self.trees()
-            if scalar_place.decides(path)
-            for name, _ in names_in(tree)
+            name for path, tree in self.trees() if scalar_place.decides(path) for name in tree.names
         )
 
     @_remembered
@@ -275,14 +272,14 @@ class Drawing:
     @_remembered
     def reads(self) -> frozenset[str]:
         """Paths of the keys whose numbers the loop reads."""
-        return frozenset(path_of(name) for _, tree in self.trees() for name, _ in names_in(tree))
+        return frozenset(path_of(name) for _, tree in self.trees() for name in tree.names)
 
     @_remembered
     def of_limits(self) -> frozenset[str]:
         """Paths of the keys that limits of blocks alone read, on which nothing depends within
         them."""
         trees = (tree for block in self.blocks for _, tree in block.limit_trees())
-        return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree)) - self.reads
+        return frozenset(path_of(name) for tree in trees for name in tree.names) - self.reads
 
     @_remembered
     def of_losses(self) -> frozenset[str]:
@@ -290,7 +287,7 @@ class Drawing:
         nothing depends on them."""
         shares = {f"block.{block.name}.{key}" for block in self.channels for key in SHARES}
         trees = (tree for path, tree in self.trees() if path not in shares)
-        return self.reads - {path_of(name) for tree in trees for name, _ in names_in(tree)}
+        return self.reads - {path_of(name) for tree in trees for name in tree.names}
 
     @_remembered
     def posing(self) -> frozenset[str]:
@@ -301,12 +298,12 @@ class Drawing:
             for path, tree in self.trees()
             if path.startswith("block.") and path.endswith(".through")
         )
-        return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
+        return frozenset(path_of(name) for tree in trees for name in tree.names)
 
     @property
     def rating(self) -> frozenset[str]:
         """Names of the numbers that the rate of the tick follows from."""
-        return frozenset(name for name, _ in names_in(self.tick_hz))
+        return frozenset(self.tick_hz.names)
 
     @_remembered
     def timing(self) -> frozenset[str]:
@@ -314,7 +311,7 @@ class Drawing:
         if not self.dead_times:
             return frozenset()
         trees = self.dead_times.values()
-        return self.rating.union(name for tree in trees for name, _ in names_in(tree))
+        return self.rating.union(name for tree in trees for name in tree.names)
 
     def scalar_place(self, number: str) -> str:
         """Return the path of the wire, gain or word of firmware of which a number is one scalar
@@ -342,20 +339,22 @@ class Drawing:
             of_type = keys_of_block(block.type)
             for name, tree in (*block.trees(), *block.limit_trees()):
                 path = f"block.{block.name}.{name}"
-                if any(path == read for read, _ in names_in(tree)):
+                if tree.reads(path):
                     keys[path] = replace(
                         of_type[name], path=path, required=False, shaping=path in self.shaping
                     )
         return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
 
 
-def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
-    """Nested tuples and blocks with a tree in place of each leaf that begins so."""
+def _with_tree(part: object, meanings: Mapping[str, Tree]) -> object:
+    """Nested tuples and blocks whose trees have other trees in place of names."""
+    if isinstance(part, Tree):
+        return part.with_trees(meanings)
     if isinstance(part, DrawnBlock):
-        return replace(part, keys=_replaced(part.keys, leaf, tree))
+        return replace(part, keys=_with_tree(part.keys, meanings))
     if not isinstance(part, tuple):
         return part
-    return tree if part[:2] == leaf else tuple(_replaced(item, leaf, tree) for item in part)
+    return tuple(_with_tree(item, meanings) for item in part)
 
 
 def _between_ticks(drawing):

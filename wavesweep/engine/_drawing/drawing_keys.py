@@ -13,12 +13,6 @@ from wavesweep.engine._drawing.expressions import (
     ONE,
     Fault,
     Tree,
-    check_extent,
-    extent,
-    linear,
-    names_in,
-    remembered,
-    with_trees,
 )
 from wavesweep.engine._drawing.mass_matrix import shape_fault
 from wavesweep.engine._drawing.parsing import parse
@@ -71,7 +65,7 @@ class KeyReader:
         self.extents: dict[str, tuple[int, int]] = {}
         self.ports: dict[str, tuple[tuple[str, ...], tuple[str, ...]] | None] = {}
         self.registers: dict[str, str] = {}
-        self.tick_hz: Tree = ("name", RATE, 0)
+        self.tick_hz: Tree = Tree.name(RATE)
         self.periods: dict[str, Tree] = {}
         self.period: Tree | None = None
         self.refuse = self.mistakes.refuse
@@ -113,20 +107,20 @@ class KeyReader:
     def number(self, path: str, value: float) -> Tree:
         """The tree of a key that is a number and no expression."""
         if path not in self.axes:
-            return ("number", float(value), 0)
+            return Tree.number(value)
         self.own[path] = value
-        return ("name", path, 0)
+        return Tree.name(path)
 
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
         """Return the tree of an expression, with the trees that its names stand for in their
         places."""
         try:
             tree = parse(leaf.value)
-            check_extent(tree, self.extents)
+            tree.check_extent(self.extents)
         except Fault as fault:
             self.read.update(re.findall(r"\w+", leaf.value))
             return self.fault(path, leaf, fault)
-        self.read.update(name for name, _ in names_in(tree))
+        self.read.update(tree.names)
         names, meanings = {*self.numbers, *(self.signals if signals else ())}, self.meanings
         if self.period:
             meanings = meanings if PERIOD in names else {**meanings, PERIOD: self.period}
@@ -136,8 +130,8 @@ class KeyReader:
                 self.fault(path, leaf, fault)
             return None
         try:  # registers in place of `prev(...)`
-            tree = with_trees(tree, meanings)
-            tree, registers = remembered(tree, self.signals_of(tree))
+            tree = tree.with_trees(meanings)
+            tree, registers = tree.remembered(self.signals_of(tree))
         except Fault as fault:
             return self.fault(path, leaf, fault)
         self.registers |= registers
@@ -147,7 +141,7 @@ class KeyReader:
     def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
         """Yield the fault of each name in a tree that is not among these names; signals: whether
         they may be signals."""
-        for name, at in names_in(tree):
+        for name, at in tree.places_of_names():
             block = name.rpartition(".")[0]
             if name in names or (signals and self.is_hidden(block)):
                 continue
@@ -173,20 +167,18 @@ class KeyReader:
     def signals_of(self, tree: Tree) -> set[str]:
         """The signals, among them those in the tree of blocks whose ports are not known."""
         return self.signals | {
-            name for name, _ in names_in(tree) if self.is_hidden(name.rpartition(".")[0])
+            name for name in tree.names if self.is_hidden(name.rpartition(".")[0])
         }
 
     def _define_name(self, name: str, tree: Tree, text: tuple[str, Leaf], signals: bool) -> bool:
         """Read what one name stands for; False after a mistake in the extents of its expression."""
         try:
-            check_extent(tree, self.extents)
+            tree.check_extent(self.extents)
         except Fault as fault:
             self.fault(*text, fault)
             return False
-        self.extents[name], self.meanings[name] = (
-            extent(tree, self.extents),
-            with_trees(tree, self.meanings),
-        )
+        self.extents[name] = tree.extent(self.extents)
+        self.meanings[name] = tree.with_trees(self.meanings)
         if signals and self.terms_of(*text, self.meanings[name]) is None:
             del self.meanings[name]  # it is a signal like any other, so that its mistake is one
         return True
@@ -199,14 +191,10 @@ class KeyReader:
         """
         trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
         rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
-        while ready := [
-            name
-            for name, tree in rest.items()
-            if not rest.keys() & {read_name for read_name, _ in names_in(tree)}
-        ]:
+        while ready := [name for name, tree in rest.items() if rest.keys().isdisjoint(tree.names)]:
             for name in ready:
                 tree = rest.pop(name)
-                if beyond & {read_name for read_name, _ in names_in(tree)} or not self._define_name(
+                if not beyond.isdisjoint(tree.names) or not self._define_name(
                     name, tree, texts[name], signals
                 ):  # whose mistake is the same
                     beyond.add(name)
@@ -216,7 +204,7 @@ class KeyReader:
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
 
     def read_terms(
-        self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = linear
+        self, path: str, leaf: Leaf, within: Callable[[Tree, set[str]], _Found] = Tree.linear
     ) -> _Found | None:
         """Read an expression that is linear in signals. within: makes the result of its tree and
         the signals."""
@@ -231,7 +219,11 @@ class KeyReader:
         return None if tree is None else self.terms_of(path, leaf, tree, within)
 
     def terms_of(
-        self, path: str, leaf: Leaf, tree: Tree, within: Callable[[Tree, set[str]], _Found] = linear
+        self,
+        path: str,
+        leaf: Leaf,
+        tree: Tree,
+        within: Callable[[Tree, set[str]], _Found] = Tree.linear,
     ) -> _Found | None:
         """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a
         mistake."""
@@ -267,7 +259,7 @@ class KeyReader:
         keys = keys_of_block(kind)
         leaves = self.with_corrected_names(path, leaves, keys)
         every = self.read_key(f"{path}.every", keys.pop("every"), leaves.get("every"))
-        self.period = self.periods[name] = ("/", every or ONE, self.tick_hz, 0)
+        self.period = self.periods[name] = (every or ONE) / self.tick_hz
         if kind == "delay" and "seconds" in leaves and "steps" not in leaves:
             del keys["steps"]  # whose default is for a delay of steps
         read = {

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
-from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms, text_of
+from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms
 from wavesweep.engine._keys.checking import nearest, show
 from wavesweep.engine._keys.key import TURNED, Key, Leaf
 
@@ -331,7 +331,11 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
         return ""
     mass = dict(block.keys).get("mass", ONE)
     unit_of_mass = (
-        "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+        "kg*m^2"
+        if block.type == "inertia"
+        else units.get(mass.leaf)
+        if mass.operation == "name"
+        else ""
     )
     unit = (
         {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "")
@@ -348,4 +352,4 @@ def expected_table(side: str) -> str:
 
 def _texts(terms: Terms) -> list[tuple[str, str]]:
     """The terms without the places of their names."""
-    return sorted((signal, text_of(gain)) for signal, gain in terms)
+    return sorted((signal, gain.text) for signal, gain in terms)

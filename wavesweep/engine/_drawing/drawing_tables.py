@@ -19,11 +19,6 @@ from wavesweep.engine._drawing.expressions import (
     Fault,
     Terms,
     Tree,
-    extent,
-    linear,
-    names_in,
-    remembered,
-    with_trees,
 )
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._drawing.scalar_place import decides
@@ -127,9 +122,7 @@ def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]
     """Return the ports of springs that need no wire: velocities without damping, and the second
     end of those to the ground."""
     undamped = [
-        name
-        for name, block in springs.items()
-        if not block or dict(block.keys)["d"][:2] == ("number", 0.0)
+        name for name, block in springs.items() if not block or dict(block.keys)["d"].is_number(0.0)
     ]
     ground = [[f"{name}.{port}" for port in ("x2", "v2")] for name in springs]
     at_ground = [port for ports in ground if not {*ports} & {*wires} for port in ports]
@@ -141,9 +134,7 @@ def with_whole_numbers(
 ) -> tuple[Drawing, dict[str, float]]:
     """Return the drawing and the values with whole numbers where these decide how the loop is
     built."""
-    deciding = {
-        name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)
-    }
+    deciding = {name for path, tree in drawing.trees() if decides(path) for name in tree.names}
     integers = frozenset(
         name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer()
     )
@@ -180,7 +171,7 @@ class _TableReader(PortReader):
         ports = self.complete_ports(tables["ports"])
         self.outside = signals_from_outside(ports)
         numbers, values = self.read_numbers(tables["numbers"])
-        self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
+        self.tick_hz = self.read_rate(tables["rates"]) or Tree.name(RATE)
         blocks = self.read_blocks(tables)
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
@@ -288,7 +279,7 @@ class _TableReader(PortReader):
         for block, port, text in moments:  # which stand for expressions in outputs that are held
             name = f"{block}.{port}"
             self.meanings[name] = parse(text.format(name=block))
-            self.extents[name] = extent(self.meanings[name], {})
+            self.extents[name] = self.meanings[name].extent({})
             self.signals.add(name)
         return blocks
 
@@ -358,12 +349,12 @@ class _TableReader(PortReader):
         def expanded(tree: Tree, without: str = "") -> Tree:
             """The tree with the meanings of names; 0 is the meaning of one."""
             meanings = {}
-            for name in dict(names_in(tree)):
+            for name in tree.names:
                 if name == without:
-                    meanings[name] = ("number", 0.0, 0)
+                    meanings[name] = Tree.number(0.0)
                 elif name in texts:
                     meanings[name] = expanded(texts[name], without)
-            return remembered(with_trees(with_trees(tree, meanings), built_in), self.signals)[0]
+            return tree.with_trees(meanings).with_trees(built_in).remembered(self.signals)[0]
 
         of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
         into_plants = {}
@@ -372,7 +363,7 @@ class _TableReader(PortReader):
                 into_plants[port] = parse(leaf.value)
         in_full = {port: expanded(tree) for port, tree in into_plants.items()}
         for name, text in texts.items():
-            read = of_plants & {signal for signal, _ in linear(expanded(text), self.signals)}
+            read = of_plants & {signal for signal, _ in expanded(text).linear(self.signals)}
             held_in: list[str] = []
             continuous_in: list[str] = []
             for port, tree in into_plants.items():
@@ -418,7 +409,7 @@ class _TableReader(PortReader):
 
         shown: terms that are read in every tick, in addition to the ports of blocks.
         """
-        runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
+        runs = {block.name: (block.every.text, block.phase.text) for block in blocks}
         registers = []
         for register, signal in self.registers.items():
             source = next(

@@ -13,7 +13,7 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from wavesweep.engine._drawing.block_types import EVERY, PHASE, TYPES
-from wavesweep.engine._drawing.expressions import ONE, Terms, Tree, with_trees
+from wavesweep.engine._drawing.expressions import ONE, Terms, Tree
 from wavesweep.engine._drawing.parsing import parse
 from wavesweep.engine._keys.key import AHEAD, Key
 
@@ -29,7 +29,7 @@ DEFINED = MappingProxyType(
     }
 )
 _ABSENT = {
-    name: ("number", value, 0)
+    name: Tree.number(value)
     for name, value in (("kp", 0.0), ("ki", 1.0), ("kd", 0.0), ("tau", 0.0))
 }
 TRAPEZIA = "trapezoidal"
@@ -60,8 +60,8 @@ class DrawnBlock:
     @property
     def loses_at_random(self) -> bool:
         """Whether it is a channel whose messages are lost with a probability."""
-        probabilities = (dict(self.keys).get(key, ("number", 0.0)) for key in ("loss", "burst"))
-        return any(tree[:2] != ("number", 0.0) for tree in probabilities)
+        keys = dict(self.keys)
+        return any(not keys[key].is_number(0.0) for key in ("loss", "burst") if key in keys)
 
     @property
     def dead_time(self) -> Tree | None:
@@ -76,8 +76,8 @@ class DrawnBlock:
     def divisor(self, tick_hz: Tree) -> Tree:
         """What a local model divides by, `b + B + K h`, h the time that its spring reads ahead."""
         keys = dict(self.keys)
-        ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
-        return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
+        ahead = AHEAD[keys["integration"]] * (self.every / tick_hz)
+        return keys["b"] + keys["B"] + keys["K"] * ahead
 
     @property
     def in_time(self) -> bool:
@@ -85,34 +85,30 @@ class DrawnBlock:
         hold."""
         keys = dict(self.keys)
         may_fail = ("late", "lost", "loss", "burst")
-        return self.type == "channel" and all(
-            keys[name][:2] == ("number", 0.0) for name in may_fail
-        )
+        return self.type == "channel" and all(keys[name].is_number(0.0) for name in may_fail)
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself, or of a block of firmware its transfer function; named: in the names
         of its keys and of T."""
         if self.type == "fir":  # of any length, so that it has no formula
             num = dict(self.keys)["coefficients"]
-            den = (ONE, *(("number", 0.0, 0),) * (len(num) - 1))
+            den = (ONE, *(Tree.number(0.0),) * (len(num) - 1))
             return replace(self, type="tf", keys=(("num", num), ("den", den), ("discrete", True)))
         if not TYPES[self.type].formula:
             return self
-        keys, period = self.keys, ("/", self.every, tick_hz, 0)
+        keys = self.keys
+        period = self.every / tick_hz
         if named:
-            keys, period = (
-                tuple(
-                    (name, value if isinstance(value, str) else ("name", name, 0))
-                    for name, value in keys
-                ),
-                ("name", "T", 0),
+            keys = tuple(
+                (name, value if isinstance(value, str) else Tree.name(name)) for name, value in keys
             )
+            period = Tree.name("T")
         return replace(self, type="tf", keys=transfer_function(self.type, keys, period), limits=())
 
     def stepwise(self, tick_hz: Tree) -> DrawnBlock:
         """The block itself, or a state-space model of it if its states would mean something else
         at another period."""
-        keys = stepwise(self.type, self.keys, self.ports, ("/", self.every, tick_hz, 0))
+        keys = stepwise(self.type, self.keys, self.ports, self.every / tick_hz)
         return replace(self, type="ss", keys=keys, limits=()) if keys else self
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
@@ -153,7 +149,7 @@ class Plant:
     couplings: tuple[tuple[str, Terms], ...]
     arriving: tuple[tuple[str, str], ...] = ()
     sensed: tuple[tuple[str, str], ...] = ()
-    every, phase, phases = ONE, ("number", 0.0, 0), ()
+    every, phase, phases = ONE, Tree.number(0.0), ()
 
     @property
     def name(self) -> str:
@@ -220,7 +216,7 @@ def transfer_function(
     period: of the block, s."""
     meanings = _meanings(keys, period)
     num, den = (
-        tuple(with_trees(parse(text), meanings) for text in texts) for texts in TYPES[kind].formula
+        tuple(parse(text).with_trees(meanings) for text in texts) for texts in TYPES[kind].formula
     )
     return ("num", num), ("den", den), ("discrete", True if kind == "biquad" else DELTA)
 
@@ -244,10 +240,10 @@ def stepwise(
     meanings = (
         _ABSENT
         | _meanings(keys, period)
-        | {"late": ("number", 0.5 * (TRAPEZIA in words.values()), 0)}
+        | {"late": Tree.number(0.5 * (TRAPEZIA in words.values()))}
     )
     rows = [
-        tuple(with_trees(parse(text), meanings) for text in row.split(";"))
+        tuple(parse(text).with_trees(meanings) for text in row.split(";"))
         for row in TYPES[kind].stepwise
     ]
     n = len(rows) - len(outputs)
@@ -267,6 +263,6 @@ def stepwise(
 
 def _meanings(keys, period):
     """What names in a formula stand for."""
-    meanings = {name: tree for name, tree in keys if isinstance(tree, tuple)} | {"T": period}
-    meanings["ahead"] = ("number", AHEAD.get(dict(keys).get("method"), 0.0), 0)
-    return {name: with_trees(parse(text), meanings) for name, text in DEFINED.items()} | meanings
+    meanings = {name: tree for name, tree in keys if isinstance(tree, Tree)} | {"T": period}
+    meanings["ahead"] = Tree.number(AHEAD.get(dict(keys).get("method"), 0.0))
+    return {name: parse(text).with_trees(meanings) for name, text in DEFINED.items()} | meanings

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from wavesweep.engine._drawing.drawing import Drawing
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
+from wavesweep.engine._drawing.expressions import ONE, Tree
 
 # No block and no number of a spec can be called so.
 BLOCK, LATE = "the cut", "later than the cut"
@@ -13,13 +14,13 @@ GAIN = "gain of the cut"
 def with_gain(drawing: Drawing, signal: str) -> Drawing:
     """The drawing with a gain behind a signal, which runs when its block does; all wires read
     the signal behind it."""
-    return _with_block(drawing, signal, BLOCK, "gain", ("k", ("name", GAIN, 0)))
+    return _with_block(drawing, signal, BLOCK, "gain", ("k", Tree.name(GAIN)))
 
 
 def with_late_signal(drawing: Drawing, runs: int) -> Drawing:
     """The drawing, one with a gain behind a signal, in which all wires read the signal behind it so
     many runs of its block later."""
-    return _with_block(drawing, f"{BLOCK}.y", LATE, "delay", ("steps", ("number", float(runs), 0)))
+    return _with_block(drawing, f"{BLOCK}.y", LATE, "delay", ("steps", Tree.number(runs)))
 
 
 def _with_block(drawing, signal, name, kind, key):
@@ -31,5 +32,5 @@ def _with_block(drawing, signal, name, kind, key):
         (port, tuple((behind.get(name, name), factor) for name, factor in terms))
         for port, terms in drawing.wires
     )
-    wires += ((f"{name}.u", ((signal, ("number", 1.0, 0)),)),)
+    wires += ((f"{name}.u", ((signal, ONE),)),)
     return replace(drawing, blocks=(*drawing.blocks, added), wires=wires)

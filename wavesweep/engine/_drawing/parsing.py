@@ -62,10 +62,10 @@ def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tre
     if kind == "number":
         if not math.isfinite(float(text)):
             raise Fault(at, "a finite number", text)
-        tree = ("number", float(text), at)
+        tree = Tree.number(float(text), at)
     elif text in ("+", "-"):
         tree = _operand(tokens, RANKS["**"][0], depth + 1)
-        tree = ("negative", tree, at) if text == "-" else tree
+        tree = Tree("negative", (tree,), at) if text == "-" else tree
     elif text == "(":
         tree = _operand(tokens, 1, depth + 1)
         _expect(tokens, ")", ") to close a parenthesis")
@@ -75,14 +75,15 @@ def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tre
         raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
     while tokens[0][0] == "sign" and RANKS.get(tokens[0][1], (0,))[0] >= least:
         _, sign, at = tokens.popleft()
-        tree = (sign, tree, _operand(tokens, RANKS[sign][1][1], depth + (sign == "**")), at)
+        second = _operand(tokens, RANKS[sign][1][1], depth + (sign == "**"))
+        tree = Tree(sign, (tree, second), at)
     return tree
 
 
 def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) -> Tree:
     """Return the tree of a name, which may be a function, whose argument is read, or pi."""
     if name not in FUNCTIONS and tokens[0][1] != "(":
-        return ("number", math.pi, at) if name == "pi" else ("name", name, at)
+        return Tree.number(math.pi, at) if name == "pi" else Tree.name(name, at)
     if name not in (PREVIOUS, *FUNCTIONS):
         raise Fault(
             at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS)
@@ -90,7 +91,7 @@ def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) 
     _expect(tokens, "(", f"( after {name}")
     argument = _operand(tokens, 1, depth + 1)
     _expect(tokens, ")", ") to close a parenthesis")
-    return (name, argument, at)
+    return Tree(name, (argument,), at)
 
 
 def _expect(tokens: deque[tuple[str, str, int]], sign: str, expected: str) -> None:

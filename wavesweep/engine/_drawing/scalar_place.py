@@ -6,8 +6,6 @@ These are the functions behind the methods of `Drawing`, whose drawings they tak
 from functools import lru_cache
 from typing import Any
 
-from wavesweep.engine._drawing.expressions import degree, names_in
-
 # keys of blocks that decide how a loop is built
 STRUCTURE = ("every", "phase", "steps", "order", "n", "late", "lost")
 HAND = "ports.hand."  # keys of the hand's port
@@ -35,12 +33,12 @@ def scalar_place(drawing: Any, number: str) -> str:
     else:
         gains = {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
         is_factor = path in gains
-    return path if is_factor and all(degree(tree, number) <= 1 for tree in trees) else ""
+    return path if is_factor and all(tree.degree(number) <= 1 for tree in trees) else ""
 
 
 def _reads(tree, number):
     """Whether a tree reads a number."""
-    return any(name == number for name, _ in names_in(tree))
+    return tree.reads(number)
 
 
 def _only_reader(drawing, number, words):

@@ -13,7 +13,6 @@ from dataclasses import replace
 from math import gcd
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
-from wavesweep.engine._drawing.expressions import value_of
 
 # blocks that only pass on what they read in a tick, or so many ticks ago
 RELAYS = ("gain", "hold", "delay")
@@ -26,7 +25,7 @@ def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
     if ticks <= 1 or _acts_between(drawing, relays):
         return drawing
     blocks = (_in_longer(block, ticks, relays) for block in drawing.blocks)
-    return replace(drawing, tick_hz=_over(drawing.tick_hz, ticks), blocks=tuple(blocks))
+    return replace(drawing, tick_hz=drawing.tick_hz / ticks, blocks=tuple(blocks))
 
 
 def _ticks(drawing, known):
@@ -35,8 +34,8 @@ def _ticks(drawing, known):
     ticks = 0
     relays = []
     for block in drawing.blocks:
-        every = int(value_of(block.every, known))
-        phase = int(value_of(block.phase, known))
+        every = int(block.every.value(known))
+        phase = int(block.phase.value(known))
         if block.plant or block.dead_time:
             continue
         if every > 1:
@@ -44,7 +43,7 @@ def _ticks(drawing, known):
         elif block.type in RELAYS:
             relays.append(block.name)
             if block.type == "delay":
-                ticks = gcd(ticks, int(value_of(dict(block.keys)["steps"], known)))
+                ticks = gcd(ticks, int(dict(block.keys)["steps"].value(known)))
         else:
             ticks = 1
     return ticks, tuple(relays)
@@ -78,18 +77,14 @@ def _block_of(name):
     return name.rpartition(".")[0]
 
 
-def _over(tree, ticks):
-    return ("/", tree, ("number", float(ticks), 0), 0)
-
-
 def _in_longer(block, ticks, relays):
     """The block with its times counted in longer ticks; plants, dead times and relays are of
     every tick."""
     if block.name in relays and block.type == "delay":
-        return replace(block, keys=(("steps", _over(dict(block.keys)["steps"], ticks)),))
+        return replace(block, keys=(("steps", dict(block.keys)["steps"] / ticks),))
     if block.name in relays or block.plant or block.dead_time:
         return block
-    every = _over(block.every, ticks)
-    phase = _over(block.phase, ticks)
+    every = block.every / ticks
+    phase = block.phase / ticks
     phases = tuple(tick // ticks for tick in block.phases)
     return replace(block, every=every, phase=phase, phases=phases)

@@ -24,14 +24,7 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import AT, Drawing, name_of, scalars
 from wavesweep.engine._drawing.drawn_block import Plant
-from wavesweep.engine._drawing.expressions import (
-    constants_of,
-    degree,
-    evaluate,
-    named,
-    names_in,
-    value_of,
-)
+from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops.block import Block, concatenated
 from wavesweep.engine._loops.blocks import Rates
 from wavesweep.engine._loops.values import values_of
@@ -95,38 +88,33 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     rate = drawing.rate(values)
     exact = {}
     for name, tree in drawing.dead_times.items():
-        ticks = value_of(tree, numbers) * rate
+        ticks = tree.value(numbers) * rate
         exact[name] = Fraction(ticks).limit_denominator(MOST_PARTS_OF_TICK)
         if abs(exact[name] - ticks) > WHOLE_TICK * max(ticks, 1):
             return None
     finer = lcm(*(ticks.denominator for ticks in exact.values()))
     if finer > MOST_PARTS_OF_TICK:
         return None
-    if any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact):
+    if any(block.every.value(numbers) != 1 for block in drawing.blocks if block.name in exact):
         return None
     plants = {block.name for block in drawing.blocks if block.plant}
     if _samples_another(drawing, plants, exact.keys()):
         return None
     blocks = tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks)
-    return replace(drawing, tick_hz=_times(drawing.tick_hz, finer), blocks=blocks)
+    return replace(drawing, tick_hz=finer * drawing.tick_hz, blocks=blocks)
 
 
 def _at_finer_tick(block, exact, finer):
     """The block at a tick of which `finer` are one of before. exact: ticks of each dead time,
     fractions."""
     if block.name in exact:
-        return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
+        return replace(block, keys=(("steps", Tree.number(exact[block.name] * finer)),))
     if block.plant:
         return block
-    every = _times(block.every, finer)
-    phase = _times(block.phase, finer)
+    every = finer * block.every
+    phase = finer * block.phase
     phases = tuple(tick * finer for tick in block.phases)
     return replace(block, every=every, phase=phase, phases=phases)
-
-
-def _times(tree, factor):
-    """A tree times a whole number."""
-    return ("*", ("number", float(factor), 0), tree, 0)
 
 
 def _samples_another(drawing, plants, dead_times):
@@ -264,8 +252,8 @@ def _places(drawing, values, path, span):
     points = np.linspace(*span, SPAN_POINTS)
     name = name_of(path)
     numbers = scalars(values)
-    trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
-    bent = [tree for tree in trees if degree(tree, name) > 1]
+    trees = [tree * drawing.tick_hz for tree in drawing.dead_times.values()]
+    bent = [tree for tree in trees if tree.degree(name) > 1]
     further = []
     open_ = [span] if bent else []
     while open_ and len(further) < MOST_FURTHER_POINTS:
@@ -286,11 +274,11 @@ def _spread(tree, numbers, name, low, high):
     """A bound on how far the value of a tree changes while a number goes from low to high."""
     from flint import arb
 
-    balls = {constant: arb(constant) for constant in constants_of(tree)}
-    balls |= {other: arb(numbers[other]) for other, _ in names_in(tree) if other != name}
+    balls = {constant: arb(constant) for constant in tree.constants}
+    balls |= {other: arb(numbers[other]) for other in tree.names if other != name}
     balls[name] = arb((low + high) / 2, (high - low) / 2)
     try:
-        value = evaluate(named(tree), balls, arb)
+        value = tree.in_names.evaluate(balls, arb)
     except ZeroDivisionError:
         return np.inf
     return 2 * float(value.rad()) if value.is_finite() else np.inf

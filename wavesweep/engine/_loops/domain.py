@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, scalars
-from wavesweep.engine._drawing.expressions import SharedParts, Tree, degree, names_in, singular
+from wavesweep.engine._drawing.expressions import SharedParts, Tree
 from wavesweep.engine._keys.checking import computable
 from wavesweep.engine._loops.values import numbers_of, values_of
 from wavesweep.engine.errors import UsageError
@@ -103,7 +103,7 @@ def _limits(key, guard, root, known, name, span):
             f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
             f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
         )
-    is_cutoff = key.endswith(".cutoff_hz") and guard[0] == "name"
+    is_cutoff = key.endswith(".cutoff_hz") and guard.operation == "name"
     limits = []
     for direction, end in ((-1, low), (1, high)):
         points = np.concatenate([[end], end + direction * away])
@@ -130,7 +130,7 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
     name = name_of(path)
     if any(root for *_, root in _guards_of(drawing, name)):
         return True
-    return any(1 < degree(tree, name) < math.inf for _, tree in drawing.trees())
+    return any(1 < tree.degree(name) < math.inf for _, tree in drawing.trees())
 
 
 def guards_at(
@@ -215,12 +215,14 @@ def _rows_of(known, some):
 def _guards_of(drawing, number):
     """The guards that read a number, as path of a key, tree, names of all numbers that it or its
     root reads, and that root."""
-    guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
+    guards = {
+        (guard, root): key for key, tree in drawing.trees() for guard, root in tree.singular()
+    }
     guards |= {(tree, None): key for key, tree in divisors(drawing)}
     guards_of_number = []
     for (guard, root), key in guards.items():
-        if number in dict(names_in(guard)):
-            read = frozenset(name for name, _ in names_in(root or guard))
+        if number in guard.names:
+            read = frozenset((root or guard).names)
             guards_of_number.append((key, guard, read, root))
     return tuple(guards_of_number)
 
@@ -235,8 +237,8 @@ def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
             if name in keys and key.above_low:  # what must be positive may be divided by
                 yield f"block.{block.name}.{name}", keys[name]
         for name in TYPES[block.type].below_half:
-            twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
-            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0)
+            twice = 2.0 * (keys[name] * block.every)
+            yield f"block.{block.name}.{name}", drawing.tick_hz - twice
         if block.type in ("tf", "pid"):
             path = f"block.{block.name}.{'den' if block.type == 'tf' else 'tau'}"
             yield path, dict(block.core(drawing.tick_hz).keys)["den"][0]

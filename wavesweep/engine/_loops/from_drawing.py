@@ -13,9 +13,6 @@ from wavesweep.engine._drawing.drawing import Drawing, name_of
 from wavesweep.engine._drawing.expressions import (
     ONE,
     SharedParts,
-    evaluate,
-    names_in,
-    with_number,
 )
 from wavesweep.engine._loops import blocks, dead_time
 from wavesweep.engine._loops.block import numbers
@@ -130,7 +127,7 @@ def _placed(block, known, tick):
 
 @lru_cache(maxsize=4096)
 def _read_by(block):
-    return tuple(sorted({name for _, tree in block.trees() for name, _ in names_in(tree)}))
+    return tuple(sorted({name for _, tree in block.trees() for name in tree.names}))
 
 
 @lru_cache(maxsize=2048, typed=True)
@@ -170,7 +167,7 @@ def _coefficients(block, keys, period):
     known = {**keys, "T": period}
     coefficients = {"discrete": core["discrete"]}
     for name in ("num", "den"):
-        coefficients[name] = [evaluate(tree, known, np) for tree in core[name]]
+        coefficients[name] = [tree.evaluate(known, np) for tree in core[name]]
     return coefficients
 
 
@@ -260,9 +257,9 @@ def _factor(terms, known, out):
 def _parts(gain, known, out):
     """The constant part g(0) of a gain that is linear in a number, and the factor of the number,
     g(1) - g(0)."""
-    constant = with_number(gain, out, 0.0)
-    total = with_number(gain, out, 1.0)
-    return values_of(constant, known), values_of(("-", total, constant, 0), known)
+    constant = gain.with_number(out, 0.0)
+    total = gain.with_number(out, 1.0)
+    return values_of(constant, known), values_of(total - constant, known)
 
 
 def twins(

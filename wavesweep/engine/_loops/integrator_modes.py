@@ -21,7 +21,7 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
 from wavesweep.engine._drawing.drawn_block import DELTA
-from wavesweep.engine._drawing.expressions import FUNCTIONS, Tree, names_in
+from wavesweep.engine._drawing.expressions import FUNCTIONS, Tree
 from wavesweep.engine._loops.block import Block
 from wavesweep.engine._loops.blocks import recentred
 from wavesweep.engine._loops.dead_time import SENSED
@@ -68,15 +68,15 @@ def value_in_fractions(
 
     Errors: ArithmeticError or ValueError if it has no value.
     """
-    operation, *operands, _ = tree
+    operation = tree.operation
     if operation == "number":
-        return decimal(operands[0])
+        return decimal(tree.leaf)
     if operation == "name":
-        return known[operands[0]]
-    first, *others = (value_in_fractions(operand, known, varied) for operand in operands)
+        return known[tree.leaf]
+    first, *others = (value_in_fractions(operand, known, varied) for operand in tree.operands)
     if operation == "sqrt" or (operation == "**" and others[0] * 2 == 1):
         value = root(first)
-        if any(name in varied for name, _ in names_in(operands[0])):
+        if any(name in varied for name in tree.operands[0].names):
             return value + value / NOT_EXACT
         return value
     if operation in FUNCTIONS:
@@ -442,8 +442,8 @@ def equations_of(
 
 
 def _clock(block):
-    """When a drawn block runs: trees of its period and phase without their places in the text."""
-    return block.every[:2], block.phase[:2], block.phases
+    """When a drawn block runs: texts of its period and phase."""
+    return block.every.text, block.phase.text, block.phases
 
 
 def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:

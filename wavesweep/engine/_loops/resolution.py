@@ -32,13 +32,6 @@ from wavesweep.engine._drawing.expressions import (
     FUNCTIONS,
     ONE,
     SharedParts,
-    cancelled,
-    constants_of,
-    degree,
-    evaluate,
-    is_constant,
-    named,
-    names_in,
 )
 from wavesweep.engine._drawing.mass_matrix import MASS, at_axes, determinant
 from wavesweep.engine._loops.domain import divisors
@@ -220,18 +213,18 @@ def expressions(
     numbers, of which powers change faster."""
     highest_degree = LOGARITHM_DEGREE if logarithmic else RIM_DEGREE
     names_asked = {name for name in names if name}
-    trees = [cancelled(tree) for _, tree in drawing.trees()]
+    trees = [tree.cancelled() for _, tree in drawing.trees()]
     for _, divisor in divisors(drawing):
-        of_several = len(dict(names_in(divisor))) > 1
-        if of_several or any(degree(divisor, name) > 1 for name in names_asked):
-            trees.append(("/", ONE, divisor, 0))
+        of_several = len(divisor.names) > 1
+        if of_several or any(divisor.degree(name) > 1 for name in names_asked):
+            trees.append(ONE / divisor)
     bent_expressions = []
     for tree in dict.fromkeys(trees):
-        reads = frozenset(name for name, _ in names_in(tree))
-        bent = [name for name in reads & names_asked if degree(tree, name) > highest_degree]
+        reads = frozenset(tree.names)
+        bent = [name for name in reads & names_asked if tree.degree(name) > highest_degree]
         if bent:
-            value = partial(evaluate, named(tree))
-            expression = Expression(value, reads, constants_of(tree), tuple(sorted(bent)))
+            value = tree.in_names.evaluate
+            expression = Expression(value, reads, tree.constants, tuple(sorted(bent)))
             bent_expressions.append(expression)
     return (*bent_expressions, *_masses(drawing, names_asked))
 
@@ -246,10 +239,10 @@ def _masses(drawing, names_asked) -> Iterator[Expression]:
         reads: set[str] = set()
         constants: set[float] = set()
         for key in MASS:
-            matrices[key] = [[named(tree) for tree in row] for row in keys[key]]
+            matrices[key] = [[tree.in_names for tree in row] for row in keys[key]]
             for tree in chain.from_iterable(keys[key]):
-                reads.update(name for name, _ in names_in(tree))
-                constants |= constants_of(tree)
+                reads.update(tree.names)
+                constants |= tree.constants
         bent = tuple(sorted(reads & names_asked))
         if bent:
             value = partial(_inverse_mass, keys, matrices)
@@ -261,7 +254,7 @@ def _inverse_mass(keys, matrices, numbers, library, watch=None):
     is made of."""
     shared = SharedParts()
     entries = {
-        name: [[evaluate(tree, numbers, library, watch, shared) for tree in row] for row in rows]
+        name: [[tree.evaluate(numbers, library, watch, shared) for tree in row] for row in rows]
         for name, rows in matrices.items()
     }
     return 1 / determinant(at_axes({**keys, **entries}, "mass"))
@@ -487,6 +480,8 @@ def _library():
 def _watch(tree, base, exponent, value):
     """Refuse a power that is not whole and whose base meets the cut of its logarithm."""
     del value
-    is_whole = tree[0] != "**" or (is_constant(tree[2]) and float(exponent).is_integer())
+    is_whole = tree.operation != "**" or (
+        tree.operands[1].is_constant and float(exponent).is_integer()
+    )
     if not (is_whole or base.is_zero() or base.real > 0 or not base.imag.contains(0)):
         raise _NotAnalyticError

@@ -11,10 +11,6 @@ from wavesweep.engine._drawing.drawn_block import DrawnBlock
 from wavesweep.engine._drawing.expressions import (
     SharedParts,
     Tree,
-    evaluate,
-    is_given,
-    lost_digits,
-    names_in,
 )
 from wavesweep.engine._loops.block import numbers
 
@@ -29,17 +25,17 @@ def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None
     value is computed again in ball arithmetic, each element from its own numbers alone. A missing
     value is NaN or infinite. shared: of trees at the same numbers.
     """
-    if tree[0] in ("number", "name"):
-        return evaluate(tree, numbers)
+    if tree.is_leaf:
+        return tree.evaluate(numbers)
     shared = SharedParts() if shared is None else shared
 
     def watch(node: Tree, *values: Any) -> None:
-        lost = np.asarray(lost_digits(node, *values))
+        lost = np.asarray(node.lost_digits(*values))
         if lost.any():
             shared.lost[id(node)] = lost
 
     with np.errstate(all="ignore"):
-        rough = evaluate(tree, numbers, np, watch, shared)
+        rough = tree.evaluate(numbers, np, watch, shared)
     without = shared.lost_in(tree)
     if not without:
         return rough
@@ -50,22 +46,21 @@ def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None
 def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
     """Return the part of the value of a tree that rounding has taken; 0 for a number itself, and
     for complex values."""
-    if is_given(tree) or np.iscomplexobj(value):
+    if tree.is_given or np.iscomplexobj(value):
         return 0.0
-    return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
+    return values_of(tree - Tree.name(ROUNDED), {**numbers, ROUNDED: value})
 
 
 def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.ndarray) -> Any:
     """Return the values, those that have lost digits from ball arithmetic."""
-    from wavesweep.engine._drawing.expressions import exactly
 
     at = np.flatnonzero(np.broadcast_to(lost, values.shape))
     columns = {}
-    for name, _ in names_in(tree):
+    for name in tree.names:
         columns[name] = np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist()
     exact_values = []
     for row in range(at.size):
-        exact_values.append(exactly(tree, {name: column[row] for name, column in columns.items()}))
+        exact_values.append(tree.exactly({name: column[row] for name, column in columns.items()}))
     exact = np.array(exact_values)
     if values.dtype.kind != "c" and exact.dtype.kind == "c":
         exact = np.where(exact.imag == 0, exact.real, np.nan)

@@ -15,7 +15,6 @@ import numpy as np
 
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import Drawing
-from wavesweep.engine._drawing.expressions import names_in
 from wavesweep.engine._loops.domain import domains
 from wavesweep.engine._loops.values import numbers_of, values_of
 from wavesweep.engine._search.open_loops import Opened
@@ -142,7 +141,7 @@ def _terms(drawing, number):
         for port, terms in (*drawing.wires, *drawing.couplings)
         for signal, gain in terms
     ]
-    reads = [number in dict(names_in(gain)) for _, gain in terms]
+    reads = [number in gain.names for _, gain in terms]
     reading = {place for (place, _), read in zip(terms, reads, strict=True) if read}
     return reading, [term for term, read in zip(terms, reads, strict=True) if not read]
 

@@ -23,11 +23,6 @@ from wavesweep.engine._drawing.expressions import (
     FUNCTIONS,
     ONE,
     Tree,
-    constants_of,
-    evaluate,
-    named,
-    names_in,
-    value_of,
 )
 from wavesweep.engine._loops import dead_time, definitions
 from wavesweep.engine._loops.blocks import realisation
@@ -349,26 +344,26 @@ class _Evaluation:
 
     def reads(self, tree: Tree) -> bool:
         """Whether a tree reads a number of the sides."""
-        return any(name in self.values for name, _ in names_in(tree))
+        return any(name in self.values for name in tree.names)
 
     def value(self, tree: Tree) -> Any:
         """The value of a tree: a model, or an arb if it reads none of the sides."""
-        numbers = {constant: arb(constant) for constant in constants_of(tree)}
-        for name, _ in names_in(tree):
+        numbers = {constant: arb(constant) for constant in tree.constants}
+        for name in tree.names:
             numbers[name] = self.values[name] if name in self.values else arb(self.loop.known[name])
         try:
-            return evaluate(named(tree), numbers, self.library)
+            return tree.in_names.evaluate(numbers, self.library)
         except ZeroDivisionError:
             raise UnresolvedError(np.ones(self.cells, bool)) from None
 
     def _keys(self, block):
-        keys = keys_with(block, self.value, lambda tree: value_of(tree, self.loop.known))
+        keys = keys_with(block, self.value, lambda tree: tree.value(self.loop.known))
         if block.type == "ss" and not keys["D"]:
             keys["D"] = [[0] * len(keys["inputs"]) for _ in keys["outputs"]]
         return keys
 
     def _block(self, block: DrawnBlock, tick: Any) -> BlockModel:
-        every = int(value_of(block.every, self.loop.known))
+        every = int(block.every.value(self.loop.known))
         period = tick * every / max(1, len(block.phases))
         if TYPES[block.type].formula:
             return self._of_formula(block, period)
@@ -380,7 +375,7 @@ class _Evaluation:
         if core.type == "tf" and keys["discrete"] is True:
             written: list[float | None] = []
             for tree in dict(core.keys)["den"]:
-                written.append(None if dict(names_in(tree)) else float(evaluate(tree, {})))
+                written.append(None if tree.names else float(tree.evaluate({})))
             return self._discrete(keys["num"], keys["den"], written)
         if core.type not in CONTINUOUS:
             return self._arranged(definitions.running(core.type, period, keys, self.library.sqrt))
@@ -412,9 +407,9 @@ class _Evaluation:
         return self._discrete(num, den, [None] * len(den))
 
     def _in_names(self, tree, numbers):
-        constants = {constant: arb(constant) for constant in constants_of(tree)}
+        constants = {constant: arb(constant) for constant in tree.constants}
         try:
-            return evaluate(named(tree), {**numbers, **constants}, self.library)
+            return tree.in_names.evaluate({**numbers, **constants}, self.library)
         except ZeroDivisionError:
             raise UnresolvedError(np.ones(self.cells, bool)) from None
 

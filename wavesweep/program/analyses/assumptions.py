@@ -10,7 +10,6 @@ from typing import Any
 
 from wavesweep.engine.drawing import path_of, scalars
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page, steps_of
 from wavesweep.program.reading.keys import DEVICES
@@ -142,10 +141,10 @@ def _continuous(spec) -> Iterator[str]:
         names = []
         numbers = []
         for _, gain in terms:
-            names_of_gain = [name for name, _ in names_in(gain)]
+            names_of_gain = [*gain.names]
             names += names_of_gain
             if not names_of_gain:
-                numbers.append(f"{value_of(gain, {}):g}")
+                numbers.append(f"{gain.value({}):g}")
         factors = names + [number for number in numbers if number not in ("1", "-1")]
         for factor in dict.fromkeys(factors):
             ports.setdefault(factor, []).append(port)
@@ -179,8 +178,8 @@ def _limits(spec, swept) -> Iterator[str]:
     swept."""
 
     def shown(tree):
-        moving = {path_of(name) for name, _ in names_in(tree)} & set(swept)
-        return text_of(tree) if moving else f"{value_of(tree, numbers):g}"
+        moving = {path_of(name) for name in tree.names} & set(swept)
+        return tree.text if moving else f"{tree.value(numbers):g}"
 
     numbers = scalars(spec.values)
     for block in spec.drawing.blocks:

@@ -13,7 +13,6 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
-from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.row_kinds import row_kind
@@ -520,9 +519,9 @@ class Claim:
             keys = dict(channels[each.channel].keys)
             texts = {}
             for name in ("late", "lost"):
-                of_swept = any(path_of(number) in swept for number, _ in names_in(keys[name]))
+                of_swept = any(path_of(number) in swept for number in keys[name].names)
                 if of_swept and not (each.in_time or each.chances):
-                    texts[name] = text_of(keys[name])
+                    texts[name] = keys[name].text
             messages.append(each._replace(**texts))
         return replace(self, scope=replace(self.scope, messages=tuple(messages)))
 
@@ -707,12 +706,12 @@ def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, 
     found = []
     for block in drawing.channels:
         keys = dict(block.keys)
-        late = int(value_of(keys["late"], numbers))
+        late = int(keys["late"].value(numbers))
         if block.loses_at_random:
-            chances = {key: float(value_of(keys[key], numbers)) for key in SHARES if key in keys}
+            chances = {key: float(keys[key].value(numbers)) for key in SHARES if key in keys}
             found.append(Messages(block.name, late, 0, repr(chances)))
         else:
-            found.append(Messages(block.name, late, int(value_of(keys["lost"], numbers))))
+            found.append(Messages(block.name, late, int(keys["lost"].value(numbers))))
     return tuple(found)
 
 
@@ -732,10 +731,10 @@ def _frames(spec: Spec, order: Order, varied: Mapping[str, Sequence[float]]) -> 
         return Frames(order, frozenset(lengths), frozenset(delays))
     lengths = set()
     for block in spec.drawing.blocks:
-        for path in {path_of(name) for name, _ in names_in(block.every)} & _timing(spec):
+        for path in {path_of(name) for name in block.every.names} & _timing(spec):
             for value in varied.get(path, (values[path],)):
                 numbers = scalars({**values, path: value})
-                lengths.add(float(value_of(block.every, numbers)))
+                lengths.add(float(block.every.value(numbers)))
     return Frames(order, frozenset(lengths))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from wavesweep import __version__
 from wavesweep.engine.drawing import scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.expressions import sum_of, text_of, value_of
+from wavesweep.engine.expressions import sum_of
 from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
 from wavesweep.simulation.export.controller import (
@@ -126,8 +126,8 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
             continue
         told = []
         for name, gain in terms:
-            coefficient = 0.0 + value_of(gain, numbers)
-            told.append({"from": name, "gain": text_of(gain), "coefficient": coefficient})
+            coefficient = 0.0 + gain.value(numbers)
+            told.append({"from": name, "gain": gain.text, "coefficient": coefficient})
         found[port] = {"sum": sum_of(terms), "terms": told}
     return found
 
