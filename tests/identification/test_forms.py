@@ -1,5 +1,7 @@
 """Columns of logs and responses with the names and units that other programs give them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,8 @@ HEADERS = {  # what is measured, whether it turns, and the factors of the column
     "t_ms,force_mN,velocity_mm/s": ("velocity", False, (1e-3, 1e-3, 1e-3)),
     "t,F,speed": ("velocity", False, (1, 1, 1)),
     "time,torque_mNm,angle_deg": ("position", True, (1, 1e-3, np.pi / 180)),
-    "t_us,torque,speed (rpm)": ("velocity", True, (1e-6, 1, np.pi / 30)),
+    "t_us,torque,speed (1/min)": ("velocity", True, (1e-6, 1, np.pi / 30)),
+    "t (\u03bcs),torque,Angle (°)": ("position", True, (1e-6, 1, np.pi / 180)),
     "t,tau,omega": ("velocity", True, (1, 1, 1)),
     "time_ns,F_kN,a_m/s^2": ("acceleration", False, (1e-9, 1e3, 1)),
 }
@@ -44,6 +47,18 @@ def test_a_scale_that_is_given_takes_the_place_of_the_unit_of_a_name(tmp_path):
     log = read_log(path, {}, {"position": 2.0})
     assert log.reading == pytest.approx(2 * MOTION)
     assert not log.taken
+
+
+def test_a_column_that_is_named_has_its_unit_in_brackets_and_is_found_by_a_word(tmp_path):
+    path = written(tmp_path / "log.csv", "Time (ms),Actual torque (% of rated),Actual speed (rpm)", TIMES * 1000, PUSH, MOTION)
+    columns = {}
+    for name, column in (("torque", "Actual torque (% of rated)"), ("speed", "Actual speed (rpm)")):
+        with pytest.raises(UsageError, match=f"did you mean --column '{re.escape(f'{name}={column}')}'"):
+            read_log(path, columns, {})
+        columns[name] = column
+    log = read_log(path, columns, {})
+    assert log.reading == pytest.approx(MOTION * np.pi / 30)
+    assert "% of rated is no unit of it that is known; --scale torque=FACTOR" in log.taken[1]
 
 
 def test_the_exact_name_goes_before_another_one(tmp_path):

@@ -73,7 +73,7 @@ POINTS = {
     "walls: decimal commas": ("z_width", "B_VE,K_VE\n0,5,900,0\n"),
     "walls: yes": ("z_width", "B_VE,K_VE,stable\n0,900,yes\n"),
     "walls: too many": ("z_width", "B_VE,K_VE\n" + "1,2\n" * (MOST_POINTS + 1)),
-    "walls: no text": ("z_width", b"B_VE,K_VE\n\xff\xfe"),
+    "walls: no text": ("z_width", b"B_VE,K_VE\n\0\xfe"),
     "walls: no file": ("z_width", None),
     "response: other columns": ("response", "nu,admittance_abs,admittance_deg\n1,1,1\n"),
     "response: a frequency twice": ("response", RESPONSE + "2,0.003,-5\n"),

@@ -26,6 +26,12 @@ FORMS = {
         {"Info": {"app": "x"}, "Runs": [{"Data": dict(zip("tFx", zip(*ROWS, strict=True), strict=True))}]}
     ),
     "JSON of rows": json.dumps({"frames": [dict(zip("tFx", row, strict=True)) | {"name": "arm"} for row in ROWS]}),
+    "JSON of a row a line": "\n".join(json.dumps(dict(zip("tFx", row, strict=True))) for row in ROWS),
+    "JSON with a list of a sensor": json.dumps(
+        {"a": dict(zip("tFx", zip(*ROWS, strict=True), strict=True)), "b": {"Values": [0, 1]}}
+    ),
+    "a mark of comments": "# arm 3\n# " + PLAIN,
+    "a mark of comments, spaces": "# " + PLAIN.replace(",", " "),
     "framestats": f"Uptime: 5 Realtime: 5\n\n---PROFILEDATA---\n{PLAIN}\n---PROFILEDATA---\n\nView hierarchy:\n  x, 3 views",
 }
 
@@ -35,6 +41,16 @@ def test_columns_are_read_in_each_form(form, tmp_path):
     path = tmp_path / "log.csv"
     path.write_bytes(FORMS[form].encode())
     assert read_csv(path, 10**6).numbers(["t", "F", "x"]) == pytest.approx(np.array(ROWS))
+
+
+@pytest.mark.parametrize("code", ["utf-16", "cp1252"])
+def test_units_below_the_names_are_behind_them_in_any_code(code, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(PLAIN.replace("t,F,x", "t,F,x\n[µs],mN,°").encode(code))
+    file = read_csv(path, 10**6)
+    assert file.names == ["t (µs)", "F (mN)", "x (°)"]
+    assert file.numbers(file.names) == pytest.approx(np.array(ROWS))
+    assert path.read_text(code).split("\n")[file.line(3) - 1] == PLAIN.split("\n")[4]
 
 
 def test_a_row_is_told_by_its_line_in_the_file(tmp_path):

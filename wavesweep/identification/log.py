@@ -2,8 +2,9 @@
 is refused with one message."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ LEAST_LOG_ROWS = 50
 JITTER = 0.01  # of a period, from which it is reported
 SHORTEST, LONGEST = 1e-7, 10.0  # s between two rows
 UNEVEN_STEP = 0.5  # of a period: deviation of a time above which the steps are not equal
+SHORTEST_WORD = 3  # letters of a word by which a column is found that is likely meant
 MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
@@ -34,7 +36,9 @@ NAMES = {  # of a column, in small letters, in place of those above
 }
 _TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-_TURN = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi}
+_DEGREE = np.pi / 180
+_TURN = {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "rev": 2 * np.pi}
+_MINUTE = dict.fromkeys(("rpm", "1/min", "rev/min"), 2 * np.pi / 60)
 _TORQUE = {"nm": 1.0, "n*m": 1.0, "n.m": 1.0, "mnm": 1e-3}
 
 
@@ -53,9 +57,11 @@ UNITS = {  # that a name of a column may end in, in small letters, and their fac
     "velocity": _rates(_LENGTH, "s"),
     "acceleration": _rates(_LENGTH, "s2") | _rates(_LENGTH, "s^2") | _rates(_LENGTH, "s²"),
     "angle": _TURN,
-    "speed": _rates(_TURN, "s") | {"rpm": 2 * np.pi / 60},
+    "speed": _rates(_TURN, "s") | _MINUTE,
     "angular_acceleration": _rates(_TURN, "s2") | _rates(_TURN, "s^2") | _rates(_TURN, "s²"),
 }
+# those of a coil, whose voltage and current are given as force and velocity
+OF_COILS = {"force": {"v": 1.0, "mv": 1e-3}, "velocity": {"a": 1.0, "ma": 1e-3}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +112,7 @@ def _places_in(
     for name in names:
         if name in columns:
             if columns[name] in file_names:
-                found[name] = (columns[name], 1.0)
+                found[name] = (columns[name], _factor_of_ending(name, columns[name]) or 1.0)
             continue
         for column in file_names:
             factor = _factor(name, column)
@@ -115,9 +121,24 @@ def _places_in(
     return found
 
 
+def _small(column: str) -> str:
+    """The name of a column in small letters, in which the Greek mu is a micro sign."""
+    return column.strip().lower().replace("\u03bc", "\u00b5")
+
+
+def _factor_of_ending(name: str, column: str) -> float | None:
+    """The factor of the unit that a column ends in, whatever its name is; None without a known
+    one."""
+    base = _small(column)
+    for unit, factor in (UNITS[name] | OF_COILS.get(name, {})).items():
+        if base.endswith((f"({unit})", f"[{unit}]", f"_{unit}", f" in {unit}")):
+            return factor
+    return None
+
+
 def _factor(name: str, column: str) -> float | None:
     """The factor of the unit of a column, 1 without one; None if the column has another name."""
-    base = column.strip().lower()
+    base = _small(column)
     unit = ""
     for other in NAMES[name]:
         if base == other:
@@ -140,13 +161,20 @@ def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
 
 
 def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None:
-    """Refuse a file without a wanted column, and name the nearest one."""
+    """Refuse a file without a wanted column, and name the nearest one, or one with such a word."""
     meant = nearest(wanted, file.names)
-    hint = (
-        f"; did you mean {option(name, meant)}?"
-        if meant
-        else f"; --column {name}=NAME gives its name"
-    )
+    alike = (name, meant) if meant else None
+    if alike is None and wanted == name:
+        kind = next((k for k in (PUSHES, MOTIONS) if name in (*k, *k.values())), {name: name})
+        others = (*kind, *kind.values()) if name in kind else (*kind.values(), *kind)
+        for other, column in product(others, file.names):
+            words = re.split(r"[\W_]+", _small(column))
+            named = [word for word in NAMES[other] if len(word) > SHORTEST_WORD and word in words]
+            if named and len(words) > 1 and alike is None:
+                alike = (other, column)
+    hint = f"; --column {name}=NAME gives its name"
+    if alike is not None:
+        hint = f"; did you mean {option(*alike)}?"
     raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
 
 
@@ -216,12 +244,21 @@ def read_log(
         jitter,
         file.sha256,
         tuple(scales),
-        tuple(
-            f"{column} is taken as {name}, times {factors[name]:.6g}"
-            for name, (column, unit) in places.items()
-            if name in used.values() and unit != 1.0 and name not in scales
-        ),
+        tuple(_sentences({name: places[name] for name in used.values() if name not in scales})),
     )
+
+
+def _sentences(places: Mapping[str, tuple[str, float]]) -> Iterator[str]:
+    """Yield what is to be said of columns in other units, and of such with a unit that is not known."""
+    for name, (column, factor) in places.items():
+        if factor != 1.0:
+            yield f"{column} is taken as {name}, times {factor:.6g}"
+        unit = re.search(r"[\[(]([^\[(]*)[\])]$", column.strip())
+        if unit and _factor_of_ending(name, column) is None:
+            yield (
+                f"{column} is taken as {name} without a factor, as {unit[1]} is no unit of it that "
+                f"is known; --scale {name}=FACTOR turns it into one"
+            )
 
 
 def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:

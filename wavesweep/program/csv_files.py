@@ -8,7 +8,7 @@ import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,14 @@ ROWS_BELOW = 10  # rows of numbers by which a header is known
 LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell the row
 ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window
 MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
+COMMENT = re.compile(r"^\s*#+(?=\s*\w)")  # before the first name, as numpy writes it
+# a cell of a row of units below the names: one of these, anything in brackets, or nothing
+UNIT = re.compile(
+    r"|\[.*\]|\(.*\)|-|%|m?s|sec|[uµn]s|[cmuµ]?m|[mk]?N|m?N[*.]?m|m?[AV]|m?rad|deg|°|rev|Hz|rpm"
+    r"|(1|rev)/min|(m?m|rad|deg|°)/s(\^?2|²)?"
+)
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # that a file in UTF-16 begins with
+NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f]")  # letters that no text has
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,31 +139,37 @@ def read_csv(path: str | Path, most: int) -> Csv:
 
     The header is the first line whose next ten lines are rows of numbers, with other columns or
     without; what is above it is left out. Between semicolons and tabs a number may have a decimal
-    comma.
+    comma. A # before the first name is left out, and a row of units below the names is put behind
+    them in brackets.
 
     Errors: UsageError that names the file.
     """
     data = read_bytes(path, most)
-    text = data.decode("utf-8-sig", "replace")
-    if "\0" in text or "\ufffd" in text:
-        raise UsageError(
-            f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV"
-        )
+    text = _decoded(path, data)
     sha256 = hashlib.sha256(data).hexdigest()
     if text.lstrip()[:1] in ("{", "["):
         return _of_json(path, text, sha256)
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     text = ANDROID.join(text.split(ANDROID)[:2])
     try:
-        above, mark = _header(text)
+        above, mark, header = _header(text)
     except csv.Error as error:
         raise _beyond_limit(path, error) from None
-    header, _, body = text.split("\n", above)[above].partition("\n")
+    *over, rest = text.split("\n", above)
+    body = rest.partition("\n")[2]
     if (columns := header.count(mark) + 1) > MOST_COLUMNS:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     header = _with_commas(header, mark)
     names = [name.strip() for name in next(_rows(path, [header]), [])]
+    if over and any(names) and all(map(UNIT.fullmatch, names)):
+        named = _with_commas(next((line for line in reversed(over) if line.strip()), ""), mark)
+        bases = [name.strip() for name in next(_rows(path, [COMMENT.sub("", named)]), [])]
+        if len(bases) == len(names):
+            names = [
+                f"{base} ({unit.strip('[]()')})" if unit else base
+                for base, unit in zip(bases, names, strict=True)
+            ]
     if names and all(_is_number(name) for name in names):
         raise UsageError(
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"
@@ -163,22 +177,40 @@ def read_csv(path: str | Path, most: int) -> Csv:
     return Csv(path, names, _with_commas(body, mark), sha256, above)
 
 
-def _header(text: str) -> tuple[int, str]:
-    """The number of lines above the header, and the mark between columns; the first line with
-    text if none is a header."""
+def _decoded(path: str | Path, data: bytes) -> str:
+    """The text of a file in UTF-8, in UTF-16 or, if it is neither, of Windows in western Europe.
+
+    Errors: UsageError if it is no text.
+    """
+    code = "utf-16" if data.startswith(UTF_16) else "utf-8-sig"
+    for each in (code, "cp1252"):
+        try:
+            text = data.decode(each)
+        except UnicodeDecodeError:
+            continue
+        if not NO_TEXT.search(text):
+            return text
+    raise UsageError(
+        f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV"
+    )
+
+
+def _header(text: str) -> tuple[int, str, str]:
+    """The number of lines above the header, the mark between columns, and the header; the first
+    line with text if none is a header."""
     lines = text.split("\n", MOST_ABOVE + ROWS_BELOW)
     for above, line in enumerate(lines[:MOST_ABOVE]):
         if not line.strip():
             continue
         below = [each for each in lines[above + 1 :] if each.strip()][:ROWS_BELOW]
-        for mark in (",", *MARKS):
-            if _is_header(line, mark, below):
-                return above, mark
+        for header, mark in product((COMMENT.sub("", line), line), (",", *MARKS)):
+            if _is_header(header, mark, below):
+                return above, mark, header
     first = next((at for at, line in enumerate(lines) if line.strip()), 0)
     # Without rows that are numbers, what is between the names of its columns.
     header = lines[first]
     marks = [mark for mark in MARKS if mark in header.strip()]
-    return first, "," if "," in header or not marks else marks[0]
+    return first, "," if "," in header or not marks else marks[0], header
 
 
 def _is_header(line: str, mark: str, below: Sequence[str]) -> bool:
@@ -229,15 +261,23 @@ def _with_commas(text: str, mark: str) -> str:
 
 
 def _of_json(path: str | Path, text: str, sha256: str) -> Csv:
-    """The columns of a JSON file: the first lists of numbers with names, or the first list of
-    objects with numbers.
+    """The columns of a JSON file: the lists of numbers with names, or a list of objects with
+    numbers, which may stand a line each; the part with most columns.
 
-    Errors: UsageError for another file, and for one with several of them, as of several runs.
+    Errors: UsageError for another file, and for one with several such parts, as of several runs.
     """
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     try:
-        found = list(_tables(json.loads(text)))
+        if len(lines) > 1 and all(line[0] + line[-1] == "{}" for line in lines[:2]):
+            tree = [json.loads(line) for line in lines]  # an object a line
+        else:
+            tree = json.loads(text)
+        found = list(_tables(tree))
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: expected JSON or CSV, found neither ({error})") from None
+    # Beside the columns of a run there may be lists of its sensors, of other lengths.
+    widest = max(map(len, found), default=0)
+    found = [columns for columns in found if len(columns) == widest]
     if len(found) != 1:
         expected = "expected JSON with lists of numbers that have names, of one run"
         raise UsageError(f"{path}: {expected}, found {len(found) or 'none'}")
