@@ -22,7 +22,7 @@ def plan(spec: Spec) -> list[str]:
         seconds = seconds_of(job)
     except WavesweepError as error:
         return [f"  design: not possible with this spec: {error}"]
-    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
+    workers = choose(None, None, None, len(job.chunks), lambda: seconds, again=True)
     over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [

@@ -232,7 +232,12 @@ def design(
     store = checkpoint_of(job, work.checkpoint, work.force, warnings)
     run = _Run(job, store, work.progress)
     run.workers = choose(
-        work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job)
+        work.jobs,
+        work.backend,
+        work.scheduler,
+        len(job.chunks),
+        partial(seconds_of, job),
+        again=True,
     )
     wanted = spec.design
     evolution = Evolution(**wanted.settings)

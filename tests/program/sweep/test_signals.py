@@ -50,15 +50,7 @@ class Run:
 
     def workers(self):
         """Ids of the worker processes."""
-        found = []
-        for pid in self.alive():
-            try:
-                said = Path(f"/proc/{pid}/cmdline").read_bytes()
-            except OSError:
-                continue
-            if pid != self.process.pid and b"popen_loky_posix" in said:
-                found.append(pid)
-        return found
+        return [pid for pid in self.alive() if pid != self.process.pid]
 
     def finish(self):
         """Exit code and what was said; everything has to be gone soon, so that nobody holds the pipe."""
@@ -96,18 +88,18 @@ def wait_for(condition):
         time.sleep(0.02)
 
 
-LOKY = ("--jobs", "2", "--backend", "loky")
+FORKS = ("--jobs", "2", "--backend", "fork")
 
 
 def test_nobody_outlives_a_run_that_is_killed(start, tmp_path):
-    run = start(tmp_path / "out", *LOKY)
+    run = start(tmp_path / "out", *FORKS)
     wait_for(run.workers)
     run.process.kill()
     assert run.finish() == (-signal.SIGKILL, "")
 
 
 def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
-    run = start(tmp_path / "out", *LOKY)
+    run = start(tmp_path / "out", *FORKS)
     wait_for(lambda: finished(tmp_path / "out"))
     os.kill(run.workers()[0], signal.SIGKILL)
     code, said = run.finish()
@@ -117,15 +109,17 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
-def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once():
+def test_a_copy_that_is_killed_in_the_middle_of_an_answer_is_an_error_at_once():
     program = """
-import os, signal, threading, time
+import os, signal, time
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.sweep.pools import in_parallel
-ids = {found for found, _ in in_parallel(2, [(os.getpid,)] * 50)}
-threading.Timer(1, lambda: [os.kill(each, signal.SIGKILL) for each in ids]).start()
+from wavesweep.program.sweep.forks import in_forks
+answers = in_forks(2, range(6), lambda number: (os.getpid(), bytes(10**7)))
+worker, _ = next(answers)
+time.sleep(0.5)  # the next answer fills its pipe
+os.kill(worker, signal.SIGKILL)
 try:
-    list(in_parallel(2, [(time.sleep, 60)] * 2 + [(len, bytes(10**6))] * 8))
+    list(answers)
 except WavesweepError:
     print("died")
 """
@@ -161,7 +155,7 @@ except WavesweepError:
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
-    run = start(tmp_path / "out", *LOKY)
+    run = start(tmp_path / "out", *FORKS)
     wait_for(lambda: finished(tmp_path / "out"))
     for _ in range(3):
         os.killpg(run.process.pid, number)

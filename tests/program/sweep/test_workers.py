@@ -125,7 +125,7 @@ def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd)
 
 
 def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
-    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky"):
+    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, fork, loky"):
         intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
     with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
         intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")

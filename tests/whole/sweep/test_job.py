@@ -82,8 +82,9 @@ def test_the_first_and_the_last_of_very_many_loops_are_checked(monkeypatch):
 @pytest.mark.parametrize(
     ("jobs", "backend", "chunks", "seconds", "expected"),
     [
-        (2, None, 9, 10.0, (2, "loky")),
-        (8, None, 3, 10.0, (3, "loky")),
+        (2, None, 9, 10.0, (2, "fork")),
+        (8, None, 3, 10.0, (3, "fork")),
+        (2, None, 9, 1.0, (2, "fork")),
         (2, None, 9, 0.1, (1, None)),
         (1, None, 9, 10.0, (1, None)),
         (2, None, 1, 10.0, (1, None)),
@@ -92,9 +93,15 @@ def test_the_first_and_the_last_of_very_many_loops_are_checked(monkeypatch):
 )
 def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected, monkeypatch):
     monkeypatch.setattr(workers, "processors", lambda: 8)
+    monkeypatch.setattr(workers, "can_fork", lambda: True)
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
+    monkeypatch.setattr(workers, "can_fork", lambda: False)
+    anew = "loky" if seconds > WORTH else None
+    assert choose(2, None, None, 9, lambda: seconds).backend == anew
+    with pytest.raises(UsageError, match=r"^backend fork: expected Linux.*; use loky"):
+        choose(jobs, "fork", None, chunks, lambda: seconds)
 
 
 def test_an_error_for_want_of_memory_names_the_loops_that_take_it(long):

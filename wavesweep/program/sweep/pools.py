@@ -97,7 +97,7 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
         "idle_worker_timeout": IDLE,
     }
     try:
-        with parallel_config("loky", **options), _started_here():
+        with parallel_config("loky", **options), started_here():
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a
             # kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
@@ -176,7 +176,7 @@ def _cut_short_results_end() -> Iterator[None]:
 
 
 @contextmanager
-def _started_here() -> Iterator[None]:
+def started_here() -> Iterator[None]:
     """Let processes that are started meanwhile leave the signals STOPPING to this one, and run
     nothing of the current folder.
 
