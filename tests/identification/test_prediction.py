@@ -128,7 +128,7 @@ def test_a_drag_is_not_friction_below_zero():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), (0.1, 2.0)])
+@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), pytest.param(0.1, 2.0, marks=pytest.mark.thorough)])
 def test_two_masses_are_found_from_noise_with_a_drift_too(hand, seconds):
     """All of mass, load and coupling, and nearly all of the others."""
     (log,) = of_two_masses(hand, 1, 0, seconds)

@@ -88,10 +88,16 @@ def capability_of(module):
 
 
 @cache
+def nodes_of(source):
+    """All syntax nodes of a file."""
+    return list(ast.walk(ast.parse(source.read_text(encoding="utf-8"))))
+
+
+@cache
 def imports_of(source):
     """Dotted names of what a file imports of ours, wherever in the file it does so; a text may be the name of a module too."""
     found = set()
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+    for node in nodes_of(source):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -114,6 +120,9 @@ def dotted(source):
     return ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
 
 
+DOTTED = {dotted(source) for source in SOURCES}
+
+
 def test_imports_within_engine_haptics_and_program_point_left():
     of_houses = ("relative", *(f"wavesweep.{house}." for house in HOUSES))
     for source in (source for house in HOUSES for source in (PACKAGE / house).rglob("*.py")):
@@ -128,7 +137,7 @@ def test_the_engine_imports_nothing_but_itself_and_reads_no_files():
     files = {"tomllib", "csv", "click", "pandas", "pyarrow", "matplotlib", "joblib", "pathlib", "os"}
     for source in (PACKAGE / "engine").rglob("*.py"):
         assert [name for name in imports_of(source) if not name.startswith("wavesweep.engine")] == [], source
-        nodes = list(ast.walk(ast.parse(source.read_text(encoding="utf-8"))))
+        nodes = nodes_of(source)
         loaded = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
         loaded |= {node.module.split(".")[0] for node in nodes if isinstance(node, ast.ImportFrom)}
         assert loaded & files == set(), source
@@ -171,21 +180,23 @@ def test_a_capability_imports_the_three_houses_alone_and_these_no_capability():
 
 def imported_names(source):
     """Pairs of a module of the engine and a name that a file has of it, by import or as an attribute of the module."""
-    tree, found, modules = ast.parse(source.read_text(encoding="utf-8")), set(), {}
-    for node in ast.walk(tree):
+    found = set()
+    modules = {}
+    for node in nodes_of(source):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("wavesweep.engine"):
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"
-                if any(full == dotted(each) for each in SOURCES):
+                if full in DOTTED:
                     modules[alias.asname or alias.name] = full
                 else:
                     found.add((node.module, alias.name))
-    for node in ast.walk(tree):
+    for node in nodes_of(source):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
             found.add((modules[node.value.id], node.attr))
     return found
 
 
+@cache
 def outside():
     """The files of the package outside of the engine, and the names of it that they ask for."""
     sources = [source for source in SOURCES if not dotted(source).startswith("wavesweep.engine")]
@@ -271,7 +282,7 @@ def test_no_modules_import_each_other_in_a_circle():
     """
     files, imports = {dotted(source) for source in SOURCES} - {"wavesweep.program.seams"}, {}
     for source in SOURCES:
-        nodes = [node for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
+        nodes = [node for node in nodes_of(source) if isinstance(node, ast.ImportFrom)]
         names = {(node.module, f"{node.module}.{alias.name}") for node in nodes for alias in node.names}
         imports[dotted(source)] = {name if name in files else module for module, name in names} & files
     while loose := {name for name in imports if not imports[name] or not any(name in others for others in imports.values())}:

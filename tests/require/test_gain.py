@@ -695,7 +695,7 @@ LONG = WALL | {"K": 60.0}
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(seed):
     r = np.random.default_rng(seed)

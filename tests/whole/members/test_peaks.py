@@ -18,14 +18,14 @@ def contradictions(make, seeds):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("ten", range(100))
 def test_intervals_along_an_expression_hold_between_their_ends(ten):
     assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [48, pytest.param(206, marks=pytest.mark.thorough)])  # samples of rims miss these peaks
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [48, 206])  # samples of rims miss these peaks
 def test_intervals_for_all_of_a_range_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_range, [seed])
 
