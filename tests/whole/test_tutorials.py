@@ -23,11 +23,12 @@ STEP = re.compile(
 AT_LENGTH = (
     "report ",
     "zwidth engine.toml",
+    "zwidth late.toml",
     "check touch.toml --set",
     "design touch.toml",
     "simulate shaft.toml",
     "identify run/simulate.csv",
-    "identify sweeps/examples/pushed.csv --resolution 2e-5 --out",
+    "identify sweeps/examples/pushed.csv --resolution 2e-5",
     "check sweeps/for-all/dc-slow.toml",
     "stability-region arm.toml --set 'block.speed=",
     "bode sweeps/templates/drive.toml",
