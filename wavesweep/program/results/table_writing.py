@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from itertools import chain
@@ -171,31 +171,31 @@ def _write_all(
     only: str = "",
 ) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
-    from concurrent.futures import ThreadPoolExecutor
+    from concurrent.futures import Future, ThreadPoolExecutor
 
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
     place = stem.with_suffix(".parquet")
-    csv = None
-    parquet: Any = None
     with ExitStack() as opened:
+        writers: list[Callable[[Columns], Any]] = []
         if partition is not None:
-            parquet = opened.enter_context(
-                closing(ParquetParts(place, rows.fields, lasting, partition))
-            )
+            parts = ParquetParts(place, rows.fields, lasting, partition)
+            writers.append(opened.enter_context(closing(parts)).append)
         elif only in ("", ".parquet"):
-            parquet = opened.enter_context(closing(ParquetFile(place, rows.fields, lasting)))
+            parquet = ParquetFile(place, rows.fields, lasting)
+            writers.append(opened.enter_context(closing(parquet)).append)
         if partition is None and only in ("", ".csv"):
             csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
             csv.write(csv_header(rows.fields))
-        second = opened.enter_context(
-            ThreadPoolExecutor(1)
-        )  # writes Parquet, the CSV is written here: Arrow lets both run at once
+            writers.append(lambda group: csv.write(csv_rows(group)))
+        # Arrow lets them run at once, also while the next group of rows is read.
+        threads = opened.enter_context(ThreadPoolExecutor(len(writers) or 1))
+        writing: list[Future] = []
         for group in rows.groups(partition):
-            written = second.submit(parquet.append, group) if parquet else None
-            if csv:
-                csv.write(csv_rows(group))
-            if written:
+            for written in writing:
                 written.result()
+            writing = [threads.submit(write, group) for write in writers]
+        for written in writing:
+            written.result()
     _draw_all(stem, table, formats)
     if table.text is not None and not only:
         stem.with_suffix(".md").write_text(table.text, encoding="utf-8")

@@ -369,9 +369,15 @@ def gather(job: Job, store, slices: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         )
         rows = end - first
         index.append(np.repeat(members, rows))
+        if np.array_equal(first[1:], end[:-1]):  # neighbours, which need no copy
+            chunks_of_records.append(records[first[0] : end[-1]])
+            continue
         chunks_of_records.append(
             records[np.repeat(first - (np.cumsum(rows) - rows), rows) + np.arange(rows.sum())]
         )
     index = np.concatenate(index)
+    records = np.concatenate(chunks_of_records)
+    if (np.diff(index) >= 0).all():
+        return index, records
     back = np.argsort(index, kind="stable")
-    return index[back], np.concatenate(chunks_of_records)[back]
+    return index[back], records[back]
