@@ -8,8 +8,8 @@ node i at s is `P_i + sum_k s_k D_ik`. `norm_check` proves what is found here. A
 proved is divided along the side that moves the slack most.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from heapq import heapify, nsmallest
 from itertools import count, pairwise
 from operator import itemgetter
@@ -143,92 +143,158 @@ def cover(
     further than that middle. stretches: equal ones of the first side, with which the proof begins.
     Errors: RuntimeError if a part of the box is lost, which is neither proved nor open.
     """
-    sign = 1.0 if up else -1.0
-
-    def front(each: Box) -> float:
-        """The value of the first side at which the proof enters a box."""
-        return float(each[0, 0] if up else each[1, 0])
-
-    number = count()
-    queue = []
-    ends = np.linspace(*box[:, 0], 1 + stretches).tolist()
-    for low, high in pairwise(ends if up else ends[::-1]):
-        part = box.copy()
-        part[:, 0] = sorted((low, high))
-        queue.append(_Waiting(sign * low, next(number), _Part(part)))
     narrow = NARROWEST_SIDE * (box[1] - box[0])
-    used = proved = 0.0
-    outcomes: dict[int, _Outcome] = {}  # of parts in the queue, by their numbers
-    enclosed: dict[int, Enclosed | int] = {}
+    queue = _Queue.of(box, up, stretches)
+    trials = _Trials(frames, follows, words, narrow, work)
     word: Word = ()  # that grows
-    norms = None  # of the part that was proved last
-    # stretches of the first side in whose middle there were no norms: they are divided for all
-    # other numbers
-    divided = set()
-    while queue and used < work:
-        first = queue[0].number
-        part = queue[0].part
-        stretch = _stretch(part)
-        if stretch in divided:
-            halves = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
-            outcomes[first] = _Outcome(halves, 0.0)
-        elif first not in outcomes:
-            ahead = {}
-            for waiting in nsmallest(CELLS_AT_ONCE, queue):
-                if waiting.number not in outcomes and _stretch(waiting.part) not in divided:
-                    ahead[waiting.number] = waiting.part
-            used += _enclose(frames, ahead, enclosed)
-            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-                if _alone(follows):
-                    found = _tried_together(ahead, enclosed, narrow)
-                else:
-                    rest = work - used
-                    begun = replace(part, start=part.start or norms)
-                    tried = _tried(begun, enclosed.get(first), follows, rest, narrow, words)
-                    norms = tried.norms or norms
-                    found = {first: tried}
-            used += sum(outcome.used for outcome in found.values())
-            outcomes |= found
-
-        outcome = outcomes[first]
+    while queue.waiting and trials.used < work:
+        part = queue.waiting[0].part
+        outcome = trials.outcome_of_first(queue)
         if outcome.parts is None:
             word = outcome.word
             break
+        stretch = _stretch(part)
         no_norms = bool(outcome.parts) and outcome.parts[0].barren > 0
-        if no_norms and stretch not in divided:
+        if no_norms and stretch not in trials.divided:
             if stretch[1] - stretch[0] < gain:
                 break
             if outcome.parts[0].box[0, 0] > part.box[0, 0]:
-                divided.add(stretch)
+                trials.divided.add(stretch)
+        queue.go_on(trials)
+        if report and queue.waiting:
+            report(queue.end(), queue.proved)
+    open_ = queue.open()
+    lost = 1 - queue.proved - sum(_share(each, box) for each in open_)
+    if not abs(lost) <= VOLUME_ROUNDING * trials.used / ENCLOSED:
+        raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
+    point = part.box.mean(0) if word else None
+    return Covering(open_, queue.end(), trials.used, point, word)
 
-        # Parts that are proved or divided leave the queue in any order; one that ends the proof
-        # waits until it is first.
+
+@dataclass(slots=True, eq=False)
+class _Queue:
+    """The parts of a box that are still to be proved; the first is the one that holds the proof up.
+
+    up: whether the proof goes up along the first side. numbers: those of the parts to come.
+    proved: the share of the box that is.
+    """
+
+    box: Box
+    up: bool
+    waiting: list[_Waiting]
+    numbers: Iterator[int]
+    proved: float = 0.0
+
+    @staticmethod
+    def of(box: Box, up: bool, stretches: int) -> "_Queue":
+        """The queue at the begin of a proof, of equal stretches of the first side."""
+        queue = _Queue(box, up, [], count())
+        ends = np.linspace(*box[:, 0], 1 + stretches).tolist()
+        for low, high in pairwise(ends if up else ends[::-1]):
+            each = box.copy()
+            each[:, 0] = sorted((low, high))
+            queue.waiting.append(_Waiting(queue.order(each), next(queue.numbers), _Part(each)))
+        return queue
+
+    def front(self, box: Box) -> float:
+        """The value of the first side at which the proof enters a box."""
+        return float(box[0, 0] if self.up else box[1, 0])
+
+    def order(self, box: Box) -> float:
+        """What is least of the box that the proof enters first."""
+        return self.front(box) if self.up else -self.front(box)
+
+    def go_on(self, trials: "_Trials") -> None:
+        """Take what is proved or divided out of the queue, in any order, and put the halves into
+        it. A part that ends the proof waits until it is first."""
         remaining = []
-        for waiting in queue:
-            outcome = outcomes.get(waiting.number)
+        for waiting in self.waiting:
+            outcome = trials.outcomes.get(waiting.number)
             if outcome is None or outcome.parts is None:
                 remaining.append(waiting)
                 continue
-            del outcomes[waiting.number]
-            enclosed.pop(waiting.number, None)
+            trials.forget(waiting.number)
             if not outcome.parts:
-                proved += _share(waiting.part.box, box)
+                self.proved += _share(waiting.part.box, self.box)
             for half in outcome.parts:
                 # Of equal fronts the youngest is first, so that few parts wait.
-                remaining.append(_Waiting(sign * front(half.box), -next(number), half))
-        queue = remaining
-        heapify(queue)
-        if report and queue:
-            report(front(queue[0].part.box), proved)
+                remaining.append(_Waiting(self.order(half.box), -next(self.numbers), half))
+        self.waiting = remaining
+        heapify(self.waiting)
 
-    in_order = sorted(queue, key=itemgetter(0, 1))
-    open_ = tuple(waiting.part.box for waiting in in_order)
-    lost = 1 - proved - sum(_share(each, box) for each in open_)
-    if not abs(lost) <= VOLUME_ROUNDING * used / ENCLOSED:
-        raise RuntimeError(f"{lost:.3g} of a box is neither proved nor open: please report it")
-    end = front(queue[0].part.box) if queue else float(box[int(up), 0])
-    point = part.box.mean(0) if word else None
-    return Covering(open_, end, used, point, word)
+    def end(self) -> float:
+        """The value of the first side up to which all is proved."""
+        if self.waiting:
+            return self.front(self.waiting[0].part.box)
+        return float(self.box[int(self.up), 0])
+
+    def open(self) -> tuple[Box, ...]:
+        """The boxes that wait, in their order."""
+        in_order = sorted(self.waiting, key=itemgetter(0, 1))
+        return tuple(waiting.part.box for waiting in in_order)
+
+
+@dataclass(slots=True, eq=False)
+class _Trials:
+    """The trials of a proof.
+
+    narrow: widths of sides below which they are not divided. work: operations of the proof; used:
+    those so far. outcomes, enclosed: of parts in the queue, by their numbers. norms: of the part
+    that was proved last. divided: stretches of the first side in whose middle there were no norms:
+    they are divided for all other numbers.
+    """
+
+    frames: Frames
+    follows: np.ndarray | OnAverage
+    words: Sequence[Word]
+    narrow: np.ndarray
+    work: float
+    used: float = 0.0
+    outcomes: dict[int, _Outcome] = field(default_factory=dict)
+    enclosed: dict[int, Enclosed | int] = field(default_factory=dict)
+    norms: Centre | None = None
+    divided: set[tuple[float, ...]] = field(default_factory=set)
+
+    def outcome_of_first(self, queue: _Queue) -> _Outcome:
+        """The outcome of the first part of a queue, which is tried if it was not."""
+        first = queue.waiting[0]
+        if _stretch(first.part) in self.divided:
+            halves = [replace(first.part, box=half) for half in _halves(first.part.box, 0)[::-1]]
+            self.outcomes[first.number] = _Outcome(halves, 0.0)
+        elif first.number not in self.outcomes:
+            self._try(queue)
+        return self.outcomes[first.number]
+
+    def forget(self, number: int) -> None:
+        """Forget a part that left the queue."""
+        del self.outcomes[number]
+        self.enclosed.pop(number, None)
+
+    def _try(self, queue):
+        """Enclose the parts that are next, and try them all, or the first one if a trial takes
+        long."""
+        ahead = {}
+        for waiting in nsmallest(CELLS_AT_ONCE, queue.waiting):
+            if waiting.number not in self.outcomes and _stretch(waiting.part) not in self.divided:
+                ahead[waiting.number] = waiting.part
+        self.used += _enclose(self.frames, ahead, self.enclosed)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
+            if _alone(self.follows):
+                found = _tried_together(ahead, self.enclosed, self.narrow)
+            else:
+                first = queue.waiting[0].number
+                found = {first: self._tried_alone(first, ahead[first])}
+        self.used += sum(outcome.used for outcome in found.values())
+        self.outcomes |= found
+
+    def _tried_alone(self, number, part):
+        """The outcome of a part, from the norms of the one before if it has none."""
+        begun = replace(part, start=part.start or self.norms)
+        rest = self.work - self.used
+        enclosed = self.enclosed.get(number)
+        tried = _tried(begun, enclosed, self.follows, rest, self.narrow, self.words)
+        self.norms = tried.norms or self.norms
+        return tried
 
 
 def _stretch(part):
