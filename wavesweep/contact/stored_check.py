@@ -202,22 +202,34 @@ def falls(
     """
     switched = offered("switched")
     forms = [stored for stored, _ in ends]
-    for each in forms:
-        P = each.P
-        symmetric = np.isfinite(P).all() and (P.mT == P).all()
-        if not symmetric or not (each.g > 0 and each.h >= 0):
-            return False
-        if not switched.definite(P, np.zeros_like(P)):
-            return False
+    if not all(_are_positive(stored) for stored in forms):
+        return False
     if conditions.drifts and not (conditions.R + conditions.R_error < 0).all():
         return False
-
-    n = forms[0].P.shape[-1]
     terms = [conditions.terms(wall) for _, wall in ends]
-    P_i = [each.P[conditions.source] for each in forms]
-    P_j = [each.P[conditions.target] for each in forms]
-    size_of_P_i = _largest(P_i)
-    size_of_P_j = _largest(P_j)
+    error = _error_of_doubles(conditions, forms, terms)
+    degree = 3 * (len(ends) - 1)  # 0 of a single wall, which is the only coefficient
+    for k in range(degree + 1):
+        coefficient = _bernstein_coefficient(conditions, forms, terms, k)
+        if not switched.definite(*switched.in_its_units(coefficient, error)):
+            return False
+    return True
+
+
+def _are_positive(stored: Stored) -> bool:
+    """Whether forms are proved to be positive definite, and their weights are positive."""
+    P = stored.P
+    symmetric = np.isfinite(P).all() and (P.mT == P).all()
+    if not symmetric or not (stored.g > 0 and stored.h >= 0):
+        return False
+    return offered("switched").definite(P, np.zeros_like(P))
+
+
+def _error_of_doubles(conditions, forms, terms):
+    """The bound on the error of every Bernstein coefficient, see `falls`."""
+    n = forms[0].P.shape[-1]
+    size_of_P_i = _largest([each.P[conditions.source] for each in forms])
+    size_of_P_j = _largest([each.P[conditions.target] for each in forms])
     g = max(each.g for each in forms)
     h = max(each.h for each in forms)
     size_of_G = _largest([each.G for each in terms])
@@ -232,23 +244,22 @@ def falls(
     added = across @ size_of_G + g * size_of_own + h * size_of_stored
     added[:, :n, :n] += size_of_P_i
     rounding_error = OPERATION_ROUNDING * (2 * n + 16) * added
-    error = BOUNDS_OF_DOUBLES * (moved_error + rounding_error + g * own_error + h * stored_error)
+    return BOUNDS_OF_DOUBLES * (moved_error + rounding_error + g * own_error + h * stored_error)
 
-    second = len(ends) - 1  # 0 of a single wall, which is the only coefficient
-    for k in range(3 * second + 1):
-        products = []
-        for a, b, c in product(range(second + 1), repeat=3):
-            if a + b + c != k:
-                continue
-            F = forms[a].g * terms[b].own + forms[a].h * terms[b].stored
-            moved = terms[b].G.mT @ P_j[a] @ terms[c].G
-            F = F - (moved + moved.mT) / 2
-            F[:, :n, :n] += P_i[a]
-            products.append(F)
-        coefficient = np.mean(products, axis=0)
-        if not switched.definite(*switched.in_its_units(coefficient, error)):
-            return False
-    return True
+
+def _bernstein_coefficient(conditions, forms, terms, k):
+    """The k-th coefficient of F between two walls, or F of a single one, see `falls`."""
+    n = forms[0].P.shape[-1]
+    products = []
+    for a, b, c in product(range(len(forms)), repeat=3):
+        if a + b + c != k:
+            continue
+        F = forms[a].g * terms[b].own + forms[a].h * terms[b].stored
+        moved = terms[b].G.mT @ forms[a].P[conditions.target] @ terms[c].G
+        F = F - (moved + moved.mT) / 2
+        F[:, :n, :n] += forms[a].P[conditions.source]
+        products.append(F)
+    return np.mean(products, axis=0)
 
 
 def _largest(ends: Sequence[np.ndarray]) -> np.ndarray:

@@ -9,7 +9,7 @@ g - h)` is minimised while s grows. See S. Boyd, L. Vandenberghe, Convex Optimiz
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -96,6 +96,66 @@ class Programme:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Barrier:
+    """What is least where t is large and all is far from being singular: `bounded' x - s t` less
+    the logarithms of all determinants and scalars that have to be positive."""
+
+    programme: Programme
+    bounded: np.ndarray
+    s: float
+
+    @staticmethod
+    def of(programme: Programme, s: float) -> Barrier:
+        """The barrier of a programme, with the trace of all forms."""
+        bounded = np.zeros(programme.size)
+        on_diagonal = np.trace(programme.basis, axis1=1, axis2=2) > 0
+        bounded[:-3] = np.tile(BOUNDED * on_diagonal, programme.nodes)
+        return Barrier(programme, bounded, s)
+
+    def factors(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Cholesky factors of all matrices that have to be positive; None if some are not."""
+        if min(_scalars(x)) <= 0:
+            return None
+        try:
+            slack = np.linalg.cholesky(self.programme.slack(x))
+            return slack, np.linalg.cholesky(self.programme.forms(x))
+        except np.linalg.LinAlgError:
+            return None
+
+    def value(self, x: np.ndarray, factors: tuple[np.ndarray, np.ndarray]) -> float:
+        """The barrier at a point."""
+        logs = [np.log(np.diagonal(each, axis1=-2, axis2=-1)).sum() for each in factors]
+        linear = self.bounded @ x - self.s * x[-1]
+        return float(linear - 2 * sum(logs) - np.log(_scalars(x)).sum())
+
+    def newton_step(self, x, factors) -> tuple[np.ndarray, float]:
+        """The step to where the barrier's quadratic model is least, and how fast the barrier falls
+        at its begin."""
+        gradient, hessian = _derivatives(self.programme, x, factors)
+        gradient += self.bounded
+        gradient[-1] -= self.s
+        units = 1 / np.sqrt(np.diagonal(hessian))
+        scaled = hessian * units[:, None] * units + SINGULAR * np.eye(units.size)
+        step = -units * np.linalg.solve(scaled, units * gradient)
+        return step, float(-gradient @ step)
+
+    def lower_point(self, x, factors, step, descent):
+        """A point along a step at which the barrier has fallen by a share of what its slope
+        promises, with its factors; None if it would have to be too close."""
+        before = self.value(x, factors)
+        length = 1.0
+        while length >= LEAST_LENGTH:
+            tried = x + length * step
+            tried_factors = self.factors(tried)
+            if tried_factors is not None:
+                after = self.value(tried, tried_factors)
+                if after <= before - SUFFICIENT * length * descent + ROUNDED * abs(before):
+                    return tried, tried_factors
+            length /= 2
+        return None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Found:
     """Forms that a search found, its unknowns x, and the weight s at which it ended."""
 
@@ -113,56 +173,29 @@ def find_stored(
     walls. near: forms of a similar wall, to which those that are returned are similar.
     """
     programme = Programme.of(conditions, terms)
-    x = programme.start() if near is None else near.x.copy()
-    # With t below the least eigenvalue of all F the search begins at a point where all is positive.
-    x[-1] = 0.0
-    least = float(np.linalg.eigvalsh(programme.slack(x)).min())
-    if near is not None and least > 0:
-        x[-1] = least / 2
-    else:
-        x[-1] = least - FIRST_ROOM * abs(least)
-        if near is None:
-            x[-1] -= max(0.0, FIRST_ROOM - FIRST_ROOM * abs(least))
+    x = _first_point(programme, near)
     # So many logarithms of eigenvalues and of scalars: a centre is within barriers/s of the largest t.
     count, N = terms.own.shape[:2]
     barriers = count * N + programme.nodes * programme.basis.shape[-1] + 3
     s = barriers / max(1.0, abs(x[-1])) if near is None else near.s
-    bounded = np.zeros(programme.size)
-    on_diagonal = np.trace(programme.basis, axis1=1, axis2=2) > 0
-    bounded[:-3] = np.tile(BOUNDED * on_diagonal, programme.nodes)
-    factors = _factors(programme, x)
+    barrier = Barrier.of(programme, s)
+    factors = barrier.factors(x)
     if factors is None:
         return None
     path: list[float] = []  # t after each step since s was changed
     for _ in range(STEPS):
-        gradient, hessian = _derivatives(programme, x, factors)
-        gradient += bounded
-        gradient[-1] -= s
-        units = 1 / np.sqrt(np.diagonal(hessian))
-        scaled = hessian * units[:, None] * units + SINGULAR * np.eye(units.size)
-        step = -units * np.linalg.solve(scaled, units * gradient)
-        descent = float(-gradient @ step)
-        before = _barrier(x, factors, s, bounded)
-        length = 1.0
-        while True:
-            tried = x + length * step
-            tried_factors = _factors(programme, tried)
-            if tried_factors is not None:
-                after = _barrier(tried, tried_factors, s, bounded)
-                if after <= before - SUFFICIENT * length * descent + ROUNDED * abs(before):
-                    break
-            length /= 2
-            if length < LEAST_LENGTH:
-                return None
-        x = tried
-        factors = tried_factors
+        step, descent = barrier.newton_step(x, factors)
+        lower = barrier.lower_point(x, factors, step, descent)
+        if lower is None:
+            return None
+        x, factors = lower
         t = x[-1]
         path.append(t)
         slow = False
         if len(path) > SLOW_STEPS:
             slow = abs(t - path[-1 - SLOW_STEPS]) <= SLOW_SHARE * abs(t)
         is_centre = descent < CENTRED_DECREMENT or (slow and barriers > FEW_BARRIERS)
-        gap = barriers / s
+        gap = barriers / barrier.s
         if near is not None:
             suffices = is_centre
         elif best:
@@ -172,34 +205,33 @@ def find_stored(
         if t > ENOUGH and suffices:
             P = programme.forms(x)
             stored = Stored((P + P.mT) / 2, float(x[-3]), float(x[-2]))
-            return Found(stored, x, s)
+            return Found(stored, x, barrier.s)
         if is_centre:
             if near is not None or gap < max(-t, NO_ROOM):
                 break
-            s *= SHARPER
+            barrier = replace(barrier, s=barrier.s * SHARPER)
             path = []
     return None
 
 
-def _factors(programme, x):
-    """Cholesky factors of all matrices that have to be positive; None if some are not."""
-    if min(_scalars(x)) <= 0:
-        return None
-    try:
-        return np.linalg.cholesky(programme.slack(x)), np.linalg.cholesky(programme.forms(x))
-    except np.linalg.LinAlgError:
-        return None
+def _first_point(programme, near):
+    """A point at which all is positive, since t is below the least eigenvalue of all F."""
+    x = programme.start() if near is None else near.x.copy()
+    x[-1] = 0.0
+    least = float(np.linalg.eigvalsh(programme.slack(x)).min())
+    if near is not None and least > 0:
+        x[-1] = least / 2
+        return x
+    x[-1] = least - FIRST_ROOM * abs(least)
+    if near is None:
+        x[-1] -= max(0.0, FIRST_ROOM - FIRST_ROOM * abs(least))
+    return x
 
 
 def _scalars(x):
     """What has to be positive beside the matrices: g, h, and what is left of their sum to 1."""
     g, h = x[-3:-1]
     return np.array([g, h, 1 - g - h])
-
-
-def _barrier(x, factors, s, bounded):
-    logs = [np.log(np.diagonal(each, axis1=-2, axis2=-1)).sum() for each in factors]
-    return float(bounded @ x - s * x[-1] - 2 * sum(logs) - np.log(_scalars(x)).sum())
 
 
 def _derivatives(programme, x, factors):

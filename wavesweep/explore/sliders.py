@@ -116,6 +116,15 @@ def _stops(spec, key):
     return tuple(rate for rate in rates if _accepts(spec, key.path, rate))
 
 
+def _begin_above(value, axis, *, stepped):
+    """The lowest value of a slider whose range begins with one that is refused, and its scale."""
+    if stepped:
+        swept = axis.values if axis else ()
+        return min([value, *swept]), "linear"
+    low = max(value, 0.0) / FARTHEST_FACTOR
+    return low, "log" if low > 0 else "linear"
+
+
 def _slider(spec: Spec, key: Key) -> Slider:
     value = number_of(spec, key.path)
     axis = next((axis for axis in spec.sweep if axis.path == key.path), None)
@@ -132,14 +141,9 @@ def _slider(spec: Spec, key: Key) -> Slider:
     structural = spec.drawing and not plain and key.path != "rates.tick_hz"
     stepped = key.type == "integer" or structural or uneven_rate
     integral = stepped and float(value).is_integer()
-    if spec.drawing and not integral and value > low and not _accepts(spec, key.path, low):
-        # The lowest value is refused, such as a mass of 0 by its block.
-        if stepped:
-            low = min(value, *axis.values) if axis and axis.values else value
-            scale = "linear"
-        else:
-            low = max(value, 0.0) / FARTHEST_FACTOR
-            scale = "log" if low > 0 else "linear"
+    low_is_refused = not integral and value > low and not _accepts(spec, key.path, low)
+    if spec.drawing and low_is_refused:  # such as a mass of 0 by its block
+        low, scale = _begin_above(value, axis, stepped=stepped)
     stops = _stops(spec, key)
     if stops:
         low = stops[0]

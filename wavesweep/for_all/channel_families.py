@@ -265,6 +265,14 @@ def _ticks(
     )
 
 
+def _ticked(channels, tick, under_way, late):
+    """What arrives in a tick by each channel, and what is under way after it."""
+    ticked = []
+    for channel, flight, lateness in zip(channels, under_way, late, strict=True):
+        ticked.append(channel.tick(tick, flight, lateness))
+    return zip(*ticked, strict=True)
+
+
 def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple]:
     """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after
     it and possible before it.
@@ -294,29 +302,23 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
         ]
         for late in product(*choices):
             row = []
-            arriving = [flight for _, flight in before]
+            under_way = [flight for _, flight in before]
             for at in range(tick, end):
-                arrivals, arriving = zip(
-                    *(
-                        channel.tick(at, *state)
-                        for channel, *state in zip(channels, arriving, late, strict=True)
-                    ),
-                    strict=True,
-                )
+                arrivals, under_way = _ticked(channels, at, under_way, late)
                 row.append((alike[at % frame], arrivals))
-            in_a_row = [
-                (lost + 1 if lateness is LOST else 0)
-                if channel.sends(tick) and channel.lost > 0
-                else lost
-                for channel, lateness, (lost, _) in zip(channels, late, before, strict=True)
-            ]
-            after = (moment + 1) % len(moments), tuple(zip(in_a_row, arriving, strict=True))
-            sent = tuple(
-                (channel.name, lateness)
-                for channel, lateness in zip(channels, late, strict=True)
-                if channel.sends(tick)
-            )
-            steps.setdefault((tuple(row), after), (Sent(moment, sent), set()))[1].add(state)
+            sent = []
+            in_a_row = []
+            for channel, lateness, (lost, _) in zip(channels, late, before, strict=True):
+                sends = channel.sends(tick)
+                if sends:
+                    sent.append((channel.name, lateness))
+                if sends and channel.lost > 0:
+                    in_a_row.append(lost + 1 if lateness is LOST else 0)
+                else:
+                    in_a_row.append(lost)
+            after = (moment + 1) % len(moments), tuple(zip(in_a_row, under_way, strict=True))
+            step = (tuple(row), after)
+            steps.setdefault(step, (Sent(moment, tuple(sent)), set()))[1].add(state)
             if after not in seen_states:
                 seen_states.add(after)
                 open_.append(after)

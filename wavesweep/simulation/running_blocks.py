@@ -339,26 +339,25 @@ def loop_of(
     for name in waits:
         _within_ticks(name, drawing, wires)
         _within_ticks(name, drawing, away)
-    local_wave = _local_wave(blocks, wires)
-    if local_wave is not None:
-        wires[LOCAL_WAVE] = local_wave
-        away[LOCAL_WAVE] = local_wave
     hand = drawing.hand[0] if drawing.hand else ""
-    velocity = _velocity(drawing, hand, wires)
-    if velocity is not None:
-        wires[VELOCITY] = velocity
-        away[VELOCITY] = velocity
+    beside = {
+        LOCAL_WAVE: _local_wave(blocks, wires),
+        VELOCITY: _velocity(drawing, hand, wires),
+    }
+    for name, terms_beside in beside.items():
+        if terms_beside is not None:
+            wires[name] = terms_beside
+            away[name] = terms_beside
     device = _device_of(drawing, hand, blocks, wires)
     late = ("", 1.0)
-    for plant in drawing.plants:
-        for _, name in plant.arriving:
-            share = waits[name][1]
-            if plant.name != device or not share:
-                continue
-            wires[AT + name] = _about_to_change(wires, name)
-            away[AT + name] = _about_to_change(away, name)
-            if not late[0]:
-                late = (name, 1.0 - share)
+    for name in _arriving_at(drawing, device):
+        share = waits[name][1]
+        if not share:
+            continue
+        wires[AT + name] = _about_to_change(wires, name)
+        away[AT + name] = _about_to_change(away, name)
+        if not late[0]:
+            late = (name, 1.0 - share)
     body = ()
     for block in drawing.blocks:
         if block.name == device:
@@ -483,6 +482,15 @@ def _device_of(drawing, hand, blocks, wires):
     sensed = {plant.name for plant in drawing.plants if plant.sensed}
     movable = {block.name for block in drawing.apart}.intersection(_masses(drawing)) - sensed
     return moved[0] if len(moved) == 1 and moved[0] in movable else ""
+
+
+def _arriving_at(drawing, device):
+    """The dead times through which a device is driven."""
+    names = []
+    for plant in drawing.plants:
+        if plant.name == device:
+            names += [name for _, name in plant.arriving]
+    return names
 
 
 def _about_to_change(wires, name):

@@ -295,10 +295,10 @@ def _searches(
     lines of a spectrum. checked, prover: see `Search`.
     """
     by_bound: dict = {}
-    path, require = asked.axis.path, asked.require
-    for members, loops in drawn_groups(
-        spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)
-    ):
+    path = asked.axis.path
+    require = asked.require
+    number = _varied(spec, path, require)
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=number):
         bound = require and require.bound.over(frames_per_clock(spec, loops))
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
@@ -330,47 +330,49 @@ def job_of(spec: Spec, along: str | None = None) -> Job:
 def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Job:
     """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it
     cannot be done."""
-    spec, query = grid.spec, IntervalQuery(axis, require=require)
-    if axis.structural and spec.builds(
-        axis.path, [axis.path, *(loop_axis.path for loop_axis in grid.loop_axes)]
-    ):
-        raise UsageError(no_axis(spec, axis.name))
+    spec = grid.spec
+    query = IntervalQuery(axis, require=require)
+    if axis.structural:
+        others = [loop_axis.path for loop_axis in grid.loop_axes]
+        if spec.builds(axis.path, [axis.path, *others]):
+            raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
     for end in query.span:
-        wrong = (
-            spec.drawing
-            and Loops(spec.drawing, {**spec.values, axis.path: np.array([end])}).unsuitable().any()
-        )
-        if wrong or spec.uneven or axis.path == FAST:
+        if _unsuitable(spec, axis.path, end) or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
     if spec.drawing:
         refuse_singular(spec, spec.drawing)
     index = some_loops(grid)
     changes = grid.loop_values(index)
     number = _varied(spec, axis.path, require)
-    groups = [
-        loops
-        for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)
-    ]
+    drawn = drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)
+    groups = [loops for _, loops in drawn]
     for loops in groups:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         loops.domain(axis.path, query.span)
-    orders = (
-        _orders_of_few(spec, query, changes, index.size, resolved)
-        if index.size <= REMEMBERED_LOOPS
-        else []
-    )
+    orders = []
+    if index.size <= REMEMBERED_LOOPS:
+        orders = _orders_of_few(spec, query, changes, index.size, resolved)
     ways = [Way.CUT] * len(orders)
     if not orders:
-        orders, ways = zip(
-            *(_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]), strict=True
-        )
-    ways_used = ways[0] if len({*ways}) == 1 else Way.BOTH
+        found = [_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]]
+        orders, ways = zip(*found, strict=True)
+    way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
-    most = MOST_SLOW if ways_used is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
-    asked = replace(query, way=ways_used)
-    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, asked)
+    most = MOST_DRAWN if spec.drawing else MOST
+    if way is not Way.CUT:
+        most = MOST_SLOW
+    chunks = cut_up(grid.loops, 1, cost, most)
+    return interval_job(grid, chunks, resolved, replace(query, way=way))
+
+
+def _unsuitable(spec, path, value):
+    """Whether a drawn loop has no frames at a value of a number."""
+    if not spec.drawing:
+        return False
+    loops = Loops(spec.drawing, {**spec.values, path: np.array([value])})
+    return loops.unsuitable().any()
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:

@@ -205,6 +205,22 @@ class _Cell(NamedTuple):
     start: float
     stop: float
 
+    def width(self, view: View) -> float:
+        """The width along x."""
+        return view.position(self.stop) - view.position(self.start)
+
+
+class _Round(NamedTuple):
+    """Cells that are examined together.
+
+    points: of each cell, the number of its curve and the values of x with those of its ends.
+    wanted: the columns that are computed. seconds: what they take.
+    """
+
+    points: list[tuple[int, list[float]]]
+    wanted: list[tuple[int, float]]
+    seconds: float
+
 
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
@@ -220,56 +236,71 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
             curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, widest)
     cells = []
     for number, curve in enumerate(curves):
-        for gap in pairwise(sorted(curve.columns)):
-            if gap not in curve.gaps:
-                cells.append(_Cell(number, *gap))
-
-    def width(cell: _Cell) -> float:
-        return view.position(cell.stop) - view.position(cell.start)
-
-    cells.sort(key=width, reverse=True)
+        cells += _undecided(number, curve, sorted(curve.columns))
+    cells.sort(key=lambda cell: cell.width(view), reverse=True)
     seconds_left = BUDGET
     proofs_left = MOST_PROVED
     skipped = []
+    fewest_parts = 2  # of a cell in the first round
     while cells:
         CURVES_LOGGER.info("%f", 1 - seconds_left / BUDGET)
-        fewest_parts = halves if seconds_left < BUDGET else 2
-        examined: list[tuple[int, list[float]]] = []
-        wanted: list[tuple[int, float]] = []
-        designs: set[int] = set()
-        for cell in cells:
-            parts = max(fewest_parts, 2 * int(np.ceil(width(cell) / widest / 2)))
-            inside = view.between(cell.start, cell.stop, parts)
-            designs_with_it = designs | {cell.number}
-            if source.seconds(len(wanted) + len(inside), len(designs_with_it)) > seconds_left:
-                break
-            designs = designs_with_it
-            examined.append((cell.number, [cell.start, *inside, cell.stop]))
-            wanted += [(cell.number, x) for x in inside]
-        skipped += cells[len(examined) :]
-        if not wanted:
+        examined = _examined(cells, view, source, (widest, fewest_parts), seconds_left)
+        skipped += cells[len(examined.points) :]
+        if not examined.wanted:
             break
-        seconds_left -= source.seconds(len(wanted), len(designs))
-        columns, asked = source.ask(wanted, proofs_left)
+        seconds_left -= examined.seconds
+        columns, asked = source.ask(examined.wanted, proofs_left)
         proofs_left -= asked
-        for (number, x), column in zip(wanted, columns, strict=True):
+        for (number, x), column in zip(examined.wanted, columns, strict=True):
             curves[number].columns[x] = column
         cells = []
-        for number, points in examined:
+        for number, points in examined.points:
             curve = curves[number]
-            known = known_gaps({x: curve.columns[x] for x in points}, view, tolerance)
-            curve.gaps |= known
-            for gap in pairwise(points):
-                if gap in known:
-                    continue
-                cell = _Cell(number, *gap)
-                if width(cell) <= pixel:
-                    curve.gaps[gap] = NARROW
-                else:
-                    cells.append(cell)
+            within = {x: curve.columns[x] for x in points}
+            curve.gaps |= known_gaps(within, view, tolerance)
+            undecided = _undecided(number, curve, points)
+            wide = [cell for cell in undecided if cell.width(view) > pixel]
+            _call_narrow(curve, {*undecided} - {*wide})
+            cells += wide
+        fewest_parts = halves
     for cell in skipped:
-        if width(cell) <= LOOSE * pixel:
-            curves[cell.number].gaps[cell.start, cell.stop] = NARROW
+        if cell.width(view) <= LOOSE * pixel:
+            _call_narrow(curves[cell.number], [cell])
+
+
+def _undecided(number: int, curve: PlaneCurve, places: Sequence[float]) -> list[_Cell]:
+    """The cells between neighbouring places of a curve that are not decided."""
+    return [_Cell(number, *gap) for gap in pairwise(places) if gap not in curve.gaps]
+
+
+def _call_narrow(curve: PlaneCurve, cells: Iterable[_Cell]) -> None:
+    """Draw what lies between the ends of cells as if it were a pixel wide."""
+    curve.gaps |= dict.fromkeys(((cell.start, cell.stop) for cell in cells), NARROW)
+
+
+def _examined(
+    cells: Sequence[_Cell], view: View, source: _Source, parts: tuple[float, int], seconds: float
+) -> _Round:
+    """The first cells whose columns take no more than some seconds.
+
+    parts: the width of the widest one, and how many of them a cell has at least.
+    """
+    widest, fewest = parts
+    points: list[tuple[int, list[float]]] = []
+    wanted: list[tuple[int, float]] = []
+    designs: set[int] = set()
+    needed = 0.0
+    for cell in cells:
+        count = max(fewest, 2 * int(np.ceil(cell.width(view) / widest / 2)))
+        inside = view.between(cell.start, cell.stop, count)
+        designs.add(cell.number)
+        with_it = source.seconds(len(wanted) + len(inside), len(designs))
+        if with_it > seconds:
+            break
+        needed = with_it
+        points.append((cell.number, [cell.start, *inside, cell.stop]))
+        wanted += [(cell.number, x) for x in inside]
+    return _Round(points, wanted, needed)
 
 
 def _gaps_of_neighbours(columns, view, tolerance, widest):

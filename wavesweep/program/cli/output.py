@@ -70,11 +70,7 @@ def produce(
         from wavesweep.program import plots
 
         plots.refuse_settings()
-    marks = {}
-    if any(spec.measured for spec in specs):
-        from wavesweep.program.plots.figure_marks import facts_of_marks
-
-        marks = facts_of_marks(specs, kinds[0])
+    beside = _facts_of_run(specs, kinds[0], place)
     with alone(kinds, directory, options):
         if options.to_folder and not options.overwrite:
             # Before the work as well as after it: a refusal should not cost a long run.
@@ -87,14 +83,9 @@ def produce(
         before = None
         if options.to_folder and not options.silent:
             before = results.existing_facts(tables[0].kind, directory)
-        run = {
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "command": shlex.join(["wavesweep", *verbosity().words]),
-        }
-        tables = [
-            replace(table, facts={**table.facts, "spec_place": place, **marks, **run})
-            for table in tables
-        ]
+        beside["date"] = datetime.now(UTC).isoformat(timespec="seconds")
+        beside["command"] = shlex.join(["wavesweep", *verbosity().words])
+        tables = [replace(table, facts={**table.facts, **beside}) for table in tables]
         try:
             finished = _written(tables, directory, options)
         except BaseException as error:
@@ -120,6 +111,15 @@ def produce(
         changed,
         time.perf_counter() - started,
     )
+
+
+def _facts_of_run(specs: Sequence[Spec], kind: str, place: str) -> dict[str, Any]:
+    """Facts of the place of the specs, and of what figures mark in them."""
+    if not any(spec.measured for spec in specs):
+        return {"spec_place": place}
+    from wavesweep.program.plots.figure_marks import facts_of_marks
+
+    return {"spec_place": place, **facts_of_marks(specs, kind)}
 
 
 def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:

@@ -246,6 +246,22 @@ def _draw_panel(
     return reached
 
 
+def _side_by_side(curves: Sequence[PlaneCurve], room: float) -> list[Bars]:
+    """The bars of members in the room of a value: those that have bars alone stand beside each
+    other."""
+    in_bars = sum(not curve.gaps for curve in curves)
+    width = float(np.clip(_FILL * room / max(in_bars, 1), _THIN, _THICK))
+    bars = []
+    place = 0
+    for curve in curves:
+        if curve.gaps:
+            bars.append(Bars(0.0, width))
+            continue
+        bars.append(Bars((width + _APART) * (place - (in_bars - 1) / 2), width))
+        place += 1
+    return bars
+
+
 def _draw_plane(
     shown: Shown,
     axes: Any,
@@ -273,21 +289,13 @@ def _draw_plane(
             high = end
     view = view_of(x, logarithmic, *inches, shown.by_factors)
     curves = member_curves(members, view, (low, high))
-    in_bars = sum(not curve.gaps for curve in curves)  # members that have bars alone, side by side
     points = 72 * inches[0] * _PANEL_WIDTH
-    room = points * view.closest(shown.layout.points)
-    width = float(np.clip(_FILL * room / max(in_bars, 1), _THIN, _THICK))
+    bars_of_members = _side_by_side(curves, points * view.closest(shown.layout.points))
     filled = len(members) == 1 and shown.whose != "spec"
     reached: list[float] = []
     bars_of: dict[str, Bars] = {}
-    place = 0
-    for member, curve in zip(members, curves, strict=True):
+    for member, curve, bars in zip(members, curves, bars_of_members, strict=True):
         region = region_of(curve, view)
-        if curve.gaps:
-            bars = Bars(0.0, width)
-        else:
-            bars = Bars((width + _APART) * (place - (in_bars - 1) / 2), width)
-            place += 1
         if member.at_values:
             bars_of[member.guarantee] = bars
         else:
@@ -309,6 +317,8 @@ def _draw_plane(
             draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, bars)
     # Bars at the first and the last value stay whole.
     if any(curve.open_at_ends for curve in curves):
+        in_bars = sum(not curve.gaps for curve in curves)
+        width = bars_of_members[0].width
         edge = max(_EDGE, (width + _APART) * in_bars / 2 / points)
         low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
