@@ -258,27 +258,31 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
         yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 
 
+def _moved_by_a_step(found: Facts, spec: Spec) -> str:
+    """What a step of the encoder does to the force."""
+    exact = not spec.drawing and spec.values["device.velocity"] == "exact"
+    if found["step_force"] == 0:
+        if exact:
+            return 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
+        return "moves no force, since no block reads the position"
+    if found["chatter"] is None:
+        return "makes a force that is not known to be bounded"
+    moved = f"{rounded_up(found['step_force'], 4)} {spec.at_port('N')}"
+    text = f"moves the force by up to {moved}, all rounding by at most {rounded_up(found['chatter'], 4)}"
+    if exact:
+        text += "; the velocity is taken as exact, without steps"
+    return text
+
+
 def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     """What encoder, friction and motors do to the design."""
     force = spec.at_port("N")
     length = spec.at_port("m")
     unit = f"{force}/{length}"
-    exact = not spec.drawing and spec.values["device.velocity"] == "exact"
     source = "Abbott and Okamura 2005"
     if "chatter" in found:
-        text = "makes a force that is not known to be bounded"
-        if found["chatter"] is not None:
-            rounding = f"all rounding by at most {rounded_up(found['chatter'], 4)}"
-            text = (
-                f"moves the force by up to {rounded_up(found['step_force'], 4)} {force}, {rounding}"
-            )
-            if exact:
-                text += "; the velocity is taken as exact, without steps"
-        if found["step_force"] == 0:
-            text = "moves no force, since no block reads the position"
-            if exact:
-                text = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
-        yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {text}"
+        step = f"{found['resolution']:.4g} {length}"
+        yield 3, f"encoder: a step of {step} {_moved_by_a_step(found, spec)}"
         bounds = [(found.get("moves"), length), (found.get("speed"), f"{length}/s")]
         said = [f"{rounded_up(value, 4)} {name}" for value, name in bounds if value]
         if said:

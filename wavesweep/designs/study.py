@@ -247,20 +247,10 @@ def design(
         for tried in generations(run.judge, evolution, choices, own, run.look):
             best = tried
     if not (best.violation == 0).any():
-        said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
-        run.forget()  # nothing of it is left to be done
-        raise WavesweepError(said)
+        _refuse_missed(spec, run, run.everything(), job.asked.scenarios)
     genes = spread(best, FRONT).genes
-    if (
-        len(genes) == 1
-    ):  # what is worth less in the search may be worth more over all that it is checked for
-        candidates = run.feasible()
-        further = [genes]
-        if spec.for_all:  # of which the search proves nothing
-            candidates = np.concatenate([own, candidates])
-            further.append(run.next_to(candidates, genes, NEARLY_THE_SAME, PROVED))
-        further.append(run.next_to(candidates, genes, FRONT_DISTANCE, RUNNERS_UP))
-        genes = np.unique(np.concatenate(further), axis=0)
+    if len(genes) == 1:
+        genes = _with_similar(run, genes, own)
     job.asked.genes[evolution.generations] = genes
     proved = {}
     if spec.for_all:
@@ -269,9 +259,7 @@ def design(
     of_own = own_design(spec, job, checked[(genes == own).all(1)])
     genes, records = run.kept(genes, checked)
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
-        said = miss(spec, records, job.asked.finest, wish_units(spec))
-        run.forget()
-        raise WavesweepError(said)
+        _refuse_missed(spec, run, records, job.asked.finest)
     # With more to hold for, a design may be worth less than another one.
     objectives, violation = judged(wanted, records)
     still = undominated(Judged(genes, objectives, violation))
@@ -306,6 +294,25 @@ def design(
         fields=fields_of_design(spec, columns),
         forget=run.forget,
     )
+
+
+def _refuse_missed(spec, run, records, scenarios):
+    """Raise the error that no design meets its bounds; records: of designs over scenarios."""
+    said = miss(spec, records, scenarios, wish_units(spec))
+    run.forget()  # nothing of it is left to be done
+    raise WavesweepError(said)
+
+
+def _with_similar(run, best, own):
+    """The best design with similar ones, since what is worth less in the search may be worth more
+    over all that it is checked for."""
+    candidates = run.feasible()
+    genes = [best]
+    if run.job.grid.spec.for_all:  # of which the search proves nothing
+        candidates = np.concatenate([own, candidates])
+        genes.append(run.next_to(candidates, best, NEARLY_THE_SAME, PROVED))
+    genes.append(run.next_to(candidates, best, FRONT_DISTANCE, RUNNERS_UP))
+    return np.unique(np.concatenate(genes), axis=0)
 
 
 def _ends_with_walls(wish, records):

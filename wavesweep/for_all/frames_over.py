@@ -185,43 +185,11 @@ class FramesOver:
         unbounded = ~np.isfinite(maps.whole).all((0, -1, -2))
         if unbounded.any():
             raise UnresolvedError(unbounded)
-        powers = {}
-        joined_rows = {}
-
-        def power(kind, count):
-            if (kind, count) not in powers:
-                tick = maps.of(kind)
-                if count == 1:
-                    powers[kind, count] = tick
-                elif count % 2:
-                    powers[kind, count] = tick @ power(kind, count - 1)
-                else:
-                    powers[kind, count] = power(kind, count // 2) @ power(kind, count // 2)
-            return powers[kind, count]
-
-        def joined(row):
-            if row in joined_rows:
-                return joined_rows[row]
-            runs = [(kind, len(list(run))) for kind, run in groupby(row)]
-            if row[:-1] in joined_rows:
-                found = maps.of(row[-1]) @ joined_rows[row[:-1]]
-            elif len(runs) == 1:
-                found = power(*runs[0])
-            else:
-                # In halves, since what is left out grows with the depth, and what repeats is
-                # multiplied once.
-                half = 1 << (len(runs) - 1).bit_length() - 1
-                first = sum(length for _, length in runs[:half])
-                found = joined(row[first:]) @ joined(row[:first])
-            joined_rows[row] = found
-            return found
-
         # "Frames are products of ticks."
-        products = {(): maps.of(0).identity()}
+        products = _Products(maps)
         for row in sorted(set(self.rows), key=len):
-            if row:
-                products[row] = joined(row)
-        before = _stacked([products[row] for row in self.rows])
+            products.of(row)
+        before = _stacked([products.of(row) for row in self.rows])
         frames = maps.of(list(self.samples)) @ before
         whole = np.moveaxis(frames.whole, 1, 0)
         every = np.arange(self.states)
@@ -231,6 +199,50 @@ class FramesOver:
         known = np.array([each <= set(self.kept) for each in states])
         _below(frames).refuse(~(known & np.isfinite(whole).all((1, 2, 3))))
         return frames.at(self.kept, self.kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Products:
+    """The products of rows of ticks, the first tick of a row first; what repeats is multiplied
+    once.
+
+    powers: by a kind of tick and how often it runs in a row. rows: by the kinds of their ticks.
+    """
+
+    ticks: Polynomials
+    powers: dict[tuple[int, int], Polynomials] = field(default_factory=dict)
+    rows: dict[Symbol, Polynomials] = field(default_factory=dict)
+
+    def of(self, row: Symbol) -> Polynomials:
+        """The product of a row."""
+        if not row:
+            return self.ticks.of(0).identity()
+        if row not in self.rows:
+            self.rows[row] = self._joined(row)
+        return self.rows[row]
+
+    def _joined(self, row):
+        if row[:-1] in self.rows:
+            return self.ticks.of(row[-1]) @ self.rows[row[:-1]]
+        runs = [(kind, len(list(run))) for kind, run in groupby(row)]
+        if len(runs) == 1:
+            return self._power(*runs[0])
+        # In halves, since what is left out grows with the depth.
+        half = 1 << (len(runs) - 1).bit_length() - 1
+        first = sum(length for _, length in runs[:half])
+        return self.of(row[first:]) @ self.of(row[:first])
+
+    def _power(self, kind, count):
+        if (kind, count) not in self.powers:
+            tick = self.ticks.of(kind)
+            if count == 1:
+                found = tick
+            elif count % 2:
+                found = tick @ self._power(kind, count - 1)
+            else:
+                found = self._power(kind, count // 2) @ self._power(kind, count // 2)
+            self.powers[kind, count] = found
+        return self.powers[kind, count]
 
 
 def constant_frames(

@@ -2,7 +2,7 @@
 its summary."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from hashlib import sha256
 from math import ceil, floor, log10
@@ -57,11 +57,8 @@ def identified(
         raise UsageError(
             f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}"
         )
-    for divisor in (every,) if every else range(1, shortest + 1):
-        run = replace(run, every=divisor)
-        if len(run.values) <= MOST_FRAME_LENGTHS:
-            break
-    else:
+    run = _in_steps(run, [every] if every else range(1, shortest + 1))
+    if len(run.values) > MOST_FRAME_LENGTHS:
         raise UsageError(
             f"{path}: expected at most {MOST_FRAME_LENGTHS} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
             "ticks on; cut out the part of the recording that has such frames, or take slower ticks"
@@ -76,13 +73,12 @@ def identified(
         "scales": dict(scales),
         "every": every,
     }
+    identity = f"{run.sha256} {sorted(arguments.items(), key=str)}"
     facts = {
         "schema_version": 1,
         **versions(),
         "spec_name": Path(path).stem,
-        "spec_sha256": sha256(
-            f"{run.sha256} {sorted(arguments.items(), key=str)}".encode()
-        ).hexdigest(),
+        "spec_sha256": sha256(identity.encode()).hexdigest(),
         "log_sha256": run.sha256,
         "asked": arguments,
         "frames": len(lengths),
@@ -100,11 +96,25 @@ def identified(
         "methods": {"identify": METHOD},
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
     }
+    return Table.of("identify-frames", _pair_columns(pairs, values), facts)
+
+
+def _in_steps(run: MeasuredFrames, steps: Iterable[int]) -> MeasuredFrames:
+    """A run whose frames end in every so many ticks: the first of the steps with which [for_all]
+    takes all lengths, or the last one."""
+    for every in steps:
+        run = replace(run, every=every)
+        if len(run.values) <= MOST_FRAME_LENGTHS:
+            break
+    return run
+
+
+def _pair_columns(pairs: np.ndarray, values: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns of the pairs of neighbours that occur."""
     first, after = np.nonzero(pairs)
     counts = pairs[first, after]
     shares = counts / pairs.sum(1)[first]
-    found = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": shares}
-    return Table.of("identify-frames", found, facts)
+    return {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": shares}
 
 
 def _own_ticks(run: MeasuredFrames, fast_hz: float) -> dict[str, Any]:

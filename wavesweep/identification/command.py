@@ -145,12 +145,7 @@ def identify(
     from wavesweep.identification.device_spec import spec_text
     from wavesweep.identification.table import identify
     from wavesweep.program import results
-    from wavesweep.program.cli.file_places import (
-        refuse_inputs,
-        refuse_no_folder,
-        refuse_other_things,
-        write_whole,
-    )
+    from wavesweep.program.cli.file_places import write_whole
     from wavesweep.program.cli.messages import progress, say, show_json, where
     from wavesweep.program.csv_files import factors, pairs
     from wavesweep.program.tables import kind_named
@@ -165,13 +160,7 @@ def identify(
         find = partial(identify, source, **named, **_fit_options(given, motor_constant))
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / f"{product}.toml"
-    results.refuse_unusable(directory)
-    if out:
-        refuse_no_folder(target)
-    refuse_other_things(target)
-    kinds = ("identify", "identify-response", "identify-frames")
-    tables = [directory / name for kind in kinds for name in results.names_of(kind)]
-    refuse_inputs([source], target, *tables)
+    _refuse_places(source, directory, target, named=bool(out))
     _refuse_foreign(target, given["overwrite"])
     with progress(verbosity().quiet, "fitting"):
         table = find()
@@ -200,6 +189,25 @@ def identify(
         for line, warning in lines:
             say(line, warning)
         say(f"{where(paths, seconds)}; the {product}: {target}")
+
+
+def _refuse_places(source: str, directory: Path, target: Path, *, named: bool) -> None:
+    """Raise an error if results of a log cannot be written to a folder, or its spec to a file.
+    named: whether the user names that file."""
+    from wavesweep.program import results
+    from wavesweep.program.cli.file_places import (
+        refuse_inputs,
+        refuse_no_folder,
+        refuse_other_things,
+    )
+
+    results.refuse_unusable(directory)
+    if named:
+        refuse_no_folder(target)
+    refuse_other_things(target)
+    kinds = ("identify", "identify-response", "identify-frames")
+    tables = [directory / name for kind in kinds for name in results.names_of(kind)]
+    refuse_inputs([source], target, *tables)
 
 
 def _log_alone(log: str | None, given: dict[str, Any]) -> str:

@@ -758,8 +758,7 @@ def force_beside(log, search, point, skip):
 def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str, float]:
     """The best of a grid of numbers; with those of a smaller model, near these."""
     model = log.model
-    rows = len(log.reading)
-    least = _least_variances(rows)
+    least = _least_variances(len(log.reading))
     rough, delays = (ROUGH, DELAYS) if model.delay is None else ((model.delay,), (model.delay,))
     squares = [0.0]
     if model.spring:
@@ -768,63 +767,73 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     drifts = [10 ** max(decade, least[1]) for decade in DRIFT]
     if model.measured == "acceleration":
         whites = drifts = [0.0]
-    best = (np.inf, {})
-    sign = 0.0
-    skip = SPARE_ROWS + int(max(0.0, *delays))
+    look = _FirstLook(log, SPARE_ROWS + int(max(0.0, *delays)))
+    if near is not None:
+        look.around(near, squares=[near["square"], *squares], delays=[near["delay"], *delays])
+        if not look.best:
+            raise UsageError(NO_MASS)
+        return look.best
+    look.at(RATES, squares, rough, whites[:3], drifts[1:2])
+    if not look.best:
+        look.at(RATES, squares, delays[::2], whites, drifts[::2])
+    if not look.best:
+        raise UsageError(OTHER_SIGN if look.sign > 10.0 else NO_MASS)
+    look.around(look.best, squares=squares, delays=delays)
+    whites = [look.best["white"] * ratio for ratio in (1e-2, 1.0, 1e2)]
+    look.around(look.best, whites=whites, drifts=drifts)
+    return look.best
 
-    def tried(rates, squares, delays, whites, drifts):
-        nonlocal best, sign
+
+class _FirstLook:
+    """Places of a grid that were tried for a log.
+
+    best: the numbers with a mass whose errors are least; error: the sum of their squares. sign: how
+    many times its noise a negative mass was.
+    """
+
+    def __init__(self, log: ScaledLog, skip: int) -> None:
+        self.log = log
+        self.skip = skip
+        self.best: dict[str, float] = {}
+        self.error = np.inf
+        self.sign = 0.0
+
+    def around(self, numbers, squares=(), delays=(), whites=(), drifts=()):
+        """Try what is given with the other numbers as they are."""
+        self.at(
+            [numbers["rate"]],
+            squares or [numbers["square"]],
+            delays or [numbers["delay"]],
+            whites or [numbers["white"]],
+            drifts or [numbers["drift"]],
+        )
+
+    def at(self, rates, squares, delays, whites, drifts):
+        """Try all combinations."""
         places = list(product(rates, squares, whites, drifts, delays))
         for number, (rate, square, white, drift, delay) in enumerate(places, 1):
             FIT_LOGGER.info("a first look at %d of %d places", number, len(places))
-            found = {
+            numbers = {
                 "rate": rate,
                 "square": square,
                 "delay": delay,
                 "white": white,
                 "drift": drift,
-                "turning": log.slowest,
+                "turning": self.log.slowest,
             }
             with np.errstate(all="ignore"):
-                _, errors, effects = errors_of(log, found, skip)
+                _, errors, effects = errors_of(self.log, numbers, self.skip)
                 gains, left = projected(errors, effects)
             # Errors are compared as those of predictions.
             error = float(left @ left)
             if not np.isfinite(error):
                 continue
-            if gains[0] > 0 and error < best[0]:
-                best = error, found
+            if gains[0] > 0 and error < self.error:
+                self.error = error
+                self.best = numbers
             if gains[0] < 0:
                 noise = np.sqrt(error / len(left)) / np.linalg.norm(effects[0])
-                sign = max(sign, -gains[0] / noise)
-
-    if near is not None:
-        tried(
-            [near["rate"]],
-            [near["square"], *squares],
-            [near["delay"], *delays],
-            [near["white"]],
-            [near["drift"]],
-        )
-        if not best[1]:
-            raise UsageError(NO_MASS)
-        return best[1]
-    tried(RATES, squares, rough, whites[:3], drifts[1:2])
-    if not best[1]:
-        tried(RATES, squares, delays[::2], whites, drifts[::2])
-    if not best[1]:
-        raise UsageError(OTHER_SIGN if sign > 10.0 else NO_MASS)
-    near = best[1]
-    tried([near["rate"]], squares, delays, [near["white"]], [near["drift"]])
-    near = best[1]
-    tried(
-        [near["rate"]],
-        [near["square"]],
-        [near["delay"]],
-        [near["white"] * ratio for ratio in (1e-2, 1.0, 1e2)],
-        drifts,
-    )
-    return best[1]
+                self.sign = max(self.sign, -gains[0] / noise)
 
 
 def least_of(log, search, point, skip, most):

@@ -7,7 +7,7 @@ from dataclasses import replace
 from hashlib import sha256
 from math import exp, inf, isnan, sqrt
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -175,21 +175,16 @@ def _of_response(
         "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
         "share_of_missing": fit.share,
     }
-    options: dict[str, Any] = {
-        "spring": model.spring,
-        "delay": model.delay,
-        "period_s": period,
+    options = {"spring": model.spring, "delay": model.delay, "period_s": period}
+    beside = {
+        "two_masses": model.load,
+        "scales": dict(scales),
+        "columns": dict(renamed),
+        "analogue": rate_hz is None,
     }
-    if model.load:
-        options["two_masses"] = True
-    if scales:
-        options["scales"] = dict(scales)
-    if renamed:
-        options["columns"] = dict(renamed)
-    if rate_hz is None:
-        options["analogue"] = True
-    judgement = (fit.explained, fit.missing, residual)
-    facts = _facts(path, measured.sha256, options, period, parameters, judgement, started)
+    options |= {name: value for name, value in beside.items() if value}
+    explained = Explained(parameters, fit.explained, fit.missing, residual)
+    facts = _facts(path, measured.sha256, options, period, explained, started)
     facts["methods"] = {"identify": RESPONSE_METHOD}
     if not scales:
         question = (
@@ -211,8 +206,17 @@ def _of_response(
     return Table.of("identify-response", columns, facts)
 
 
-def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
-    explained, missing, residual = judged
+class Explained(NamedTuple):
+    """The numbers of a device, whether they explain its log, what is missing, and what is left of
+    it."""
+
+    parameters: Mapping[str, dict[str, Any]]
+    explained: bool
+    missing: str
+    residual: Mapping[str, Any]
+
+
+def _facts(path, sha, asked, period, found: Explained, started) -> dict[str, Any]:
     return {
         "schema_version": 1,
         **versions(),
@@ -224,10 +228,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
         "measured": "position",
         "period_s": period,
         "resolution": 0.0,
-        "parameters": parameters,
-        "explained": explained,
-        "missing": missing,
-        "residual": residual,
+        **found._asdict(),
         "unusual": "",
         "notices": [],
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
@@ -246,16 +247,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
     step = step_of(log.reading) if resolution is None else resolution
-    if np.ptp(log.reading) < 3 * step:
-        moved = np.ptp(log.reading) / step
-        raise UsageError(
-            f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}"
-        )
     model = replace(model, measured=log.measured)
-    if model.load and log.measured == "acceleration":
-        raise UsageError(
-            f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration"
-        )
+    _refuse_log(path, log, step, model)
     # with it readings far from 0 would lose digits
     origin = log.reading[0] if log.measured == "position" else 0.0
     with one_thread():
@@ -277,9 +270,10 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     if model.load:
         options["two_masses"] = True
     options |= {"scales": dict(scales), "columns": dict(columns)}
-    judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
+    residual = _residual(fit, verdict)
+    explained = Explained(parameters, verdict.explained, verdict.missing, residual)
     outliers = fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))
-    facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
+    facts = _facts(path, log.sha256, options, log.period, explained, started)
     facts |= {
         "unusual": "" if log.scaled else _unusual_of_log(parameters["mass"], log),
         "turns": log.turns,
@@ -298,6 +292,19 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     }
     fields = fields_of_log(log.measured, log.turns)
     return Table.of("identify", table_columns, facts, fields=fields)
+
+
+def _refuse_log(path, log, step, model):
+    """Raise UsageError for a log that does not move, or not what the model reads."""
+    if np.ptp(log.reading) < 3 * step:
+        moved = np.ptp(log.reading) / step
+        raise UsageError(
+            f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}"
+        )
+    if model.load and log.measured == "acceleration":
+        raise UsageError(
+            f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration"
+        )
 
 
 def _take_intervals_away(parameters: Mapping[str, dict[str, Any]]) -> None:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -164,21 +164,26 @@ def _check_resources(resources: Any) -> None:
     if not isinstance(resources, list) or not resources:
         raise ValueError("expected a list of files, found none")
     for entry in resources:
-        file = entry if isinstance(entry, dict) else {}
-        if not all(isinstance(file.get(name), str) for name in ("name", "path", "hash")):
+        if not _has_texts(entry, ("name", "path", "hash")):
             raise ValueError("expected name, path and hash of each file, found others")
-        if not file["path"].isprintable() or not isinstance(file.get("bytes"), int):
+        if not entry["path"].isprintable() or not isinstance(entry.get("bytes"), int):
             raise ValueError("expected a printable path and bytes of each file, found others")
     schema = resources[0].get("schema")
     columns = schema.get("fields") if isinstance(schema, dict) else None
     if not (columns and isinstance(columns, list)):
         raise ValueError("expected the columns of the table, found none")
     for entry in columns:
-        column = entry if isinstance(entry, dict) else {}
-        if not all(isinstance(column.get(name), str) for name in _OF_COLUMN):
+        if not _has_texts(entry, _OF_COLUMN):
             raise ValueError(f"expected {', '.join(_OF_COLUMN)} of each column, found others")
-        if column["type"] not in get_args(FieldKind):
+        if entry["type"] not in get_args(FieldKind):
             raise ValueError(f"expected {' or '.join(get_args(FieldKind))} as type of each column")
+
+
+def _has_texts(entry: Any, names: Iterable[str]) -> bool:
+    """Whether a value is a table with texts of these names."""
+    if not isinstance(entry, dict):
+        return False
+    return all(isinstance(entry.get(name), str) for name in names)
 
 
 def packaged_parts(package: Path) -> int:

@@ -254,20 +254,15 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     require = job.asked.require
     if require and require.bound.gains:
         return {}
-    first = None  # the axes' values in the first row without an interval
-    for block in result.blocks(stage.hand):
-        empty = np.flatnonzero(block["certified"] & (block["intervals"] == 0))
-        if first is None and empty.size:
-            first = {other.name: block[other.name][empty[0]].item() for other in job.grid.axes}
-        if first is not None and require:
-            break
-        if (block["intervals"] > 0).any():
-            return {}
-    if first is None:
+    empty, full = _first_without(result.blocks(stage.hand), job.grid.axes, enough=bool(require))
+    if full:
+        return {}
+    if empty is None:
         nothing_decides = spec.drawing and conserves(own_loop(spec))
         return {"conserves": True} if nothing_decides else {}
-    changes = {other.path: first[other.name] for other in job.grid.axes}
-    spec = spec.with_values(changes) if changes else spec
+    changes = {other.path: empty[other.name] for other in job.grid.axes}
+    if changes:
+        spec = spec.with_values(changes)
     loops = own_loop(spec)
     beyond = outside
     by_lines = False
@@ -276,7 +271,24 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         beyond = require.bound.over(frames_per_clock(spec, loops_of(spec, spec.values))).beyond
     span = axis.start, axis.stop
     mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
-    return {"in_the_way": {"at": first, **mode}} if mode else {}
+    return {"in_the_way": {"at": empty, **mode}} if mode else {}
+
+
+def _first_without(
+    blocks: Iterable[Columns], axes: Iterable[Any], *, enough: bool
+) -> tuple[dict[str, Any] | None, bool]:
+    """The values of the axes in the first row without an interval, and whether a row with one was
+    met. enough: whether to stop at the first without one."""
+    empty = None
+    for block in blocks:
+        without = np.flatnonzero(block["certified"] & (block["intervals"] == 0))
+        if empty is None and without.size:
+            empty = {axis.name: block[axis.name][without[0]].item() for axis in axes}
+        if empty is not None and enough:
+            return empty, False
+        if (block["intervals"] > 0).any():
+            return empty, True
+    return empty, False
 
 
 def _limits_of_walls(spec, along, swept) -> dict:
