@@ -301,17 +301,19 @@ def _stops(page):
     if each < LEAST_STOPS:
         return stops, 0
     for slider in swept:
-        values = slider.values
-        if not values:
-            axis = axes[slider.path]
-            spaced = np.geomspace if axis.scale == "log" else np.linspace
-            low, high = max(axis.start, slider.low), min(axis.stop, slider.high)
-            values = [float(f"{value:.6g}") for value in spaced(low, high, each)]
-        places = np.unique(
-            np.linspace(0, len(values) - 1, min(each, len(values))).round().astype(int)
-        )
-        stops[slider.path] = sorted({*(values[at] for at in places), float(slider.value)})
+        values = slider.values or _places_between(slider, axes[slider.path], each)
+        count = min(each, len(values))
+        chosen = np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))
+        stops[slider.path] = sorted({*(values[at] for at in chosen), float(slider.value)})
     return stops, 0
+
+
+def _places_between(slider, axis, count):
+    """Values between the ends of an axis of a sweep as far as its slider goes, rounded."""
+    spaced = np.geomspace if axis.scale == "log" else np.linspace
+    low = max(axis.start, slider.low)
+    high = min(axis.stop, slider.high)
+    return [float(f"{value:.6g}") for value in spaced(low, high, count)]
 
 
 def _design(page, values, planes):

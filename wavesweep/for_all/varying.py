@@ -301,6 +301,12 @@ def _end(loops: LoopsOver, refuted: Refuted) -> End:
     return End(refuted.x, refuted.point, word, text)
 
 
+def _chain(rules, values, symbols):
+    """The chain of the frames at random, and of what is lost in them."""
+    lost = losses_at_random(rules.drawing, values) if rules.messages else {}
+    return chain_of(rules.for_all.lengths, rules.for_all.results, symbols, lost=lost)
+
+
 def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
@@ -346,10 +352,7 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         middle = family(tuple(box.mean(0).tolist()))
         on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
-        for_all = rules.for_all
-        lost = losses_at_random(rules.drawing, values) if rules.messages else {}
-        chain = chain_of(for_all.lengths, for_all.results, frames.symbols, lost=lost)
-        on_average = OnAverage(*chain)
+        on_average = OnAverage(*_chain(rules, values, frames.symbols))
     growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
     return loops(growth=growth, on_average=on_average)
 

@@ -301,41 +301,43 @@ def decide_over(
 
     loops: along no number. work: operations of the proof.
     """
-
-    def refuted(family, word):
-        return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
-
-    def worst(box, starts):
-        for point in map(
-            tuple, climb(loops.growth, box, starts).points[:POINTS_LOOKED_AT].tolist()
-        ):
-            family = loops.family(point)
-            words = [(0,)]
-            if not loops.on_average:
-                A = family.at(0.0)
-                words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
-            for word in words:
-                if refuted(family, word):
-                    return point, word
-        return (), ()
-
     sides = as_sides(loops.box, loops.sides)
     if (loops.growth.of(loops.starts) < 1).all():
         soon = cover(loops.frames, sides, loops.follows, min(work, SOON))
         if not soon.open and not contradicted(loops.growth, loops.box):
             return (), (), True
     for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
-        point, word = worst(loops.box, starts())
+        point, word = _worst_member(loops, loops.box, starts())
         if word:
             return point, word, False
     found = cover(loops.frames, sides, loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
-        if refuted(loops.family(point), found.word):
+        if _is_refuted(loops, loops.family(point), found.word):
             return point, found.word, False
     if found.open:
         low = np.min(found.open, axis=(0, 1))
         high = np.max(found.open, axis=(0, 1))
         part = np.clip(as_numbers(np.array([low, high]), loops.sides), *loops.box)
-        point, word = worst(part, part)
+        point, word = _worst_member(loops, part, part)
     return point if word else (), word, not found.open
+
+
+def _worst_member(loops, box, starts):
+    """A point of a box and a word that grows there, () without: those that a climb finds first."""
+    points = climb(loops.growth, box, starts).points[:POINTS_LOOKED_AT].tolist()
+    for point in map(tuple, points):
+        family = loops.family(point)
+        words = [(0,)]
+        if not loops.on_average:
+            A = family.at(0.0)
+            words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
+        for word in words:
+            if _is_refuted(loops, family, word):
+                return point, word
+    return (), ()
+
+
+def _is_refuted(loops, family, word):
+    """Whether a word, or the mean square, of a loop without a number grows."""
+    return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)

@@ -191,6 +191,14 @@ def _refuse_motor_constant(
         )
 
 
+def _taken_name(kind, turns, columns, places):
+    """The quantity that a log is taken to have, of a kind: of those in the file one that `columns`
+    names, then the first; without any the first of all."""
+    names = list(dict.fromkeys(kind.values() if turns else kind))
+    named = [name for name in names if columns.get(name)]
+    return next((name for name in (*named, *names) if name in places), names[0])
+
+
 def read_log(
     path: str | Path,
     columns: Mapping[str, str],
@@ -215,20 +223,16 @@ def read_log(
     _refuse_unknown(columns, scales, column_names)
     places = _places_in(file.names, columns, column_names)
     turns = _turns(columns, places)
-    used = {"time": "time"}
-    for kind in (PUSHES, MOTIONS):
-        names = list(dict.fromkeys(kind.values() if turns else kind))
-        used[names[0]] = next(
-            (n for n in (*filter(columns.get, names), *names) if n in places), names[0]
-        )
-    for name in used.values():
+    push = _taken_name(PUSHES, turns, columns, places)
+    motion = _taken_name(MOTIONS, turns, columns, places)
+    used = ("time", push, motion)
+    for name in used:
         if name not in places:
             _refuse_missing(path, name, columns.get(name, name), file)
-    _, push, motion = used.values()
     _refuse_motor_constant(path, push, constant, turns)
-    rows = file.numbers([places[name][0] for name in used.values()], LEAST_LOG_ROWS)
-    factors = {name: scales.get(name, places[name][1]) for name in used.values()}
-    readings = {name: rows[:, at] * factors[name] for at, name in enumerate(used.values())}
+    rows = file.numbers([places[name][0] for name in used], LEAST_LOG_ROWS)
+    factors = {name: scales.get(name, places[name][1]) for name in used}
+    readings = {name: rows[:, at] * factors[name] for at, name in enumerate(used)}
     _refuse_constant(path, readings, motion)
     period, jitter = _period(path, file, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
@@ -244,7 +248,7 @@ def read_log(
         jitter,
         file.sha256,
         tuple(scales),
-        tuple(_sentences({name: places[name] for name in used.values() if name not in scales})),
+        tuple(_sentences({name: places[name] for name in used if name not in scales})),
     )
 
 

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from wavesweep.engine.blocks import FACTOR, PRODUCT
-from wavesweep.engine.drawing import BLOCK, GAIN, path_of
+from wavesweep.engine.drawing import BLOCK, GAIN, Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import OpenTicks, open_loops
 from wavesweep.engine.keys import nearest
@@ -163,6 +163,19 @@ def default_cut(spec: Spec) -> str:
     return next(iter(asked or cuts_of(spec)), "")
 
 
+def _readings(drawing: Drawing) -> set[tuple[str, str]]:
+    """Pairs of blocks of which the first one reads the second one, also through others: by S.
+    Warshall's method."""
+    reads = set()
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        reads |= {(_block_of(port), _block_of(name)) for name, _ in terms}
+    for block in drawing.blocks:
+        readers = [reader for reader, source in reads if source == block.name]
+        sources = [source for reader, source in reads if reader == block.name]
+        reads |= set(product(readers, sources))
+    return reads
+
+
 def cuts_of(spec: Spec) -> list[str]:
     """The signals at which the spec's own loop can be broken.
 
@@ -170,13 +183,7 @@ def cuts_of(spec: Spec) -> list[str]:
     """
     loop = own_loop(spec)
     drawing = loop.drawing
-    reads = set()  # pairs of blocks: the first one reads the second one
-    for port, terms in (*drawing.wires, *drawing.couplings):
-        reads |= {(_block_of(port), _block_of(name)) for name, _ in terms}
-    for block in drawing.blocks:  # also through others, by S. Warshall's method
-        readers = [reader for reader, source in reads if source == block.name]
-        sources = [source for reader, source in reads if reader == block.name]
-        reads |= set(product(readers, sources))
+    reads = _readings(drawing)
     plants = {block.name for block in drawing.blocks if block.plant}
     arriving = {name for plant in drawing.plants for _, name in plant.arriving}
     acting = set()  # signals that plants read

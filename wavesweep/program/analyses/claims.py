@@ -376,19 +376,7 @@ class Scope:
     def covers(self, asked: Scope, own: Mapping[str, Any]) -> bool:
         """Whether all loops of another scope are in this one; own: the spec's own values, by
         their paths."""
-        ranges = {each.path: each for each in self.numbers}
-        numbers = {each.path: each for each in asked.numbers}
-        for path in {*ranges, *numbers}:
-            value = float(own[path])
-            at_own = Range(path, value, value, (value,))
-            if not ranges.get(path, at_own).covers(numbers.get(path, at_own)):
-                return False
-        channels = {each.channel: each for each in self.messages}
-        for messages in asked.messages:
-            known = channels.pop(messages.channel, Messages(messages.channel))
-            if not known.covers(messages):
-                return False
-        if any(each.chances for each in channels.values()):
+        if not self._covers_numbers(asked, own) or not self._covers_messages(asked):
             return False
         if self.run:
             return self == asked
@@ -396,6 +384,24 @@ class Scope:
         # The spec's own tick is one of those of [for_all].
         ticks = asked.tick is None or (self.tick is not None and self.tick.covers(asked.tick))
         return self.frames.covers(asked.frames) and self.hands == asked.hands and walls and ticks
+
+    def _covers_numbers(self, asked, own):
+        ranges = {each.path: each for each in self.numbers}
+        numbers = {each.path: each for each in asked.numbers}
+        for path in {*ranges, *numbers}:
+            value = float(own[path])
+            at_own = Range(path, value, value, (value,))
+            if not ranges.get(path, at_own).covers(numbers.get(path, at_own)):
+                return False
+        return True
+
+    def _covers_messages(self, asked):
+        channels = {each.channel: each for each in self.messages}
+        for messages in asked.messages:
+            known = channels.pop(messages.channel, Messages(messages.channel))
+            if not known.covers(messages):
+                return False
+        return not any(each.chances for each in channels.values())
 
     def written(self) -> dict[str, Any]:
         """The scope as JSON has it."""

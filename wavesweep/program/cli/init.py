@@ -124,46 +124,45 @@ def command(
     if listed:
         click.echo("\n".join(_listed()))
         return
-    kind, drawn, logs = example or kind, drawn_loops(), logs_of_documents()
-    _known(
-        kind,
-        [*CONTROLLERS, *drawn, *logs],
-        "loop to begin with",
-        "`wavesweep init --list` lists all",
-    )
+    kind = example or kind
+    names = [*CONTROLLERS, *drawn_loops(), *logs_of_documents()]
+    _known(kind, names, "loop to begin with", "`wavesweep init --list` lists all")
     if out is not None and not out.strip():
         raise click.UsageError(
             "--out: expected the name of a file, found an empty text; leave the option out for the default"
         )
-    target, shown = (
-        Path(out or (kind if kind in logs else f"{kind}.toml")),
-        f"{kind}.toml" if out in (None, "-") or not out.isprintable() else quote(out),
-    )
-    if kind in CONTROLLERS:
-        if device is not None:
-            _known(device, DEVICES, "device")
-        text = starter(kind, device, shown, settings)
-    elif device is not None:
-        raise click.UsageError(
-            f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set"
-        )
-    elif kind in logs:
-        if settings:
-            raise click.UsageError(
-                f"--set: expected a loop to begin with, found {kind}, a log, which has no numbers to set"
-            )
-        text = logs[kind].read_text(encoding="utf-8")
-    else:
-        text = _filled(drawn[kind], shown, settings)
+    own_name = kind if kind in logs_of_documents() else f"{kind}.toml"
+    shown = f"{kind}.toml"
+    if out not in (None, "-") and out.isprintable():
+        shown = quote(out)
+    text = _text_of(kind, device, shown, settings)
     if out == "-":
         click.echo(text, nl=False)
         return
-    write_whole(
-        (target, text),
-        overwrite=overwrite,
-        expected="another --out FILE, or --overwrite to replace it",
-    )
+    target = Path(out or own_name)
+    expected = "another --out FILE, or --overwrite to replace it"
+    write_whole((target, text), overwrite=overwrite, expected=expected)
     click.echo(str(target), err=True)
+
+
+def _text_of(kind: str, device: str | None, shown: str, settings: tuple[str, ...]) -> str:
+    """The file of a kind; shown: its name, as its comments have it."""
+    if kind in CONTROLLERS:
+        if device is not None:
+            _known(device, DEVICES, "device")
+        return starter(kind, device, shown, settings)
+    if device is not None:
+        raise click.UsageError(
+            f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set"
+        )
+    logs = logs_of_documents()
+    if kind not in logs:
+        return _filled(drawn_loops()[kind], shown, settings)
+    if settings:
+        raise click.UsageError(
+            f"--set: expected a loop to begin with, found {kind}, a log, which has no numbers to set"
+        )
+    return logs[kind].read_text(encoding="utf-8")
 
 
 def drawn_loops() -> dict[str, Path]:

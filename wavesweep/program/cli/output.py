@@ -214,15 +214,11 @@ def _report(
     claims: dict[str, list[Claim]] = {spec.name: [] for spec in specs}
     for word, fact in facts.get("claims", {}).items():
         claims[word if len(specs) > 1 else specs[0].name].append(Claim.read(fact))
-    said = [
-        line
-        for spec in specs
-        for line in (
-            *unusual(spec),
-            *_uncovered(spec, claims[spec.name]),
-            *_without_effect(command, spec, options.overrides),
-        )
-    ]
+    said: list[str] = []
+    for spec in specs:
+        said += unusual(spec)
+        said += _uncovered(spec, claims[spec.name])
+        said += _without_effect(command, spec, options.overrides)
     notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
     if options.as_json:
         show_json(
