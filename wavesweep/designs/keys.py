@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
@@ -87,34 +86,25 @@ class Design(TableValue):
         for wish in self.wishes:
             stop = max(wish.options.get("band_hz", ()), default=0.0)
             if stop > hz / 2:
-                path, (expected, highest) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
-                mistakes.refuse(
-                    wish.places["band_hz"],
-                    path,
-                    f"numbers <= {expected} (half of {rate})",
-                    highest,
-                    of_key=False,
-                )
+                path = f"design.wish.{wish.name}.band_hz"
+                half, highest = apart(hz / 2, stop)
+                expected = f"numbers <= {half} (half of {rate})"
+                mistakes.refuse(wish.places["band_hz"], path, expected, highest, of_key=False)
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""
-        wall, faults = drawing.wall or (), [*self.unsuited_wishes(drawing)]
+        wall = drawing.wall or ()
+        faults = [*self.unsuited_wishes(drawing)]
         decides = "a wall whose numbers do not decide how the loop is built"
         faults += [("wish", decides, name) for name in sorted(drawing.shaping & set(wall))]
         self.refuse_unsuited_axes(set(map(path_of, wall)), mistakes)
         if self.hand:
-            faults.append(
-                ("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand")
-            )
+            expected = "numbers of the drawing, in which the hand is a block"
+            faults.append(("for_all.hand", expected, "hand"))
         for swept, reference, _ in self.ratios:
             ratio = f"{swept}/{reference}"
-            faults.append(
-                (
-                    f"for_all.{ratio}",
-                    "a number of the drawing; write a ratio as an expression there",
-                    ratio,
-                )
-            )
+            expected = "a number of the drawing; write a ratio as an expression there"
+            faults.append((f"for_all.{ratio}", expected, ratio))
         for path, expected, problem in faults:
             mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
@@ -125,11 +115,8 @@ class Design(TableValue):
         drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
         for wish in self.wishes:
             if wish.name not in drawn_wishes:
-                yield (
-                    f"wish.{wish.name}",
-                    f"one of {', '.join(drawn_wishes)} for a drawn loop",
-                    wish.name,
-                )
+                expected = f"one of {', '.join(drawn_wishes)} for a drawn loop"
+                yield f"wish.{wish.name}", expected, wish.name
                 continue
             if "cut" in wish.options:
                 fault = fault_of_cut(drawing, wish.options["cut"])
@@ -143,58 +130,46 @@ class Design(TableValue):
                 except UsageError as error:
                     end, _, fault = str(error).lstrip(".").partition(": expected ")
                     yield f"wish.{wish.name}.{end}", *fault.rsplit(", found ", 1)
-            needed = {
-                *wish.kind.ports,
-                *(["wall"] if {"walls", "B_VE"} & set(wish.options) else []),
-            }
-            for name in sorted(name for name in needed if ports[name] is None):
-                yield f"wish.{wish.name}", f"a loop with a {name} in [ports]", "none"
+            needed = {*wish.kind.ports}
+            if {"walls", "B_VE"} & set(wish.options):
+                needed.add("wall")
+            for name in sorted(needed):
+                if ports[name] is None:
+                    yield f"wish.{wish.name}", f"a loop with a {name} in [ports]", "none"
 
     def refuse_unsuited_axes(self, wall: set[str], mistakes: Mistakes) -> None:
         """Add the mistakes of axes along which a drawn loop cannot be designed; wall: the paths
         of its wall's numbers."""
-        for axis, table in [
-            *((axis, "vary") for axis in self.vary),
-            *((axis, "for_all") for axis in self.for_all),
-        ]:
-            expected = ""
+        not_of_wall = "a number that is not of the wall (walls belong to the wishes)"
+        whole = "a whole number, or one that does not decide how the loop is built"
+        for axis in self.vary:
             if axis.path in wall:
-                expected = "a number that is not of the wall (walls belong to the wishes)"
-            elif (
-                table == "for_all"
-                and axis.structural
-                and not all(isinstance(value, int) for value in axis.values)
-            ):
-                expected = "a whole number, or one that does not decide how the loop is built"
-            if expected:
-                mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
+                mistakes.refuse(axis.place, f"design.vary.{axis.name}", not_of_wall, axis.name)
+        for axis in self.for_all:
+            path = f"design.for_all.{axis.name}"
+            if axis.path in wall:
+                mistakes.refuse(axis.place, path, not_of_wall, axis.name)
+            elif axis.structural and not all(isinstance(value, int) for value in axis.values):
+                mistakes.refuse(axis.place, path, whole, axis.name)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest
         stiffness of a wall."""
-        ranges = {
-            path: (value, value)
-            for path, value in values.items()
-            if isinstance(value, (int, float))
-        }
-        ranges |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
-        ranges |= {
-            f"operator.{key}": (min(values_of_key), max(values_of_key))
-            for key, values_of_key in self.hand.items()
-        }
-        dampings = [
-            damping
-            for wish in self.wishes
-            for damping in wish.options.get("B_VE", ranges["environment.B_VE"])
-        ]
-        stiffnesses = [
-            wall
-            for wish in self.wishes
-            for wall in wish.options.get("walls", ranges["environment.K_VE"])
-        ]
-        stiffnesses += (
-            [0.0, stop] if any(wish.name in ("z_width", "felt") for wish in self.wishes) else []
-        )
+        ranges = {}
+        for path, value in values.items():
+            if isinstance(value, (int, float)):
+                ranges[path] = value, value
+        for axis in (*self.vary, *self.for_all):
+            ranges[axis.path] = axis.start, axis.stop
+        for key, listed in self.hand.items():
+            ranges[f"operator.{key}"] = min(listed), max(listed)
+        dampings = []
+        stiffnesses = []
+        for wish in self.wishes:
+            dampings += wish.options.get("B_VE", ranges["environment.B_VE"])
+            stiffnesses += wish.options.get("walls", ranges["environment.K_VE"])
+            if wish.name in ("z_width", "felt"):
+                stiffnesses += [0.0, stop]
         ranges["environment.B_VE"] = min(dampings), max(dampings)
         ranges["environment.K_VE"] = min(stiffnesses), max(stiffnesses)
         for swept, reference, factors in in_order(self.ratios):
@@ -203,24 +178,18 @@ class Design(TableValue):
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        for_all = {axis.name: list(axis.values) for axis in self.for_all}
-        for_all |= {
-            f"{swept}/{reference}": list(values) for swept, reference, values in self.ratios
-        }
-        for_all |= (
-            {"hand": {key: list(values) for key, values in self.hand.items()}} if self.hand else {}
-        )
-        return {
-            **self.settings,
-            "vary": {
-                axis.name: axis.written()
-                if axis.values
-                else {**axis.written(), "scale": axis.scale}
-                for axis in self.vary
-            },
-            "wish": {wish.name: wish.written() for wish in self.wishes},
-            **({"for_all": for_all} if for_all else {}),
-        }
+        vary = {}
+        for axis in self.vary:
+            written = axis.written()
+            vary[axis.name] = written if axis.values else {**written, "scale": axis.scale}
+        for_all: dict[str, object] = {axis.name: list(axis.values) for axis in self.for_all}
+        for swept, reference, values in self.ratios:
+            for_all[f"{swept}/{reference}"] = list(values)
+        if self.hand:
+            for_all["hand"] = {key: list(values) for key, values in self.hand.items()}
+        wishes = {wish.name: wish.written() for wish in self.wishes}
+        tables = {"vary": vary, "wish": wishes} | ({"for_all": for_all} if for_all else {})
+        return {**self.settings, **tables}
 
 
 def distinct(values: Iterable[float]) -> tuple[float, ...]:
@@ -234,10 +203,13 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
 
     Those that follow themselves are left out.
     """
-    ordered, waiting = [], list(ratios)
-    while ready := [
-        ratio for ratio in waiting if ratio[1] not in {number for number, *_ in waiting}
-    ]:
+    ordered = []
+    waiting = list(ratios)
+    while waiting:
+        following = {number for number, *_ in waiting}
+        ready = [ratio for ratio in waiting if ratio[1] not in following]
+        if not ready:
+            break
         ordered += ready
         waiting = [ratio for ratio in waiting if ratio not in ready]
     return ordered
@@ -246,7 +218,8 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
 def build(request: Request) -> Design | None:
     """Return the design and add its mistakes; None if the spec has none, or a wrong one."""
     mistakes = request.mistakes
-    varied, for_all = request.axes(VARIED), request.axes(FOR_DESIGNS)
+    varied = request.axes(VARIED)
+    for_all = request.axes(FOR_DESIGNS)
     request.refuse_other_edges(VARIED, varied, spared=True)  # no design varies an edge
     request.refuse_other_edges(FOR_DESIGNS, for_all)
     leaves = {
@@ -274,28 +247,20 @@ def build(request: Request) -> Design | None:
 def refuse_beyond_limits(request: Request, design: Design) -> None:
     """Add the mistakes of numbers of a controller's loop that leave the range set by its other
     values."""
-    wall = next(
-        (axis.stop for axis in request.sweep if axis.path == "environment.K_VE"), K_VE_SPAN[1]
-    )
+    swept = [axis.stop for axis in request.sweep if axis.path == "environment.K_VE"]
+    wall = swept[0] if swept else K_VE_SPAN[1]
     followers = tuple(design.followers(request.values, wall))
-    for section, axes in (
-        (VARIED, design.vary),
-        (FOR_DESIGNS, design.for_all),
-        (FOR_DESIGNS, followers),
-    ):
-        request.refuse_beyond_limits(section, axes)
-    for axis, end in (
-        (follower, end) for follower in followers for end in (follower.start, follower.stop)
-    ):
-        try:
-            check(KEYS[axis.path], float(end))
-        except Rejected as error:
-            request.mistakes.refuse(
-                axis.place,
-                f"design.for_all.{axis.name}",
-                error.expected,
-                f"{show(end)} of {axis.path}",
-            )
+    request.refuse_beyond_limits(VARIED, design.vary)
+    request.refuse_beyond_limits(FOR_DESIGNS, design.for_all)
+    request.refuse_beyond_limits(FOR_DESIGNS, followers)
+    for axis in followers:
+        for end in (axis.start, axis.stop):
+            try:
+                check(KEYS[axis.path], float(end))
+            except Rejected as error:
+                path = f"design.for_all.{axis.name}"
+                found = f"{show(end)} of {axis.path}"
+                request.mistakes.refuse(axis.place, path, error.expected, found)
 
 
 class _Reader:
@@ -304,7 +269,10 @@ class _Reader:
     def __init__(
         self, leaves: Mapping[str, Leaf], belongs: Sorted, names: Names, mistakes: Mistakes
     ) -> None:
-        self.leaves, self.parts, self.names, self.mistakes = leaves, belongs.axes, names, mistakes
+        self.leaves = leaves
+        self.parts = belongs.axes
+        self.names = names
+        self.mistakes = mistakes
         self.settings = {path: leaf for path, leaf in belongs.keys.items() if path in DESIGN_KEYS}
 
     def refuse(self, path: str, expected: str, found: str) -> None:
@@ -313,46 +281,39 @@ class _Reader:
         self.mistakes.refuse((*leaves, *self.leaves.values())[0], f"design.{path}", expected, found)
 
     def design(self, varied: Iterable[Axis], given: Iterable[Axis]) -> Design:
-        settings = {path: key.default for path, key in DESIGN_KEYS.items()} | self.mistakes.read(
-            DESIGN_KEYS, self.settings
-        )
-        vary, wishes, ratios, hand = (
-            tuple(self.varied(varied)),
-            tuple(self.wished()),
-            self.ratios(),
-            self.hand(),
-        )
-        for_all = tuple(
-            replace(axis, values=axis.values or (axis.start, axis.stop), scale=None)
-            for axis in given
-        )
-        for section, expected in (
-            ("vary", "at least one number to vary"),
-            ("wish", f"at least one of {', '.join(WISHES)}"),
-        ):
-            if not any(path.startswith(f"design.{section}.") for path in self.leaves):
-                self.refuse(section, expected, "none")
+        settings = {path: key.default for path, key in DESIGN_KEYS.items()}
+        settings |= self.mistakes.read(DESIGN_KEYS, self.settings)
+        vary = tuple(self.varied(varied))
+        wishes = tuple(self.wished())
+        ratios = self.ratios()
+        hand = self.hand()
+        for_all = []
+        for axis in given:
+            values = axis.values or (axis.start, axis.stop)
+            for_all.append(replace(axis, values=values, scale=None))
+        self.refuse_absent("vary", "at least one number to vary")
+        self.refuse_absent("wish", f"at least one of {', '.join(WISHES)}")
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
-            self.refuse(
-                "wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}"
-            )
+            found = f"{len(free)}: {', '.join(free)}"
+            self.refuse("wish", "at most two wishes without a bound", found)
         self.refuse_numbers(for_all, ratios, hand)
         self.refuse_ratios(ratios)
-        several = [
-            *(axis.values for axis in for_all),
-            *hand.values(),
-            *map(itemgetter(-1), ratios.values()),
-        ]
-        if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
-            self.refuse(
-                "for_all",
-                f"at most {MOST_SCENARIOS} combinations of values; list fewer",
-                f"{scenarios}",
-            )
+        counts = [len(axis.values) for axis in for_all]
+        counts += map(len, hand.values())
+        counts += [len(values) for *_, values in ratios.values()]
+        scenarios = math.prod(counts)
+        if scenarios > MOST_SCENARIOS:
+            expected = f"at most {MOST_SCENARIOS} combinations of values; list fewer"
+            self.refuse("for_all", expected, f"{scenarios}")
         names = {path.rpartition(".")[2]: value for path, value in settings.items()}
         place = next(iter(self.leaves.values())).place.parent()
-        return Design(vary, wishes, for_all, hand, tuple(ratios.values()), names, place)
+        return Design(vary, wishes, tuple(for_all), hand, tuple(ratios.values()), names, place)
+
+    def refuse_absent(self, table: str, expected: str) -> None:
+        """Add a mistake if a table of [design] has no keys."""
+        if not any(path.startswith(f"design.{table}.") for path in self.leaves):
+            self.refuse(table, expected, "none")
 
     def varied(self, axes: Iterable[Axis]) -> Iterator[Axis]:
         for axis in axes:
@@ -360,30 +321,26 @@ class _Reader:
             if axis.path.rpartition(".")[2] in BAND_EDGES:
                 self.refuse(path, "the order or the cutoff of a filter", "an edge of its band")
             elif axis.path in NOT_VARIED:
-                self.refuse(
-                    path, "a number of the device or the controller", "one of the wall or the rates"
-                )
+                expected = "a number of the device or the controller"
+                self.refuse(path, expected, "one of the wall or the rates")
             elif not axis.structural or axis.values:
                 yield axis
             elif self.names.keys[axis.path].type != "integer":
-                self.refuse(
-                    path, "a list of choices, since the loop is built anew for each", "only a span"
-                )
+                expected = "a list of choices, since the loop is built anew for each"
+                self.refuse(path, expected, "only a span")
             elif axis.stop - axis.start >= MOST_CHOICES:
                 self.refuse(path, f"fewer than {MOST_CHOICES} whole numbers", "more")
             else:
-                yield replace(
-                    axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None
-                )
+                choices = tuple(range(int(axis.start), int(axis.stop) + 1))
+                yield replace(axis, values=choices, scale=None)
 
     def wished(self) -> Iterator[Wish]:
         for name, leaves in self.parts[WISHED].items():
-            path, kind = f"design.wish.{name}", WISHES.get(name)
-            if not self.mistakes.is_known(
-                name, WISHES, next(iter(leaves.values())), path, "an unknown wish"
-            ):
+            path = f"design.wish.{name}"
+            kind = WISHES.get(name)
+            first = next(iter(leaves.values()))
+            if not self.mistakes.is_known(name, WISHES, first, path, "an unknown wish"):
                 continue
-            places = {option: leaf.place for option, leaf in leaves.items()}
             itself = leaves.get("")
             if itself is not None and itself.value != {}:
                 expected = f"a table such as {{ {kind.bound} = ... }}"
@@ -394,21 +351,25 @@ class _Reader:
             for option, value in options.items():
                 if isinstance(value, tuple):
                     options[option] = distinct(value)
-            if "cut" in kind.options and "cut" not in options:
-                self.refuse(
-                    f"wish.{name}",
-                    "cut, the signal at which the loop is cut, such as that which `wavesweep margins` names",
-                    "none",
-                )
-                continue
-            missing = [end for end in ("from", "to") if end in kind.options and end not in options]
-            if missing:
-                expected = (
-                    "from and to, the input and the output of the response, as [ports] names them"
-                )
-                self.refuse(f"wish.{name}", expected, f"none of {' and '.join(missing)}")
-                continue
-            yield Wish(name, bound, options, places)
+            if not self.lacks_signals(name, kind.options, options):
+                places = {option: leaf.place for option, leaf in leaves.items()}
+                yield Wish(name, bound, options, places)
+
+    def lacks_signals(
+        self, name: str, needed: Collection[str], given: Mapping[str, object]
+    ) -> bool:
+        """Whether a wish does not name the signals that it is about; adds the mistake."""
+        missing = [option for option in ("cut", "from", "to") if option in needed]
+        missing = [option for option in missing if option not in given]
+        if "cut" in missing:
+            expected = "cut, the signal at which the loop is cut, such as that which `wavesweep margins` names"
+            self.refuse(f"wish.{name}", expected, "none")
+        elif missing:
+            expected = (
+                "from and to, the input and the output of the response, as [ports] names them"
+            )
+            self.refuse(f"wish.{name}", expected, f"none of {' and '.join(missing)}")
+        return bool(missing)
 
     def values(self, path: str, leaf: Leaf, key: Key) -> tuple[float, ...]:
         """The different numbers of a list."""
@@ -423,18 +384,18 @@ class _Reader:
                 key = Key.positive(f"design.for_all.{name}", None, "1", "")
                 ratios[name] = swept.path, reference.path, self.values(key.path, leaves[""], key)
             else:
-                self.refuse(
-                    f"for_all.{name}", "a ratio to a number that every spec has", reference.path
-                )
+                expected = "a ratio to a number that every spec has"
+                self.refuse(f"for_all.{name}", expected, reference.path)
         return ratios
 
     def hand(self) -> dict[str, tuple[float, ...]]:
         """The hands of [design.for_all]."""
-        path, leaves = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
-        if table := leaves.pop("", None):
-            self.mistakes.refuse(
-                table, path, "a table such as { damping = [0, 5] }", show(table.value)
-            )
+        path = "design.for_all.hand"
+        leaves = dict(self.parts[HANDS]["hand"])
+        table = leaves.pop("", None)
+        if table:
+            expected = "a table such as { damping = [0, 5] }"
+            self.mistakes.refuse(table, path, expected, show(table.value))
         lists = self.mistakes.read(HAND_KEYS, leaves, path)
         return {key: distinct(values) for key, values in lists.items()}
 
@@ -444,10 +405,10 @@ class _Reader:
         """Refuse numbers of [design.for_all] that it cannot have: walls and those given twice."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
-        numbers = [(axis.path, axis.name) for axis in axes] + [
-            (f"operator.{key}", f"hand.{key}") for key in hand
-        ]
-        for path, name in [*numbers, *((path, name) for name, (path, *_) in ratios.items())]:
+        numbers = [(axis.path, axis.name) for axis in axes]
+        numbers += [(f"operator.{key}", f"hand.{key}") for key in hand]
+        numbers += [(path, name) for name, (path, *_) in ratios.items()]
+        for path, name in numbers:
             if path in WALL and name not in ratios:
                 expected = "a number of device, operator or timing (walls belong to the wishes)"
                 self.refuse(f"for_all.{name}", expected, name)
@@ -461,17 +422,11 @@ class _Reader:
         leading = in_order(list(ratios.values()))
         for name, ratio in ratios.items():
             if ratio[0] in WALL or self.names.keys[ratio[0]].structural:
-                self.refuse(
-                    f"for_all.{name}",
-                    "a ratio of a number that is neither a wall nor whole",
-                    ratio[0],
-                )
+                expected = "a ratio of a number that is neither a wall nor whole"
+                self.refuse(f"for_all.{name}", expected, ratio[0])
             if ratio not in leading:
-                self.refuse(
-                    f"for_all.{name}",
-                    "ratios that lead to a number of the spec",
-                    f"{ratio[0]}, which follows itself",
-                )
+                expected = "ratios that lead to a number of the spec"
+                self.refuse(f"for_all.{name}", expected, f"{ratio[0]}, which follows itself")
 
 
 def demand(spec: Spec) -> None:

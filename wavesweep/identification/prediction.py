@@ -769,7 +769,7 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
         whites = drifts = [0.0]
     look = _FirstLook(log, SPARE_ROWS + int(max(0.0, *delays)))
     if near is not None:
-        look.around(near, squares=[near["square"], *squares], delays=[near["delay"], *delays])
+        look.around(near, square=[near["square"], *squares], delay=[near["delay"], *delays])
         if not look.best:
             raise UsageError(NO_MASS)
         return look.best
@@ -778,9 +778,9 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
         look.at(RATES, squares, delays[::2], whites, drifts[::2])
     if not look.best:
         raise UsageError(OTHER_SIGN if look.sign > 10.0 else NO_MASS)
-    look.around(look.best, squares=squares, delays=delays)
+    look.around(look.best, square=squares, delay=delays)
     whites = [look.best["white"] * ratio for ratio in (1e-2, 1.0, 1e2)]
-    look.around(look.best, whites=whites, drifts=drifts)
+    look.around(look.best, white=whites, drift=drifts)
     return look.best
 
 
@@ -798,15 +798,10 @@ class _FirstLook:
         self.error = np.inf
         self.sign = 0.0
 
-    def around(self, numbers, squares=(), delays=(), whites=(), drifts=()):
-        """Try what is given with the other numbers as they are."""
-        self.at(
-            [numbers["rate"]],
-            squares or [numbers["square"]],
-            delays or [numbers["delay"]],
-            whites or [numbers["white"]],
-            drifts or [numbers["drift"]],
-        )
+    def around(self, numbers, **others):
+        """Try what is given, with the other numbers as they are."""
+        values = {name: [numbers[name]] for name in ("rate", "square", "delay", "white", "drift")}
+        self.at(*(values | others).values())
 
     def at(self, rates, squares, delays, whites, drifts):
         """Try all combinations."""

@@ -130,16 +130,18 @@ def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:
     numbers of its [for_all], and what is claimed of which loops."""
     own = own_scope(spec)
     spec, cut = with_block(spec, cut)
-    axes, boxes = spec.for_all.unknown, spec.for_all.boxes
+    axes = spec.for_all.unknown
+    boxes = spec.for_all.boxes
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
     paths = [axis.path for axis in listed]
     cases = []
     for values in product(*map(boxes.values_of_range, listed)):
         cases += _cases(spec, cut, ranges, dict(zip(paths, values, strict=True)))
-    covered = [
-        (dict(zip(case.ranged, case.box.T.tolist(), strict=True)), case.fixed) for case in cases
-    ]
+    covered = []
+    for case in cases:
+        ends = dict(zip(case.ranged, case.box.T.tolist(), strict=True))
+        covered.append((ends, case.fixed))
     scope = replace(own, numbers=ranges_of([axis.path for axis in axes], covered))
     unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
     if unstable is not None:

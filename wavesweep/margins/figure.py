@@ -4,7 +4,6 @@ broken at a signal."""
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -41,6 +40,7 @@ LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM_OF_NYQUIST = 0.08  # of the Nyquist plot, beyond what it has to show
 # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
 FARTHEST_SHOWN = 4.0
+MOST_TICKS = 7  # of an axis of gain or phase
 OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D", "delay_frames": "D"}
@@ -131,31 +131,24 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     """
     from wavesweep.program.spec import load
 
-    spec, cut = load(facts["spec"]), facts["cut"]
+    spec = load(facts["spec"])
+    cut = facts["cut"]
     tables = _margin_rows(columns)
-    loop, proved = (
-        open_loop(spec, cut, tables["spec"]),
-        () if family else tables["for_all"].get("disk_gain", ()),
-    )
+    loop = open_loop(spec, cut, tables["spec"])
+    proved = () if family else tables["for_all"].get("disk_gain", ())
     family = family or ends_of_ranges(spec)
+    looks = family_looks(len(family))
     other_loops = [
         (open_loop(member, cut, {}), look, name)
-        for (name, member), look in zip(family, family_looks(len(family)), strict=True)
+        for (name, member), look in zip(family, looks, strict=True)
     ]
-    steps = [_closed_step(member, cut) for member in (spec, *map(itemgetter(1), family))]
-    left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
-    if is_narrow():
-        mosaic, ratios, height = (
-            [[name] for name in (*left[:1], *right, *left[1:])],
-            [2, 1, 1, *[1] * (len(left) - 1)],
-            6.0,
-        )
-    else:
-        mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
-    with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
+    own_step = _closed_step(spec, cut)
+    other_steps = [_closed_step(member, cut) for _, member in family]
+    mosaic, ratios, height = _panels(with_step=bool(own_step))
+    with figure(TWO_COLUMNS, height) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
         cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
-        if (*proved, np.inf)[0] < np.inf:
+        if len(proved) and proved[0] < np.inf:
             rim = disk_of(proved[0])
             disk = rounded_down(tables["for_all"]["disk"][0], 3)
             said = f"disk margin {disk}, proved {of_rows(facts, 'for_all').scope.in_words()}"
@@ -164,33 +157,36 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
             )
         draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
-        if steps[0]:
-            for handle, words in draw_step(panels["step"], steps[0], "step response of T"):
+        if own_step:
+            for handle, words in draw_step(panels["step"], own_step, "step response of T"):
                 handles.append(handle)
                 labels.append(words)
-            draw_others(
-                panels["step"],
-                [
-                    (step, look)
-                    for step, (_, look, _) in zip(steps[1:], other_loops, strict=True)
-                    if step
-                ],
-            )
+            drawn = [each for each in zip(other_steps, looks, strict=True) if each[0]]
+            draw_others(panels["step"], drawn)
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
-        slow = "; ".join(
-            name for (name, _), step in zip(family, steps[1:], strict=True) if not step
-        )
-        slow = f"Unstable, or too slow for a step response: {slow}." * bool(slow)
-        note_below(
-            canvas,
-            cut_off,
-            OFF_CURVE * (loop.several and bool(loop.marks)),
-            slow,
-            assumption(facts),
-        )
+        off_curve = OFF_CURVE if loop.several and loop.marks else ""
+        slow = [name for (name, _), step in zip(family, other_steps, strict=True) if not step]
+        too_slow = ""
+        if slow:
+            too_slow = f"Unstable, or too slow for a step response: {'; '.join(slow)}."
+        note_below(canvas, cut_off, off_curve, too_slow, assumption(facts))
     return canvas
+
+
+def _panels(*, with_step: bool) -> tuple[list[list[str]], list[int], float]:
+    """The panels of the figure in rows, the ratios of their heights, and its height (inches)."""
+    if is_narrow():
+        below = ["step"] if with_step else []
+        rows = [[name] for name in ("nyquist", "gain", "phase", *below)]
+        ratios = [2, 1, 1, *(1 for _ in below)]
+        height = 6.0
+    else:
+        rows = [["nyquist", "gain"], ["step" if with_step else "nyquist", "phase"]]
+        ratios = [1, 1]
+        height = 3.6
+    return rows, ratios, height + 1.3 * with_step
 
 
 def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
@@ -349,25 +345,19 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
 
     Gives a sentence on what is cut off, empty without any.
     """
-    L, disk = loop.L, loop.disk
+    L = loop.L
+    disk = loop.disk
     axes.plot(
         _CIRCLE.real, _CIRCLE.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1"
     )
-    axes.plot(
-        L.real,
-        L.imag,
-        color=_CURVE,
-        label=f"{'eigenvalues of ' * loop.several}L at {cut}{', nominal' * bool(others)}",
-        **loop.style,
-    )
+    said = f"eigenvalues of L at {cut}" if loop.several else f"L at {cut}"
+    if others:
+        said += ", nominal"
+    axes.plot(L.real, L.imag, color=_CURVE, label=said, **loop.style)
     for member, look, name in others:
         axes.plot(member.L.real, member.L.imag, label=name, **member.drawn(look, member.several))
-    axes.plot(
-        L.real,
-        -L.imag,
-        color=_CURVE,
-        **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}),
-    )
+    of_negative = loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}
+    axes.plot(L.real, -L.imag, color=_CURVE, **of_negative)
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
         said = f"disk margin {rounded_down(loop.table['disk'][0], 3)}"
@@ -393,39 +383,39 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     point_sets = {
         "L": np.concatenate([L, *(member.L for member, *_ in others)]),
         "the disk": disk if disk is not None else _CIRCLE,
-        **{
-            f"the mark of {name.replace('_', ' ')}": np.array([at])
-            for name, at in loop.marks.items()
-        },
     }
+    for name, at in loop.marks.items():
+        point_sets[f"the mark of {name.replace('_', ' ')}"] = np.array([at])
     marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST_SHOWN)])
-    all_points = np.concatenate(
-        [_CIRCLE, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST_SHOWN]]
-    )
-    near = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(all_points).max()]
-    reach = np.concatenate([all_points, near])
-    half = (0.5 + ROOM_OF_NYQUIST) * max(
-        np.ptp(reach.real), 2 * np.abs(reach.imag).max()
-    )  # of a square, since a strip shows little
-    middle = (reach.real.min() + reach.real.max()) / 2
-    axes.set_xlim(middle - half, middle + half)
-    axes.set_ylim(-half, half)
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    far = [
-        name
-        for name, z in point_sets.items()
-        if ((z.real < left) | (z.real > right) | (np.abs(z.imag) > max(high, -low)))[
-            np.isfinite(z)
-        ].any()
-    ]
+    near_disk = point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST_SHOWN]
+    limiting = np.concatenate([_CIRCLE, marks, near_disk])
+    near_curve = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(limiting).max()]
+    _show_square(axes, np.concatenate([limiting, near_curve]))
     axes.set_aspect("equal")
     axes.set(xlabel="real part of L", ylabel="imaginary part of L")
     axes.grid(**GRID)
-    return (
-        f"The Nyquist plot is cut off around -1: {' and '.join(far)} reach{'es' * (len(far) == 1)} farther."
-        if far
-        else ""
-    )
+    far = [name for name, points in point_sets.items() if _reach_outside(axes, points)]
+    if not far:
+        return ""
+    reach = "reaches" if len(far) == 1 else "reach"
+    return f"The Nyquist plot is cut off around -1: {' and '.join(far)} {reach} farther."
+
+
+def _show_square(axes: Any, points: np.ndarray) -> None:
+    """Show the square around points, since a strip shows little."""
+    size = max(np.ptp(points.real), 2 * np.abs(points.imag).max())
+    half = (0.5 + ROOM_OF_NYQUIST) * size
+    middle = (points.real.min() + points.real.max()) / 2
+    axes.set_xlim(middle - half, middle + half)
+    axes.set_ylim(-half, half)
+
+
+def _reach_outside(axes: Any, points: np.ndarray) -> bool:
+    """Whether some of the points, or of their conjugates, are not shown."""
+    left, right = axes.get_xlim()
+    low, high = axes.get_ylim()
+    beyond = (points.real < left) | (points.real > right) | (np.abs(points.imag) > max(high, -low))
+    return bool(beyond[np.isfinite(points)].any())
 
 
 def _face(name: str) -> str:
@@ -468,8 +458,10 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
     from matplotlib.ticker import MultipleLocator
 
     hertz, L = loop.bode
-    both, top = decibels_and_degrees(L, False), loop.rate / 2
-    lowest, family_seen = LOWEST_SHOWN * top, ([], [])
+    both = decibels_and_degrees(L, False)
+    top = loop.rate / 2
+    lowest = LOWEST_SHOWN * top
+    family_seen = ([], [])
     shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
     for member, look, _ in others:
         values_of = decibels_and_degrees(member.bode[1], False)
@@ -487,14 +479,10 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         marked = []
         for name, at in loop.marks.items():
             place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
-            beside = L[
-                np.argmin(np.abs(hertz - place))
-            ]  # whether the line is that of the eigenvalue or of its conjugate
-            turned = np.degrees(
-                np.angle(
-                    min(at, at.conjugate(), key=lambda each, beside=beside: abs(each - beside))
-                )
-            )
+            beside = L[np.argmin(np.abs(hertz - place))]
+            # The line is that of the eigenvalue or of its conjugate.
+            of_line = at if abs(at - beside) <= abs(at.conjugate() - beside) else at.conjugate()
+            turned = np.degrees(np.angle(of_line))
             turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
             end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
             level = 20 * np.log10(abs(at)) if axes is gain else turned
@@ -510,11 +498,9 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
             marked.append(level)
         axes.set_xscale("log")
         axes.set_xlim(lowest, top)
-        seen_values = [values[shown], *family_seen[row], np.array(marked)]
-        low, high = (
-            min(limit, *np.concatenate(seen_values)),
-            max(limit, *np.concatenate(seen_values)),
-        )
+        seen_values = np.concatenate([values[shown], *family_seen[row], np.array(marked)])
+        low = min(limit, *seen_values)
+        high = max(limit, *seen_values)
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")
@@ -523,11 +509,8 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         xlabel=f"frequency (Hz), up to half the {'signal' if loop.several else 'frame'}'s rate",
         ylabel="phase of L (deg)",
     )
-    for axes, steps in (
-        (gain, (5, 10, 20, 40, 60)),
-        (phase, (15, 45, 90, 180, 360)),
-    ):  # at most seven ticks
+    for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):
         low, high = axes.get_ylim()
-        axes.yaxis.set_major_locator(
-            MultipleLocator(next((step for step in steps if high - low <= 7 * step), steps[-1]))
-        )
+        fitting_steps = [step for step in steps if high - low <= MOST_TICKS * step]
+        step = fitting_steps[0] if fitting_steps else steps[-1]
+        axes.yaxis.set_major_locator(MultipleLocator(step))

@@ -107,9 +107,8 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
             if not at_fold and not is_open:
                 across += _jumps(middle, before, after)
             _go_on(growing, middle, ending)
-            growing = []
-            for first, second in zip(beginning, after, strict=True):
-                growing.append([(middle, first), (right, second)])
+            pairs = zip(beginning, after, strict=True)
+            growing = [[(middle, first), (right, second)] for first, second in pairs]
             chains += growing
         else:
             if joined_before:

@@ -169,24 +169,20 @@ def draw_curves(
     across = 1 if is_narrow() else min(2, len(quantities))
     down = 2 * ceil(len(quantities) / across)
     too_fast = False
+    # All phases of a figure are drawn on beyond 180 degrees, or none is.
+    goes_on = False
+    if over_frequency and not marked_specs:
+        goes_on = any(_goes_on(_curves_of(quantity, curves), quantity) for quantity in quantities)
     with figure(TWO_COLUMNS, 2.0 * down + 0.17 * rows_of_legend) as canvas:
         grid = canvas.subplots(down, across, sharex=True, squeeze=False)
         pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
-        # All phases of a figure are drawn on beyond 180 degrees, or none is.
-        goes_on = False
-        if over_frequency and not marked_specs:
-            goes_on = any(
-                _goes_on(_curves_of(quantity, curves), quantity) for quantity in quantities
-            )
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
             of_quantity = _curves_of(quantity, curves)
-            for axes, suffix, title in (
-                (above, "abs", quantity.magnitude),
-                (below, "deg", quantity.phase),
-            ):
-                name = f"{quantity.stem}_{suffix}"
+            magnitude = (above, f"{quantity.stem}_abs", quantity.magnitude)
+            phase = (below, f"{quantity.stem}_deg", quantity.phase)
+            for axes, name, title in (magnitude, phase):
                 marked = [mark.draw(axes, name) for mark in marks]
                 too_fast |= _draw_panel(axes, of_quantity, name, x, marked, goes_on)
                 axes.set_ylabel(title)
@@ -264,6 +260,13 @@ def continued(degrees: np.ndarray) -> np.ndarray:
     return degrees
 
 
+def _torn_where_it_wraps(places, phases):
+    """The places and values of a phase, with NaN where it wraps, so that no line is drawn across
+    the panel there."""
+    jumps = _jumps(phases) + 1
+    return np.insert(places.astype(float), jumps, np.nan), np.insert(phases, jumps, np.nan)
+
+
 def _draw_panel(
     axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray], goes_on: bool
 ) -> bool:
@@ -289,13 +292,10 @@ def _draw_panel(
         static = np.zeros(len(places), bool)
         if logarithmic and x == "frequency_hz":
             static = places == 0
-        places_of_line = places[~static]
-        line = values[~static]
-        if is_phase and not goes_on:  # no line is drawn across the panel where a phase wraps
-            jumps = _jumps(line) + 1
-            places_of_line = np.insert(places_of_line.astype(float), jumps, np.nan)
-            line = np.insert(line, jumps, np.nan)
-        _draw_line(axes, places_of_line, line, curve)
+        line = places[~static], values[~static]
+        if is_phase and not goes_on:
+            line = _torn_where_it_wraps(*line)
+        _draw_line(axes, *line, curve)
         colour = curve.style["color"]
         # A static limit of 0 has no place on a scale of factors, and no phase.
         if (static & (rows[f"{quantity}_abs"] > 0)).any():

@@ -100,7 +100,7 @@ class _Sorter:
         """Put a leaf under its key."""
         table = tables().get(path[0])
         for length in range(1, len(path) + 1):
-            name = _join(path[:length])
+            name = joined_path(path[:length])
             rest = path[length:]
             leaf_here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
             if table and name in table.spans:
@@ -121,7 +121,7 @@ class _Sorter:
         """Add the mistake of a key or table that is unknown, with the names that it could have
         been."""
         outer = tables().get(path[0])
-        table = _join(path[:-1])
+        table = joined_path(path[:-1])
         known = top_tables()
         if table:
             paths = (*(outer.sections if outer else ()), *flat_keys())
@@ -133,7 +133,7 @@ class _Sorter:
         near = near or nearest(path[-1], flat_keys())
         problem = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
         expected = f"one of {'' if table else 'the tables '}{', '.join(known)}"
-        self.mistakes.refuse(leaf, _join(path), expected, problem, near)
+        self.mistakes.refuse(leaf, joined_path(path), expected, problem, near)
 
     def _put_in_section(self, path: Path, rest: Path, leaf: Leaf) -> None:
         """Put a leaf of a section under its key, or with the parts of its axis. path: of the
@@ -197,7 +197,7 @@ class _Sorter:
         self.result.axes[table][name][part] = leaf
 
 
-def _join(path: Path) -> str:
+def joined_path(path: Path) -> str:
     """Join a path, with quotes around every name that TOML would quote, so that a name with dots
     is no known path."""
     return ".".join(

@@ -11,7 +11,7 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, plain
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
-from wavesweep.program.reading.sorting import normal_path, sort_leaves
+from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
 from wavesweep.program.reading.tables import missing
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
@@ -141,6 +141,9 @@ def _collect(
         mistakes.refuse(read_leaves[-1][1], "", f"at most {MOST_KEYS} keys", "more")
         return leaves
     for path, leaf in read_leaves:
+        if "" in path[1:]:  # it would pass for the table that it is in
+            mistakes.refuse(leaf, joined_path(path), "names of keys", "an empty name")
+            continue
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
