@@ -141,6 +141,7 @@ class Bound:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that
         conserves."""
         from wavesweep.require.by_discs import along_by_discs
+        from wavesweep.require.disc_panels import Domain
 
         if self.bounded:
             place = RequiredCircle()
@@ -148,34 +149,26 @@ class Bound:
         else:
             place = self.damped.spiral(frames.period, frames.ticks)
             turns = frames.turns if frames.ticks > 1 else None
-        return along_by_discs(
-            frames.frames,
-            frames.errors,
-            turns,
-            span,
-            frames.period.size,
-            frames.period,
-            frames.bounds,
-            frames.resolved,
-            place,
-        )
+        domain = Domain(span, frames.period, frames.bounds, frames.resolved)
+        return along_by_discs(frames.frames, frames.errors, turns, domain, place)
 
     def within_gain(self, frames, span, stable: Intervals) -> list[Intervals]:
         """The intervals in which each gain is small enough, looked for where the loops may be
         stable."""
         from wavesweep.program.analyses.signals import routed
         from wavesweep.require.at_cut import seen_at_cut
+        from wavesweep.require.disc_panels import Domain
         from wavesweep.require.factors import along_factors
         from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.time_intervals import along_time
 
-        loops, along, period = frames.loops, frames.along, frames.period
-        bounds, resolved = frames.bounds, frames.resolved
+        loops = frames.loops
+        along = frames.along
+        domain = Domain(span, frames.period, frames.bounds, frames.resolved)
         small = []
         for wanted in self.gains:
             if isinstance(wanted, FactorBound):
-                of_number = along, span, period, bounds, resolved
-                small.append(along_factors(loops, *of_number, wanted, stable))
+                small.append(along_factors(loops, along, domain, wanted, stable))
                 continue
             find = along_time if isinstance(wanted, TimeBound) else along_gain
             if isinstance(wanted, CutBound):
@@ -186,7 +179,7 @@ class Bound:
                 drawing, route = routed(loops.drawing, wanted.source, wanted.signal, path)
                 seen = loops._replace(drawing=drawing)
                 level = wanted
-            small.append(find(seen, along, span, period, bounds, resolved, route, level, stable))
+            small.append(find(seen, along, domain, route, level, stable))
         return small
 
     def beyond(self, delta, turns, period: float) -> np.ndarray:

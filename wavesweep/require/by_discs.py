@@ -14,6 +14,7 @@ from wavesweep.require.disc_panels import (
     OPEN,
     SAFE,
     Accuracy,
+    Domain,
     along_panels,
 )
 from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
@@ -27,23 +28,14 @@ TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)
 
 
 def along_by_discs(
-    frames,
-    errors,
-    turns,
-    span,
-    columns: int,
-    period,
-    bounds,
-    resolved,
-    place: Spiral | RequiredCircle,
+    frames, errors, turns, domain: Domain, place: Spiral | RequiredCircle
 ) -> Intervals:
-    """All intervals of a number p within span = (low, high) in which all eigenvalues are in their
-    place, per column.
+    """All intervals of a number p within a domain in which all eigenvalues are in their place, per
+    column.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, of which the
     pivots are read. errors(column, p): frames less identity, perhaps in other states, and bounds on
-    the errors of their entries. period: of the frame, s, `(columns,)`. bounds, resolved: see
-    `along_panels`. place: of the eigenvalues, see `discs`.
+    the errors of their entries. place: of the eigenvalues, see `discs`.
 
     All of a panel of p is in an interval, or none of it, if that follows from Gershgorin discs of
     the frames in the eigenvectors of that in the middle. The entries there are bounded by the
@@ -52,9 +44,10 @@ def along_by_discs(
     blocks go apart. Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its
     eigenvalues there.
     """
-    loops, known = _loops_of(frames, errors, turns, span, columns, place)
+    columns = domain.period.size
+    loops, known = _loops_of(frames, errors, turns, domain.span, columns, place)
     ends = Accuracy(END_ROUNDING, 256.0, END_ROUNDING * SHARE_OF_SPAN, np.full(columns, BEGUN))
-    return along_panels(loops, known, span, period, bounds, resolved, ends)
+    return along_panels(loops, known, domain, ends)
 
 
 def _loops_of(frames, errors, turns, span, columns, place):

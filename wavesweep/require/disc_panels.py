@@ -1,6 +1,7 @@
 """Intervals of a number from panels of its span, each of which is in an interval, or not, as a
 whole; else it is halved."""
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +20,25 @@ SEEN_OUTSIDE = 1e-9  # by which it would be seen to be so there
 GAP_EXACTNESS = 2  # times as exact as ends are, in the middle of which one is
 SAFE = 1.5  # on the largest value at points of a rim, for those between
 GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the larger one holds
+
+
+class Domain(NamedTuple):
+    """The values of a number at which columns of loops are asked about.
+
+    span: the lowest and the highest one. period: of the frame, s, `(columns,)`. bounds: beyond them
+    there is no loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no
+    narrow features there.
+    """
+
+    span: tuple[float, float]
+    period: np.ndarray
+    bounds: tuple[np.ndarray, np.ndarray]
+    resolved: Callable[..., np.ndarray]
+
+    @property
+    def width(self) -> float:
+        """Of the span."""
+        return self.span[1] - self.span[0]
 
 
 class Accuracy(NamedTuple):
@@ -64,24 +84,20 @@ class Judge(Protocol):
         much it is outside."""
 
 
-def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accuracy) -> Intervals:
-    """All intervals of a number p within span = (low, high) in which all judges find GOOD, per
-    column.
+def along_panels(judges, known, domain: Domain, accuracy: Accuracy) -> Intervals:
+    """All intervals of a number within a domain in which all judges find GOOD, per column.
 
-    known: columns of which anything is known, `(columns,)`. period: of the frame, s, `(columns,)`.
-    bounds: p beyond them has no loop, two arrays `(columns,)`. resolved(column, low, high): whether
-    loops have no narrow features there. What is left are the ends, each in a gap as narrow as ends
-    are exact, and panels in doubt.
+    known: columns of which anything is known, `(columns,)`. What is left are the ends, each in a
+    gap as narrow as ends are exact, and panels in doubt.
     """
     # Of each column partitions of the span, each as sorted low ends of panels and their labels:
     # first the span as one panel, which is in doubt if nothing is known, then those of each judge.
     partitions = []
     for is_known in known:
         label = GOOD if is_known else LOST
-        partitions.append([(np.full(1, span[0]), np.full(1, label))])
+        partitions.append([(np.full(1, domain.span[0]), np.full(1, label))])
     for judge in judges:
-        judge_bounds = [bound[judge.columns] for bound in bounds]
-        owner, low, label = _panels(judge, span, judge_bounds, resolved, accuracy)
+        owner, low, label = _panels(judge, domain, accuracy)
         for place, column in enumerate(judge.columns.tolist()):
             own = np.flatnonzero(owner == place)
             own = own[np.argsort(low[own])]
@@ -89,8 +105,8 @@ def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accura
 
     rows = []
     for column, partitions_of_column in enumerate(partitions):
-        edges, label = _merged(column, partitions_of_column, span, accuracy)
-        rows.extend(_intervals(column, edges, label, judges, span, period[column], accuracy))
+        runs = _merged(column, partitions_of_column, domain, accuracy)
+        rows.extend(_rows(column, runs, judges, domain, accuracy))
     return Intervals(*map(np.array, zip(*rows, strict=True)))
 
 
@@ -124,10 +140,11 @@ class _Worst(NamedTuple):
     beyond: float
 
 
-def _panels(judge, span, bounds, resolved, accuracy):
+def _panels(judge, domain, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
-    edges = np.linspace(*span, FIRST_PANELS + 1)
-    width = span[1] - span[0]
+    edges = np.linspace(*domain.span, FIRST_PANELS + 1)
+    width = domain.width
+    bounds = [bound[judge.columns] for bound in domain.bounds]
     count = len(judge.columns)
     column = np.repeat(np.arange(count), FIRST_PANELS)
     low = np.tile(edges[:-1], count)
@@ -138,13 +155,13 @@ def _panels(judge, span, bounds, resolved, accuracy):
     done = []
     while column.size:
         label = np.full(column.size, OPEN)
-        at = np.flatnonzero(resolved(judge.columns[column], low, high))
+        at = np.flatnonzero(domain.resolved(judge.columns[column], low, high))
         for first in range(0, at.size, at_once):
             batch = at[first : first + at_once]
             label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
 
         size = high - low
-        from_low_end = high - span[0]
+        from_low_end = high - domain.span[0]
         begun = accuracy.begun[judge.columns[column]] * width
         drifts = accuracy.slow & (from_low_end <= begun)
         narrow = accuracy.finest * size <= accuracy.of((low + high) / 2, width)
@@ -167,7 +184,7 @@ def _panels(judge, span, bounds, resolved, accuracy):
     return [np.concatenate(arrays) for arrays in zip(*done, strict=True)]
 
 
-def _merged(column, panels, span, accuracy):
+def _merged(column, panels, domain, accuracy):
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted
     low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
@@ -177,9 +194,10 @@ def _merged(column, panels, span, accuracy):
     edges, label = _runs(edges, label)
 
     # In a gap a few panels may settle.
-    width = span[1] - span[0]
+    width = domain.width
+    start, stop = domain.span
     exact = accuracy.of(edges, width)
-    size = np.diff(edges, append=span[1])
+    size = np.diff(edges, append=stop)
     before = np.append(0, size[:-1])
     after = np.append(size[1:], 0)
     open_before = np.append(LOST, label[:-1]) == OPEN
@@ -187,7 +205,7 @@ def _merged(column, panels, span, accuracy):
     small = (size <= exact / 8) | (before + size + after <= GAP_EXACTNESS * exact)
     edges, label = _runs(edges, np.where(open_before & open_after & small, OPEN, label))
 
-    from_low_end = np.append(edges[1:], span[1]) - span[0]
+    from_low_end = np.append(edges[1:], stop) - start
     drifts = from_low_end <= accuracy.slow * accuracy.begun[column] * width
     first = np.max(np.flatnonzero(drifts & (label == OPEN)), initial=-1) + 1
     if (label[:first] < LOST).all():
@@ -201,24 +219,62 @@ def _runs(edges, label):
     return edges[new], label[new]
 
 
-def _intervals(column, edges, label, judges, span, period, accuracy):
-    """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
-    width = span[1] - span[0]
+class _Runs(NamedTuple):
+    """What runs of panels of a column tell.
+
+    doubt: the largest. intervals: low, high, and whether it is one for certain. gaps: those that
+    have an end in them, by their own ends.
+    """
+
+    doubt: Doubt
+    intervals: list[tuple[float, float, bool]]
+    gaps: dict[float, tuple[float, float]]
+
+
+def _rows(column, runs, judges, domain, accuracy):
+    """Yield the rows of a column from its runs of panels: their low ends, sorted, and labels."""
     judging = [judge for judge in judges if column in judge.columns]
+    told = _told(column, runs, judging, domain, accuracy)
+    doubt = told.doubt
+    count = sum(good for *_, good in told.intervals)
+    index = 0
+    for low, high, good in told.intervals:
+        if not good:
+            yield _Row(column, -1, count, low, high, np.nan, np.nan, doubt, 0.0)
+            continue
+        start = _end(column, low, told.gaps, judging, domain)
+        stop = _end(column, high, told.gaps, judging, domain)
+        yield _Row(
+            column,
+            index,
+            count,
+            start.value,
+            stop.value,
+            start.omega,
+            stop.omega,
+            doubt,
+            max(start.left, stop.left),
+        )
+        index += 1
+    if not told.intervals:
+        yield _Row(column, -1, 0, np.nan, np.nan, np.nan, np.nan, doubt, 0.0)
+
+
+def _told(column, runs, judging, domain, accuracy) -> _Runs:
+    edges, label = runs
+    start, stop = domain.span
+    width = domain.width
     doubt = Doubt.NONE
     intervals = []
     gaps = {}
-    begun = False
-    for at, (low, high, verdict) in enumerate(
-        zip(edges, [*edges[1:], span[1]], label, strict=True)
-    ):
+    begun = False  # whether an interval begins at the low end, though nothing is proved there
+    highs = [*edges[1:], stop]
+    for at, (low, high, verdict) in enumerate(zip(edges, highs, label, strict=True)):
         sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
         if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
-            if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
-                looked_at = low + (high - low) * LOW_END_PARTS
-                begun = all(
-                    (judge.worst(column, looked_at)[1] <= SEEN_OUTSIDE).all() for judge in judging
-                )
+            near = high - low <= accuracy.begun[column] * width
+            if at == 0 and sides == [GOOD] and near:
+                begun = _seen_inside(column, low, high, judging)
                 if begun:
                     continue
             if high - low > GAP_EXACTNESS * accuracy.of(high, width):
@@ -230,35 +286,18 @@ def _intervals(column, edges, label, judges, span, period, accuracy):
                 doubt = max(doubt, Doubt.SEARCH)
             elif verdict == OPEN:
                 doubt = max(doubt, Doubt.CROWDED)
-            start = span[0] if begun and not intervals else low
-            intervals.append((start, high, verdict == GOOD))
-
-    count = sum(good for *_, good in intervals)
-    index = 0
-    for low, high, good in intervals:
-        if not good:
-            yield _Row(column, -1, count, low, high, np.nan, np.nan, doubt, 0.0)
-            continue
-        start = _end(column, low, gaps, judging, span, period)
-        stop = _end(column, high, gaps, judging, span, period)
-        left = max(start.left, stop.left)
-        yield _Row(
-            column,
-            index,
-            count,
-            start.value,
-            stop.value,
-            start.omega,
-            stop.omega,
-            doubt,
-            left,
-        )
-        index += 1
-    if not intervals:
-        yield _Row(column, -1, 0, np.nan, np.nan, np.nan, np.nan, doubt, 0.0)
+            first = start if begun and not intervals else low
+            intervals.append((first, high, verdict == GOOD))
+    return _Runs(doubt, intervals, gaps)
 
 
-def _end(column, edge, gaps, judging, span, period) -> _End:
+def _seen_inside(column, low, high, judging):
+    """Whether nothing is outside at values that are ever nearer to the low end."""
+    looked_at = low + (high - low) * LOW_END_PARTS
+    return all((judge.worst(column, looked_at)[1] <= SEEN_OUTSIDE).all() for judge in judging)
+
+
+def _end(column, edge, gaps, judging, domain) -> _End:
     """The end of an interval at the edge of a gap, by what judges this column."""
     if edge not in gaps:  # where the span ends, or where nothing is known beyond
         return _End(edge, np.nan, 0.0)
@@ -276,8 +315,8 @@ def _end(column, edge, gaps, judging, span, period) -> _End:
     if all(judge.smooth for judge in judging) and at_low.beyond * at_high.beyond < 0:
         p = (low * at_high.beyond - high * at_low.beyond) / (at_high.beyond - at_low.beyond)
         at_end = worst(p)
-    omega = abs(np.angle(1 + at_end.delta)) / period
-    for end, side in zip(span, (low, high), strict=True):
+    omega = abs(np.angle(1 + at_end.delta)) / domain.period[column]
+    for end, side in zip(domain.span, (low, high), strict=True):
         if side == end:
             return _End(end, omega, 0.0)
     return _End(p, omega, abs(at_end.beyond))

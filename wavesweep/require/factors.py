@@ -33,7 +33,16 @@ from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse, solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.require.at_cut import INPUT, PATH, refuse_cut, runs_at_cut
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
-from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, SAFE, Accuracy, along_panels
+from wavesweep.require.disc_panels import (
+    BAD,
+    GOOD,
+    LOST,
+    OPEN,
+    SAFE,
+    Accuracy,
+    Domain,
+    along_panels,
+)
 from wavesweep.require.discs import ZERO_EIGENVALUES, eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
 from wavesweep.require.gain_intervals import attached, begun_at_low_end
@@ -59,12 +68,12 @@ ZOOMS = 4  # between the neighbours of the largest
 
 
 def along_factors(
-    loops: Loops, along: str, span, period, bounds, resolved, wanted: FactorBound, stable: Intervals
+    loops: Loops, along: str, domain: Domain, wanted: FactorBound, stable: Intervals
 ) -> Intervals:
     """All intervals of a number in which loops are stable with all factors, within those in which
     they may be stable with the factor 1.
 
-    The next: see `along_panels`. The omegas of ends are those of the eigenvalue that leaves with
+    The omegas of ends are those of the eigenvalue that leaves with
     the last factor, with a minus: no mode of the loop itself is on the circle there. Accuracy: ends
     to END_EXACTNESS; what is not shown with MOST_WORK is in doubt. Errors: UsageError for a signal
     at which loops cannot be cut, that moves without end, or that is made more than MOST_RUNS times
@@ -89,7 +98,8 @@ def along_factors(
     )
     loops = loops._replace(drawing=drawing)
     route = INPUT, OUTPUT + RETURNED
-    size = period.size
+    span = domain.span
+    size = domain.period.size
     drift, port, _, _ = typical_between(loops, along, span, size, route, "margins")
     if wanted.margin == FACTOR_GAIN:
         end = float(np.log(wanted.size))
@@ -101,10 +111,9 @@ def along_factors(
     judge = Factors(*about, factors, runs, span, np.zeros(size))
     begun = np.maximum(begun_at_low_end(judge, span), END_EXACTNESS)
     ends = Accuracy(END_EXACTNESS, FINEST, END_EXACTNESS, begun, slow=True)
-    found = along_panels([judge], np.ones(size, bool), span, period, bounds, resolved, ends)
+    found = along_panels([judge], np.ones(size, bool), domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    width = span[1] - span[0]
-    return attached(found, stable, SHARE_OF_SPAN * width, END_EXACTNESS)
+    return attached(found, stable, SHARE_OF_SPAN * domain.width, END_EXACTNESS)
 
 
 @dataclass(frozen=True, slots=True)

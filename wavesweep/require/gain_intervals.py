@@ -13,7 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import needed, typical_between
-from wavesweep.require.disc_panels import Accuracy, along_panels
+from wavesweep.require.disc_panels import Accuracy, Domain, along_panels
 from wavesweep.require.frame_gain import BoundedGain, Sine
 from wavesweep.require.gain_bound import BASE_BAND, GainBound
 from wavesweep.require.long_gain import LongGain
@@ -29,27 +29,19 @@ AT_REST_ANGLE = 1e-9  # of the level, how near the gain at rest is to it if it i
 
 
 def along_gain(
-    loops: Loops,
-    along: str,
-    span,
-    period,
-    bounds,
-    resolved,
-    route,
-    wanted: GainBound,
-    stable: Intervals,
+    loops: Loops, along: str, domain: Domain, route, wanted: GainBound, stable: Intervals
 ) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in
     which they may be stable.
 
-    route: the input and the signal. period: of the frame, s, `(columns,)`. The next: see
-    `along_panels`. The omegas of ends are those at which the gain is largest, with a minus: no mode
+    route: the input and the signal. The omegas of ends are those at which the gain is largest, with a minus: no mode
     is on the circle there. A gain at rest that is the level at all values is taken as it, and its
     neighbourhood decides. Accuracy: ends to END_EXACTNESS. Errors: UsageError if the signal moves
     without end, and for a band or a loop that the gain cannot be had of.
     """
+    span = domain.span
+    period = domain.period
     size = period.size
-    width = span[1] - span[0]
     drift, port, number, p = typical_between(loops, along, span, size, route, "gain")
     ticks = port.kind.size
     of_sine = wanted.measure == BASE_BAND and ticks > 1
@@ -73,9 +65,9 @@ def along_gain(
     begun = begun_at_low_end(gain, span)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun, slow=True)
     known = np.ones(size, bool)
-    found = along_panels(judges, known, span, step, bounds, resolved, ends)
+    found = along_panels(judges, known, domain._replace(period=step), ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return attached(found, stable, SHARE_OF_SPAN * width)
+    return attached(found, stable, SHARE_OF_SPAN * domain.width)
 
 
 def begun_at_low_end(gain, span):

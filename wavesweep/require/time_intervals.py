@@ -16,7 +16,7 @@ from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
-from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, along_panels
+from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
 from wavesweep.require.enclosed import ROWS, Enclosed, mean_square, peak_to_peak, step
 from wavesweep.require.gain_bound import OVERSHOOT, PEAK, STEP_SETTLING, TimeBound
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached
@@ -56,15 +56,7 @@ def refuse_long_frame(ticks: int, key: str) -> None:
 
 
 def along_time(
-    loops: Loops,
-    along: str,
-    span,
-    period,
-    bounds,
-    resolved,
-    route,
-    wanted: TimeBound,
-    stable: Intervals,
+    loops: Loops, along: str, domain: Domain, route, wanted: TimeBound, stable: Intervals
 ) -> Intervals:
     """All intervals of a number in which a value of the response is at most its level, within those
     in which the loops may be stable.
@@ -75,20 +67,20 @@ def along_time(
     frame of more than MOST_TICKS.
     """
     measure = wanted.measure
-    size = period.size
+    span = domain.span
+    size = domain.period.size
     drift, port, number, p = typical_between(loops, along, span, size, route, measure)
     ticks = port.kind.size
     refuse_long_frame(ticks, f"sweep.require.{measure}")
     level = wanted.at_most * (1 + WHOLE_TICKS * (measure == STEP_SETTLING))
     columns = np.arange(size)
     about = loops, along, route, level, drift, needed(port.maps), ticks
-    width = span[1] - span[0]
     begun = np.full(size, END_EXACTNESS)
     ends = Accuracy(END_EXACTNESS, 64.0, END_EXACTNESS, begun)
 
     # Next to an end of stability discs have loops that grow: there nothing is looked for.
-    low = stable.low + BESIDE_END * ends.of(stable.low, width) * (stable.low > span[0])
-    high = stable.high - BESIDE_END * ends.of(stable.high, width) * (stable.high < span[1])
+    low = stable.low + BESIDE_END * ends.of(stable.low, domain.width) * (stable.low > span[0])
+    high = stable.high - BESIDE_END * ends.of(stable.high, domain.width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
     judge = InTime(*about, columns, inner, measure, port.rate, np.zeros(size))
     if measure in (OVERSHOOT, STEP_SETTLING) and judge.ends_at_zero(number, p):
@@ -96,9 +88,9 @@ def along_time(
             f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
             f"from {wanted.source} to {wanted.signal}; peak_to_peak and rms bound what comes of it"
         )
-    found = along_panels([judge], np.ones(size, bool), span, period, bounds, resolved, ends)
+    found = along_panels([judge], np.ones(size, bool), domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
-    return attached(found, stable, SHARE_OF_SPAN * width)
+    return attached(found, stable, SHARE_OF_SPAN * domain.width)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
