@@ -137,7 +137,7 @@ class BoxGuarantee(Guarantee):
         case = Case(
             Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
         )
-        proved_parts = list(proofs([case], span, LEFT_OF_END, narrow=True))
+        proved_parts = list(proofs([case], span, LEFT_OF_END, narrow=not of_proof))
         low, high = (
             np.array([getattr(interval, end) for interval, _ in proved_parts])
             for end in ("low", "high")

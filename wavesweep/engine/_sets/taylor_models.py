@@ -629,12 +629,21 @@ class Polynomials:
 
     @staticmethod
     def multiply_degree(
-        terms: np.ndarray, one: np.ndarray, two: np.ndarray, numbers: int, order: int, degree: int
+        terms: np.ndarray,
+        one: np.ndarray,
+        two: np.ndarray,
+        numbers: int,
+        order: int,
+        degree: int,
+        present: np.ndarray | None = None,
     ) -> None:
         """Put the terms of a degree of the product of two matrices in their places; all are terms
-        `(monomials, ..., n, m)`, of a total degree up to `order`."""
-        every = np.ones(len(terms), bool).tobytes()
-        plan = _pairs(numbers, order, every, every, _at_once(terms[0].size), degree)
+        `(monomials, ..., n, m)`, of a total degree up to `order`.
+
+        present: which terms of either matrix may differ from 0, all by default.
+        """
+        which = (np.ones(len(terms), bool) if present is None else present).tobytes()
+        plan = _pairs(numbers, order, which, which, _at_once(terms[0].size), degree)
         _multiply_into(terms, one, two, plan, np.matmul)
 
     @property
@@ -689,10 +698,15 @@ class Polynomials:
             rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
         at_once = _at_once(max(self.rest.size, other.rest.size, rest.size))
         terms = np.zeros((len(self.terms), *rest.shape))
-        plan = _pairs(
-            self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once
-        )
-        _multiply_into(terms, self.terms, other.terms, plan, multiply)
+        if not one.present[1:].any():  # the same for all numbers
+            terms[two.present] = multiply(self.terms[0], other.terms[two.present])
+        elif not two.present[1:].any():
+            terms[one.present] = multiply(self.terms[one.present], other.terms[0])
+        else:
+            plan = _pairs(
+                self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once
+            )
+            _multiply_into(terms, self.terms, other.terms, plan, multiply)
         return self._like(terms, rest)
 
     def scaled(self, model: TaylorModel | Any) -> Polynomials:
@@ -832,8 +846,12 @@ class Polynomials:
             ratio = units[..., None, :] / units[..., :, None]
             D = D.times(ratio)
             X = self._like(one.terms.copy(), one.rest)
-            for degree in range(1, self.order + 1):
-                self.multiply_degree(X.terms, D.terms, X.terms, self.numbers, self.order, degree)
+            read = self.exponents[D.sizes.present].any(0)  # the numbers on which D depends
+            reached = ~self.exponents[:, ~read].any(1)
+            for degree in range(1, self.order + 1 if read.any() else 1):
+                self.multiply_degree(
+                    X.terms, D.terms, X.terms, self.numbers, self.order, degree, reached
+                )
             R = one - X + D @ X
             size = R.whole
         D.refuse(~(size.sum(-1).max(-1, initial=0.0) < SHRINKS_BY))
