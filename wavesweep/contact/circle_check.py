@@ -12,14 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import (
-    BOUNDS_OF_DOUBLES,
-    LEAST_SURE,
-    OPERATION_ROUNDING,
-    Inverse,
-    WallLoop,
-    shifted,
-)
+from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, LEAST_SURE, Inverse, WallLoop, shifted
+from wavesweep.engine.doubles import EPS
 
 FIRST_ARCS = 64  # of half the circle
 MOST_ARCS = 8_000  # looked at in one check
@@ -48,12 +42,12 @@ class Known:
 
     def __add__(self, other: Known) -> Known:
         value = self.value + other.value
-        return Known(value, self.error + other.error + OPERATION_ROUNDING * np.abs(value))
+        return Known(value, self.error + other.error + EPS * np.abs(value))
 
     def __mul__(self, other: Known) -> Known:
         value = self.value * other.value
         error = self.size * other.error + self.error * np.abs(other.value)
-        return Known(value, error + 2 * OPERATION_ROUNDING * np.abs(value))
+        return Known(value, error + 2 * EPS * np.abs(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +64,7 @@ class Multiplier:
     def allowed(self) -> bool:
         """Whether the weights are those of a multiplier."""
         total = self.before.sum() + self.after.sum()
-        rounded = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * self.before.size * total
+        rounded = BOUNDS_OF_DOUBLES * EPS * self.before.size * total
         return bool((self.before >= 0).all() and (self.after >= 0).all() and total + rounded < 1)
 
     @cached_property
@@ -91,7 +85,7 @@ class Multiplier:
         back = np.exp(-1j * np.outer(angles, self.lags))
         on = back.conj()
         slope = back @ (1j * self.lags * self.before) - on @ (1j * self.lags * self.after)
-        lost = OPERATION_ROUNDING * (self.lags.size + 4) ** 2 * np.ones(angles.size)
+        lost = EPS * (self.lags.size + 4) ** 2 * np.ones(angles.size)
         value = 1 - back @ self.before - on @ self.after
         return Known(value, lost), Known(slope, self.lags.size * lost)
 
@@ -116,7 +110,7 @@ class Multiplier:
         """Return `Re M/(z - 1)` and its derivative in the angle."""
         orders = np.arange(self.beside_pole.size)
         turned = np.outer(angles, orders)
-        lost = OPERATION_ROUNDING * (self.lags.size + 4) ** 3 * np.ones(angles.size)
+        lost = EPS * (self.lags.size + 4) ** 3 * np.ones(angles.size)
         value = np.cos(turned) @ self.beside_pole
         slope = -np.sin(turned) @ (orders * self.beside_pole)
         return Known(value, lost), Known(slope, orders.size * lost)
@@ -178,9 +172,9 @@ def _least(loop, walls, multiplier, middles, half):
         rest = half**2 * m1.size * a1.size + curved * multiplier.pole_bend * pole.size
         rest = rest + rest_m * (a.size + half * a1.size + rest_a)
         rest = rest + rest_a * (m.size + half * m1.size)
-        bound = value.value - half * np.abs(slope.value) - rest * (1 + 64 * OPERATION_ROUNDING)
+        bound = value.value - half * np.abs(slope.value) - rest * (1 + 64 * EPS)
         bound = bound - BOUNDS_OF_DOUBLES * (value.error + half * slope.error)
-        bound = bound - BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (value.size + half * slope.size)
+        bound = bound - BOUNDS_OF_DOUBLES * EPS * (value.size + half * slope.size)
         least = np.minimum(least, np.where(about.converges, bound, np.nan))
         at_middle = np.minimum(at_middle, value.value)
     return least, at_middle
@@ -188,16 +182,12 @@ def _least(loop, walls, multiplier, middles, half):
 
 def _opened(loop, wall, about, curved):
     """Return `1 - K G_x - B G_v` without its pole at middles of arcs, its slope, and the rest."""
-    terms = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (loop.B.size + 4)
+    terms = BOUNDS_OF_DOUBLES * EPS * (loop.B.size + 4)
     row, size_of_wall = wall @ loop.rows, np.abs(wall)
-    row_error = size_of_wall @ (
-        loop.dRows + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.rows)
-    )
+    row_error = size_of_wall @ (loop.dRows + BOUNDS_OF_DOUBLES * EPS * np.abs(loop.rows))
     size = np.abs(row) + row_error
     direct = wall @ loop.direct
-    direct_error = size_of_wall @ (
-        loop.dDirect + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * np.abs(loop.direct)
-    )
+    direct_error = size_of_wall @ (loop.dDirect + BOUNDS_OF_DOUBLES * EPS * np.abs(loop.direct))
     a_error = direct_error + about.size @ (row_error + terms * size) + size.sum() * about.error
     a = Known(1 - direct - about.X @ row, a_error + terms * (1 + abs(direct)))
     a1_error = about.size1 @ (row_error + terms * size) + size.sum() * about.error1
@@ -231,9 +221,7 @@ def _resolvents(loop, middles, half):
     `(w0 + d - E)^-1 = T - d T^2 + d^2 (1 + d T)^-1 T^3` with `T = (w0 - E)^-1`."""
     w = shifted(middles)
     eye = np.eye(loop.B.size)
-    inverse = Inverse.of(
-        w[:, None, None] * eye - loop.E, loop.dE + BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * eye
-    )
+    inverse = Inverse.of(w[:, None, None] * eye - loop.E, loop.dE + BOUNDS_OF_DOUBLES * EPS * eye)
     B = np.broadcast_to(loop.B, (middles.size, loop.B.size))
     X, X_error = inverse.times(B, np.full(middles.size, loop.dB.max(initial=0.0)))
     X1, X1_error = inverse.times(X, X_error)

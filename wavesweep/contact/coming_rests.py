@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, OPERATION_ROUNDING
+from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
+from wavesweep.engine.doubles import EPS
 
 ROUNDS = 200  # of the enclosure of all rests
 ROOM = 1e-3  # of an enclosure that is tried, on each side
@@ -97,7 +98,7 @@ class _Rests:
         G = self.G + change @ self.G
         errors = frames.changes_error[i, n, :n] + size @ self.errors
         errors = errors + frames.changes_error[i, :n, :n].T @ reach
-        rounding = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (2 * n + 8)
+        rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
         size_of_sums = reach + np.abs(change) @ reach + np.abs(step)
         return _Rests(middle, G, errors + rounding * size_of_sums)
 
@@ -108,7 +109,7 @@ class _Rests:
         r = frames.changes[i, n, n]
         reach = np.abs(self.middle) + np.abs(self.G).sum(1) + self.errors
         value = r + self.middle @ b
-        rounding = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (2 * n + 8)
+        rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
         off = np.abs(b @ self.G).sum() + np.abs(b) @ self.errors
         off = off + frames.changes_error[i, n, n] + frames.changes_error[i, :n, n] @ reach
         off = off + rounding * (abs(r) + np.abs(b) @ reach)
@@ -126,7 +127,7 @@ class _Rests:
             vertices = np.concatenate([vertices - self.G[:, at], vertices + self.G[:, at]])
         others = np.delete(self.G, spanning, axis=1)
         reach = np.abs(self.middle) + np.abs(self.G).sum(1)
-        rounding = OPERATION_ROUNDING * (len(spanning) + 2)
+        rounding = EPS * (len(spanning) + 2)
         return vertices, self.errors + np.abs(others).sum(1) + rounding * reach
 
 
@@ -156,7 +157,7 @@ def _rests_in(frames, T) -> _Rests | None:
         back = np.linalg.inv(T)
     except np.linalg.LinAlgError:
         return None
-    rounding = BOUNDS_OF_DOUBLES * OPERATION_ROUNDING * (2 * n + 8)
+    rounding = BOUNDS_OF_DOUBLES * EPS * (2 * n + 8)
     size_of_back = np.abs(back)
     lost = np.abs(np.eye(n) - back @ T) + rounding * (size_of_back @ np.abs(T))
     share = lost.sum(-1).max()

@@ -48,7 +48,8 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import Edge
-from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, OPERATION_ROUNDING
+from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
+from wavesweep.engine.doubles import EPS
 
 POINT = 1e-9  # of R, up to which its interval counts as a value with an error
 
@@ -93,11 +94,11 @@ class Conditions:
         for edge in edges:
             i = edge.frame
             moved = unchanged + frames.changes[i]
-            moved_error = frames.changes_error[i] + OPERATION_ROUNDING * np.abs(moved)
+            moved_error = frames.changes_error[i] + EPS * np.abs(moved)
             least, most = edge.turned
             middle = (least + most) / 2
             R_values = [middle]
-            R_error = (most - least) / 2 + OPERATION_ROUNDING * abs(middle)
+            R_error = (most - least) / 2 + EPS * abs(middle)
             if R_error > POINT * abs(middle):
                 R_values = [least, most]
                 R_error = 0.0
@@ -122,18 +123,18 @@ class Conditions:
         f[:, n] -= a_u
         size[:, n] += a_u
         f_error = abs(a_x) * self.read_error[:, 0] + abs(a_v) * self.read_error[:, 1]
-        f_error += 8 * OPERATION_ROUNDING * size
+        f_error += 8 * EPS * size
         count = len(f)
         G = np.zeros((count, n + 1, n + 2))
         G_error = np.zeros_like(G)
         G[:, :, state] = self.moved
         G_error[:, :, state] = self.moved_error
         G[:, n, state] = f - self.moved[:, n]
-        G_error[:, n, state] += f_error + OPERATION_ROUNDING * np.abs(G[:, n, state])
+        G_error[:, n, state] += f_error + EPS * np.abs(G[:, n, state])
         # From where the device would rest to f.
         from_rest = f.copy()
         from_rest[:, :n] -= self.rest
-        from_rest_error = f_error + OPERATION_ROUNDING * np.abs(from_rest)
+        from_rest_error = f_error + EPS * np.abs(from_rest)
         from_rest_error[:, :n] += self.rest_error
         weight = -self.R if self.drifts else np.ones(count)
         own = _times_force(-weight[:, None] * from_rest)
@@ -143,8 +144,8 @@ class Conditions:
         product_error += self.R_error[:, None] * (np.abs(from_rest) + from_rest_error)
         own_error = _times_force(product_error)
         own_error[:, force, force] += self.R_error * (np.abs(self.R) + size_of_R)
-        own_error[:, force, force] += 4 * OPERATION_ROUNDING * self.R**2
-        own_error += 4 * OPERATION_ROUNDING * np.abs(own)
+        own_error[:, force, force] += 4 * EPS * self.R**2
+        own_error += 4 * EPS * np.abs(own)
         stored = _times_force(-f)
         stored[:, force, n] = stored[:, n, force] = 1.0
         return Terms(G, own, stored, G_error, own_error, _times_force(f_error))
@@ -243,7 +244,7 @@ def _error_of_doubles(conditions, forms, terms):
     moved_error = G_error.mT @ size_of_P_j @ (size_of_G + G_error) + across @ G_error
     added = across @ size_of_G + g * size_of_own + h * size_of_stored
     added[:, :n, :n] += size_of_P_i
-    rounding_error = OPERATION_ROUNDING * (2 * n + 16) * added
+    rounding_error = EPS * (2 * n + 16) * added
     return BOUNDS_OF_DOUBLES * (moved_error + rounding_error + g * own_error + h * stored_error)
 
 

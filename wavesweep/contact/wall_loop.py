@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.frames import ADVANCE, OFFSET, VELOCITY, LinearFractional, balance
 from wavesweep.engine.poles import count_outside
 
-OPERATION_ROUNDING = 2.0**-52  # of an operation, twice what it can be
 BOUNDS_OF_DOUBLES = 4.0  # times the bounds: they are computed in doubles as well
 LEAST_SURE = 1e-2  # what inverse times matrix may be off the identity
 
@@ -37,7 +37,7 @@ class Inverse:
         S = np.linalg.inv(A)
         size = np.abs(S)
         off = np.abs(np.eye(n) - S @ A)
-        rounded = OPERATION_ROUNDING * (n + 4) * (size @ np.abs(A) + np.eye(n))
+        rounded = EPS * (n + 4) * (size @ np.abs(A) + np.eye(n))
         off = off + BOUNDS_OF_DOUBLES * (rounded + size @ dA)
         return Inverse(S, off, off.sum(-1).max(-1))
 
@@ -54,7 +54,7 @@ class Inverse:
         n = vector.shape[-1]
         result = (self.S @ vector[..., None])[..., 0]
         products = (np.abs(self.S) @ np.abs(vector)[..., None])[..., 0].max(-1)
-        rounded = OPERATION_ROUNDING * (n + 4) * products
+        rounded = EPS * (n + 4) * products
         off = (self.alpha * np.abs(result).max(-1) + rounded) / (1 - self.alpha)
         bound = off + self.size * error
         return result, BOUNDS_OF_DOUBLES * bound
@@ -117,11 +117,9 @@ class WallLoop:
                 return None
             row, error = _row_times(inverse, cut.C[ADVANCE], cut.dC[ADVANCE])
             rows = np.stack([rows[0] + row, rows[1]])
-            dRows = np.stack([dRows[0] + error, dRows[1]]) + OPERATION_ROUNDING * np.abs(rows)
+            dRows = np.stack([dRows[0] + error, dRows[1]]) + EPS * np.abs(rows)
             residue = float(direct[ADVANCE] - row @ B)
-            lost = (
-                OPERATION_ROUNDING * (B.size + 2) * (np.abs(row) @ np.abs(B) + abs(direct[ADVANCE]))
-            )
+            lost = EPS * (B.size + 2) * (np.abs(row) @ np.abs(B) + abs(direct[ADVANCE]))
             of_products = error @ (np.abs(B) + dB) + np.abs(row) @ dB
             dResidue = float(BOUNDS_OF_DOUBLES * (of_products + cut.dD[ADVANCE, 0] + lost))
         elif cut.integrates:
@@ -173,7 +171,7 @@ def _row_times(inverse, row, error):
     n, size = row.size, np.abs(inverse.S)
     alpha = inverse.alpha
     most = size + alpha / (1 - alpha) * size.max(0)
-    rounded = OPERATION_ROUNDING * (n + 4) * (np.abs(row) @ size)
+    rounded = EPS * (n + 4) * (np.abs(row) @ size)
     return row @ inverse.S, BOUNDS_OF_DOUBLES * (
         (np.abs(row) @ inverse.off + error) @ most + rounded
     )

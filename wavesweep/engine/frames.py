@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     from wavesweep.engine._monodromy.periodic import Change, Ticks, in_a_row, products_of_rows
     from wavesweep.engine._monodromy.product import blocks_of, pattern_of
     from wavesweep.engine._monodromy.rounding import (
-        ENTRY_ROUNDING,
-        SHORT_SUM_ROUNDING,
         balance,
         both,
     )
     from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
     from wavesweep.engine._search.frames_along import frames_where_solvable
     from wavesweep.engine._search.open_loops import (
-        IN_PLACE_OF_ZERO,
         REMEMBERED_LOOPS,
         Opened,
         by_zeros,
@@ -48,13 +45,12 @@ else:
             "_monodromy.open_ticks": ("OpenTicks",),
             "_monodromy.periodic": ("Change", "Ticks", "in_a_row", "products_of_rows"),
             "_monodromy.product": ("blocks_of", "pattern_of"),
-            "_monodromy.rounding": ("ENTRY_ROUNDING", "SHORT_SUM_ROUNDING", "balance", "both"),
+            "_monodromy.rounding": ("balance", "both"),
             "_monodromy.unit_circle": ("inverse", "on_circle", "solve"),
             "_search.frames_along": ("frames_where_solvable",),
             "_search.open_loops": (
                 "REMEMBERED_LOOPS",
                 "Opened",
-                "IN_PLACE_OF_ZERO",
                 "by_zeros",
                 "open_loops",
             ),

@@ -7,8 +7,6 @@ from wavesweep.engine import on_demand
 if TYPE_CHECKING:
     from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
     from wavesweep.engine._sets.taylor_models import (
-        LEAST_POSITIVE,
-        UNIT,
         Polynomials,
         TaylorModel,
         UnresolvedError,
@@ -19,10 +17,8 @@ else:
         {
             "_sets.enclosed_loop": ("EnclosedLoop", "Side"),
             "_sets.taylor_models": (
-                "LEAST_POSITIVE",
                 "Polynomials",
                 "TaylorModel",
-                "UNIT",
                 "UnresolvedError",
                 "monomials",
             ),

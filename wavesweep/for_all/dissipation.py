@@ -23,7 +23,6 @@ from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpa
 OPTIMUM_DISTANCE = 1e-7  # of the damping: distance from the optimum at which the program ends
 CENTRED = 0.5  # Newton decrement below which a point counts as the centre
 FASTER = 8.0  # factor of the weight of the damping from one centre to the next
-SWEEPS = 12  # over the states, for their units
 NEWTON_STEPS_OF_ENERGY = 400  # of Newton's method
 RIDGE = 1e-11  # of the diagonal of the Hessian, against rounding
 SHORTEST_STEP = 1e-9  # part of a step below which rounding leaves no room
@@ -82,7 +81,7 @@ def least_damping(
     # Of (s, u): the sizes of what states become, above that of what a displacement takes in.
     size = np.abs(S).sum(0)
     size[:n] = np.abs(M).sum(0)
-    _, units_of_batch = balance(size[None], SWEEPS)
+    _, units_of_batch = balance(size[None], thorough=True)
     units = units_of_batch[0]
     units = units[:n] / units[n]  # u keeps its own
     M = M / units[:, None]

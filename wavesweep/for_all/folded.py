@@ -11,8 +11,8 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine.doubles import UNIT_ROUNDING
 from wavesweep.engine.frames import MarginalModes, Ticks, consistent_solution
-from wavesweep.engine.sets import UNIT
 
 
 def lasting(
@@ -49,7 +49,7 @@ def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, n
     of_lead = dE[to_leads]
     with np.errstate(invalid="ignore"):  # where V is not known
         error = error + np.abs(V) @ of_lead + dV @ (np.abs(lead) + of_lead)
-        error = error + 4 * UNIT * (np.abs(own) + np.abs(V) @ np.abs(lead))
+        error = error + 4 * UNIT_ROUNDING * (np.abs(own) + np.abs(V) @ np.abs(lead))
         return own - V @ lead, np.where(np.isnan(error), np.inf, error)
 
 
@@ -79,7 +79,7 @@ def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     weight = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
     with np.errstate(all="ignore"):
         terms = np.abs(M) @ np.abs(V) + np.abs(S)
-        rounding = 2 * V.shape[-2] * UNIT * terms
+        rounding = 2 * V.shape[-2] * UNIT_ROUNDING * terms
         left = np.abs(M @ V + S) + dM @ np.abs(V) + dS + rounding
         J = np.linalg.pinv(np.nan_to_num(M * weight))
         N = np.abs(J @ (M * weight) - np.eye(rest.size)) + np.abs(J) @ (dM * weight)

@@ -13,11 +13,10 @@ from itertools import groupby
 import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop
+from wavesweep.engine.doubles import NEXT_TO_ZERO, UNIT_ROUNDING
 from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import (
-    LEAST_POSITIVE,
-    UNIT,
     EnclosedLoop,
     Polynomials,
     Side,
@@ -72,7 +71,7 @@ class Enclosed:
         half = (self.box[1] - self.box[0])[wide] / 2
         middle = (box.mean(0) - self.box.mean(0))[wide] / half
         # Both middles are rounded: the part is taken wider by that, so that its ends are within.
-        rounding = 4 * UNIT * (1 + np.abs(self.box[:, wide]).max(0) / half)
+        rounding = 4 * UNIT_ROUNDING * (1 + np.abs(self.box[:, wide]).max(0) / half)
         return self.matrices.within(middle, (box[1] - box[0])[wide] / 2 / half + rounding)
 
 
@@ -138,7 +137,7 @@ class FramesOver:
             reads = monomials(numbers, loop.order)[0] > 0
             for terms, rest in loop.over(cells).parts():
                 moves = np.moveaxis(terms, 0, -1) @ reads
-                size = np.maximum(terms.sum(0) * moves.sum(-1), LEAST_POSITIVE)
+                size = np.maximum(terms.sum(0) * moves.sum(-1), NEXT_TO_ZERO)
                 due += (rest / size)[..., None] * moves
         return due
 
@@ -312,7 +311,7 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
             for state, factor in followers:
                 factors[..., state, lead] = factor
         if factors.any():
-            rounding = UNIT * np.abs(factors)
+            rounding = UNIT_ROUNDING * np.abs(factors)
             to = Polynomials.constant(np.eye(n) - factors, E.numbers, E.order)
             back = Polynomials.constant(np.eye(n) + factors, E.numbers, E.order)
             E = replace(to, rest=rounding) @ E @ replace(back, rest=rounding)
@@ -326,7 +325,7 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
     E_S = _below(E.at(range(n), leads))
     # Rows count by how well they are known, and columns alike, so that what is left out of them
     # hardly grows.
-    rounding = EQUATION_ROUNDINGS * UNIT * np.abs(E_R.terms[0]).sum(-1)
+    rounding = EQUATION_ROUNDINGS * UNIT_ROUNDING * np.abs(E_R.terms[0]).sum(-1)
     unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
     weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
     weighed = E_R.terms[0] * weight[..., None]

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.sets import UNIT
+from wavesweep.engine.doubles import LEAST_NORMAL, UNIT_ROUNDING
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norm_check import (
     BOUNDS_OF_DOUBLES,
@@ -63,7 +63,7 @@ class FramesFromZero:
         f = x / (1 - self.d * x)
         if not (x > 0 and f > 0 and are_chances(weight, graph)):
             return False
-        f *= 1 + 8 * UNIT
+        f *= 1 + 8 * UNIT_ROUNDING
         on = _OnGraph(self, graph, weight)
         with suppress(np.linalg.LinAlgError):  # singular where second moments stop to decay
             solved = on.row()
@@ -88,7 +88,7 @@ class _OnGraph:
         self.A = frames.A[of_edges]
         self.b = frames.b[of_edges]
         self.c = frames.c[of_edges]
-        self.dA = frames.dA[of_edges] + UNIT * np.abs(self.A)
+        self.dA = frames.dA[of_edges] + UNIT_ROUNDING * np.abs(self.A)
         self.db = frames.db[of_edges]
         self.dc = frames.dc[of_edges]
         self.D = self.A[:, 1:, 1:]
@@ -115,14 +115,14 @@ class _OnGraph:
         R = np.linalg.inv(identity - T)
         p = R @ h
         p += R @ (h - p + T @ p)
-        rounding = BOUNDS_OF_DOUBLES * (nodes * m + 4) * UNIT
+        rounding = BOUNDS_OF_DOUBLES * (nodes * m + 4) * UNIT_ROUNDING
         sizes = np.abs(h) + np.abs(p) + np.abs(T) @ np.abs(p)
         left = np.abs(h - p + T @ p) + dh + dT @ np.abs(p) + rounding * sizes
         z = np.abs(R) @ left
         G = np.abs(identity - R @ (identity - T)) + np.abs(R) @ dT
         G += rounding * np.abs(R) @ (identity + np.abs(T))
         # dp <= z + G dp, in the units in which z is 1.
-        units = np.where(z > 0, z, z.max(initial=0.0) + np.finfo(float).tiny)
+        units = np.where(z > 0, z, z.max(initial=0.0) + LEAST_NORMAL)
         growth = float((G * (units / units[:, None])).sum(-1).max())
         if not growth < 0.5:
             return None
@@ -198,13 +198,13 @@ class _OnGraph:
         through = self.b[:, :, None] * self.c[:, None]
         of_through = np.abs(self.b)[:, :, None] * self.dc[:, None]
         of_through += self.db[:, :, None] * (np.abs(self.c) + self.dc)[:, None]
-        of_through += UNIT * np.abs(through)
+        of_through += UNIT_ROUNDING * np.abs(through)
         F = self._powers((self.A, through), (P, lead))
         terms = self._powers((np.abs(self.A), np.abs(through)), (np.abs(P), np.abs(lead)))
         wide = (np.abs(self.A) + self.dA, np.abs(through) + of_through)
         widest = self._powers(wide, (np.abs(P) + dP, np.abs(lead)))
         count = np.bincount(self.graph.source).max()
-        rounding = (4 * self.n + 2 * count + 16) * UNIT + 2 * WEIGHED
+        rounding = (4 * self.n + 2 * count + 16) * UNIT_ROUNDING + 2 * WEIGHED
         R = [
             BOUNDS_OF_DOUBLES * (large - size + rounding * large)
             for size, large in zip(terms, widest, strict=True)
@@ -227,7 +227,7 @@ class _OnGraph:
             errors[:, 1:, 0] += across
             if power > 1:
                 errors[:, 0, 0] += f ** (power - 1) * size[:, 0, 0]
-        errors *= 1 + 64 * UNIT
+        errors *= 1 + 64 * UNIT_ROUNDING
         return definite(*in_its_units(middle, errors))
 
     def _powers(self, A, P):

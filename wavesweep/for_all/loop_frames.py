@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.frames import (
-    ENTRY_ROUNDING,
     MarginalModes,
     OpenTicks,
     Ticks,

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
 from wavesweep.engine.blocks import values_of
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.drawing import Drawing, name_of, scalars
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.poles import count_outside
@@ -53,7 +54,7 @@ WORK = 10**9  # entries of all of these, times their rows
 SIZING = 6  # rounds in which sizes of states are found
 # keys of a channel, as `Losses` has them
 PROBABILITIES = ("loss", "burst_loss", "burst", "burst_end")
-CHANCE_ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
+CHANCE_ROUNDING = 64 * EPS  # of a probability that is a product of a few numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +200,7 @@ class Chances:
         is_real = np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)
         *_, next_, radius = np.sort(np.append(eigenvalues.real[is_real], [0, 0]))
         m = (radius + max(next_, 1.0)) / 2
-        rounding = 4 * len(identity) * np.finfo(float).eps
+        rounding = 4 * len(identity) * EPS
         middle = self._enclosed((low + high) / 2, (low + high) / 2)
         if radius <= 1 or middle is None or not _grow(middle[0] / m, middle[2] / m):
             return False

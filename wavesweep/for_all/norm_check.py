@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.sets import UNIT, Polynomials, monomials
+from wavesweep.engine.doubles import UNIT_ROUNDING
+from wavesweep.engine.sets import Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 
 # times the bounds: what is computed in doubles of bounds is known to far better than that
@@ -72,14 +73,14 @@ def shrink_along(
     F = _bezier(P, A, graph)
     # Its errors at any control point: those of the entries of A, and rounding.
     size = np.abs(A).max(0)
-    dA = (dE[:, graph.symbol] + UNIT * np.abs(A)).max(0)
+    dA = (dE[:, graph.symbol] + UNIT_ROUNDING * np.abs(A)).max(0)
     size_of_P = np.abs(P).max(0)
     P_i = size_of_P[graph.source]
     P_j = size_of_P[graph.target]
     across = size.mT @ P_j
     of_entries = dA.mT @ P_j @ (size + dA) + across @ dA
     joined = 2 * len(P) * len(A) ** 2  # terms of a control point, at most
-    of_rounding = UNIT * (2 * n + 2 + joined) * (across @ size + P_i)
+    of_rounding = UNIT_ROUNDING * (2 * n + 2 + joined) * (across @ size + P_i)
     R = BOUNDS_OF_DOUBLES * (of_entries + of_rounding)
     # "Frames in any order": Cholesky decompositions with all rounding taken off.
     return definite(*in_its_units(F, np.broadcast_to(R, F.shape)))
@@ -148,7 +149,7 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     size_of_whole = np.abs(whole)
     A = root * whole[graph.symbol]
     size = root * size_of_whole[graph.symbol]
-    dA = root * (dE + UNIT * size_of_whole)[graph.symbol]
+    dA = root * (dE + UNIT_ROUNDING * size_of_whole)[graph.symbol]
     P_j = P[graph.target]
     size_of_P_j = np.abs(P)[graph.target]
     # "Messages": `P_i - sum w A' P_j A`, the sum over the edges from i.
@@ -161,7 +162,7 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     terms = np.abs(P)
     np.add.at(terms, graph.source, across @ size)
     count = np.bincount(graph.source).max()
-    of_rounding = UNIT * (2 * n + 8 + count) * terms
+    of_rounding = UNIT_ROUNDING * (2 * n + 8 + count) * terms
     # "Messages": the same file checks them.
     return definite(F, BOUNDS_OF_DOUBLES * (of_entries + of_rounding))
 
@@ -235,7 +236,7 @@ def _exceeds(slack, numbers):
     # "Unknown numbers": terms up to degree two are a convex combination of control points.
     low = slack.terms[: len(monomials(numbers, 2)[0])]
     control = np.tensordot(_control(numbers), low, (1, 0))
-    rounding = 4 * len(low) * UNIT * np.abs(low).sum(0)
+    rounding = 4 * len(low) * UNIT_ROUNDING * np.abs(low).sum(0)
     # "Unknown numbers": each exceeds all other terms and all errors, with rounding taken off.
     off = slack.errors + slack.higher
     if not np.isfinite(off).all():
@@ -257,7 +258,7 @@ def _slack_over(forms, graph, A, weight) -> Slack:
         at = graph.source
         added = np.bincount(graph.source).max()
         root = _root(weight)
-        rest = root * moved.rest + 2 * UNIT * root * np.abs(moved.terms).sum(0)
+        rest = root * moved.rest + 2 * UNIT_ROUNDING * root * np.abs(moved.terms).sum(0)
         moved = Polynomials(root * moved.terms, rest, A.numbers, A.order)
 
     def summed(each):
@@ -277,7 +278,7 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     W = np.linalg.inv(roots).mT
     size = np.abs(W)
     # "Unknown numbers": `W' F(s) W`, multiplied out with B = A W.
-    rounding = 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
+    rounding = 2 * n * UNIT_ROUNDING * (np.abs(moved.terms).sum(0) @ size[at])
     B = Polynomials(moved.terms @ W[at], moved.rest @ size[at] + rounding, A.numbers, A.order)
     B_transposed = Polynomials(B.terms.mT, B.rest.mT, A.numbers, A.order)
     after = B_transposed @ (P_j @ B)
@@ -286,7 +287,7 @@ def _slack_over(forms, graph, A, weight) -> Slack:
     # Its errors: what the models leave out, and rounding of all terms.
     size_of_first = size.mT @ np.abs(P_i.terms).sum(0) @ size
     whole = size_of_first + summed(np.abs(after.terms).sum(0))
-    errors = summed(after.rest) + (4 * n + added) * UNIT * whole
+    errors = summed(after.rest) + (4 * n + added) * UNIT_ROUNDING * whole
     higher = terms[len(monomials(A.numbers, 2)[0]) :]
     bounds = np.where(unbounded, np.inf, OWN_ROUNDING * _norm(errors))
     return Slack(terms, bounds, OWN_ROUNDING * _norm(higher).sum(0))
@@ -323,7 +324,7 @@ def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> boo
     units = np.exp2(-np.round(np.log2(diagonal) / 2))
     F = F * units[..., None, :] * units[..., :, None]
     R = R * units[..., None, :] * units[..., :, None]
-    c = BOUNDS_OF_DOUBLES * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
+    c = BOUNDS_OF_DOUBLES * (n + 2) * UNIT_ROUNDING * np.trace(F, axis1=-2, axis2=-1)
     size_of_R = BOUNDS_OF_DOUBLES / 2 * R.sum(-1).max(-1)
     less = size_of_R + c + off * units.max(-1) ** 2
     try:
@@ -335,7 +336,7 @@ def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> boo
 
 def _root(weight):
     """The roots of probabilities, or more, as factors of matrices."""
-    return np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT)[:, None, None]
+    return np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT_ROUNDING)[:, None, None]
 
 
 def are_chances(weight: np.ndarray, graph: Graph) -> bool:

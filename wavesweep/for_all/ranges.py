@@ -17,7 +17,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets import LEAST_POSITIVE, Polynomials, monomials
+from wavesweep.engine.doubles import NEXT_TO_ZERO
+from wavesweep.engine.sets import Polynomials, monomials
 from wavesweep.for_all.average import ALONE, OnAverage, forms_of_each, forms_on_average
 from wavesweep.for_all.frames_over import Enclosed
 from wavesweep.for_all.norm_check import shrink_each, shrink_over
@@ -438,8 +439,8 @@ def _judgement(part, known, A, found, judged, narrow, *, alone=False):
     keep = errors * (1 - share) < SHARED
     if errors > SLACK_OF_ERRORS:
         if share < 1 - SLACK_OF_ERRORS:  # the rest is that of A itself
-            due = share * due + (1 - share) * known.due / max(known.due.sum(), LEAST_POSITIVE)
-        moves = moves + min(errors, 1 / LEAST_POSITIVE) * due
+            due = share * due + (1 - share) * known.due / max(known.due.sum(), NEXT_TO_ZERO)
+        moves = moves + min(errors, 1 / NEXT_TO_ZERO) * due
     part = replace(part, start=found[0], barren=0)
     slopes = None if alone else found[1]
     left = errors, 1 - due
@@ -604,7 +605,7 @@ def _left_out(A, found):
     rest = 2 * seen.rest.sum() * size.sum() * of_forms.sum()
     with np.errstate(invalid="ignore"):
         share = whole / (whole + rest)
-    return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, LEAST_POSITIVE)
+    return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, NEXT_TO_ZERO)
 
 
 def _halves(box, side):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.norms import Centre, rough_basis
@@ -90,6 +91,6 @@ class Remembered:
         largest = np.linalg.norm(lost @ half.mT, axis=(-2, -1)).max() ** 2
         whole = (
             self.to.T @ P @ self.to
-            + SLACK_SHARE / max(largest, 1e-300) * self.forgotten.T @ self.forgotten
+            + SLACK_SHARE / max(largest, NEXT_TO_ZERO) * self.forgotten.T @ self.forgotten
         )
         return Norms((whole + whole.mT) / 2, graph)

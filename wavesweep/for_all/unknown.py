@@ -10,8 +10,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.drawing import name_of
-from wavesweep.engine.frames import IN_PLACE_OF_ZERO, frames_where_solvable
+from wavesweep.engine.frames import frames_where_solvable
 from wavesweep.engine.intervals import Resolution, Search
 from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
@@ -412,7 +413,7 @@ def _met(found, sides):
 
 
 def frames_over(loop, paths, drift, x):
-    x = np.where(x == 0, IN_PLACE_OF_ZERO, x)
+    x = np.where(x == 0, NEXT_TO_ZERO, x)
     return frames_where_solvable(
         loop.changed({path: x[:, i].copy() for i, path in enumerate(paths)}), drift, (len(x),)
     )

@@ -8,15 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.blocks import BESIDE, FACTOR, PRODUCT
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.drawing import name_of
-from wavesweep.engine.frames import (
-    ENTRY_ROUNDING,
-    MarginalModes,
-    Ticks,
-    both,
-    pattern_of,
-    products_of_rows,
-)
+from wavesweep.engine.frames import MarginalModes, Ticks, both, pattern_of, products_of_rows
 from wavesweep.engine.loop import Loops
 
 if TYPE_CHECKING:

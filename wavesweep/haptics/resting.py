@@ -16,13 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop, Ports, all_sums, connect
-from wavesweep.engine.frames import (
-    ENTRY_ROUNDING,
-    SHORT_SUM_ROUNDING,
-    MarginalModes,
-    OpenFrame,
-    relative_row,
-)
+from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
+from wavesweep.engine.frames import MarginalModes, OpenFrame, relative_row
 from wavesweep.engine.response import ordered_products, solved
 
 # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.identification.model import late
 from wavesweep.identification.prediction import (
     Place,
@@ -144,7 +145,7 @@ def means_over_ticks(
 
     gains: the last of them are those of the curve, if the log has it beside its force.
     """
-    sizes = [np.sqrt(np.mean(each**2)) + 1e-300 for each in (speed, place, log.force)]
+    sizes = [np.sqrt(np.mean(each**2)) + NEXT_TO_ZERO for each in (speed, place, log.force)]
 
     def motion(speed, place, force):
         return Motion(speed / sizes[0], place / sizes[1], force / sizes[2])

@@ -25,6 +25,8 @@ from scipy.optimize import linprog, minimize_scalar
 from scipy.signal import lfilter
 from scipy.special import log_ndtr, stdtrit
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
+
 SMOOTH = 0.5  # white noise, in steps, above which rounding acts like more white noise
 NOISE = np.log([0.02, SMOOTH])  # range, in steps, in which the white noise is searched
 MOST_NEWTON_STEPS = 30  # steps of Newton's method at most
@@ -81,7 +83,7 @@ def estimated(slopes: np.ndarray, residual: np.ndarray, resolution: float) -> Es
     change, noise = _likeliest(basis, residual, resolution)
     score, weight = _readings(residual - basis @ change, resolution, noise)[1:]
     curved = basis.T @ (weight[:, None] * basis)
-    curved = np.linalg.inv(curved + np.eye(len(change)) * (1e-12 * np.trace(curved) + 1e-300))
+    curved = np.linalg.inv(curved + np.eye(len(change)) * (1e-12 * np.trace(curved) + NEXT_TO_ZERO))
     many = max(np.sum(weight) ** 2 / np.sum(weight**2) - len(change) - 1, 1.0)
     # The curvature and the scores themselves are two estimates of the same variance, of which the
     # larger is taken.
@@ -172,7 +174,7 @@ def _climbed(basis, residual, resolution, noise, change):
     value, score, weight = _readings(residual - basis @ change, resolution, noise)
     for _ in range(MOST_NEWTON_STEPS):
         curved = basis.T @ (weight[:, None] * basis)
-        curved += np.eye(len(change)) * (1e-9 * np.trace(curved) + 1e-300)
+        curved += np.eye(len(change)) * (1e-9 * np.trace(curved) + NEXT_TO_ZERO)
         step = np.linalg.solve(curved, basis.T @ score)
         for _ in range(MOST_NEWTON_STEPS):
             after = _readings(residual - basis @ (change + step), resolution, noise)
@@ -261,7 +263,7 @@ def _coloured(inverse, curved, basis, weight, score):
     )[:, WARM:]
     along = drawn @ basis
     other_deviations = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
-    odds = np.sort(np.abs(along @ lean.T) / np.maximum(other_deviations, 1e-300), axis=0)
+    odds = np.sort(np.abs(along @ lean.T) / np.maximum(other_deviations, NEXT_TO_ZERO), axis=0)
     return deviation[0] * np.maximum(
         odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975)
     )

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincc
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.identification.curves import (
     CURVES,
     PASSES_ANSWERED,
@@ -243,7 +244,7 @@ def judged(fit: Fit) -> Verdict:
     # Divided by the square roots of its weights, the score is white if the model is right.
     root = np.sqrt(estimate.weight)
     basis = np.linalg.qr(_sized(root[:, None] * estimate.slopes))[0]
-    left = estimate.score / np.maximum(root, 1e-300)
+    left = estimate.score / np.maximum(root, NEXT_TO_ZERO)
     left = left - basis @ (basis.T @ left)
     # The first lines of the bands of a spectrum, and the end of the last one; powers of white noise
     # are Gamma distributed.
@@ -370,7 +371,7 @@ def _orthogonal(basis, directions):
 
 def _sized(directions):
     """The directions with a length of 1."""
-    return directions / np.maximum(np.linalg.norm(directions, axis=0), 1e-300)
+    return directions / np.maximum(np.linalg.norm(directions, axis=0), NEXT_TO_ZERO)
 
 
 def _neighbours(errors):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.sampling import extremes
@@ -158,4 +159,8 @@ def _spectrum(columns, facts):
     density = np.sqrt(np.add.reduceat(power, edges[:-1]) / sizes)
     hertz = (edges[:-1] + edges[1:] + 1) / 2 / (len(left) * period)
     variance = facts["resolution"] ** 2 / 12 + facts["residual"]["white_noise"] ** 2
-    return hertz, np.maximum(density, 1e-300), np.full(len(hertz), np.sqrt(2 * period * variance))
+    return (
+        hertz,
+        np.maximum(density, NEXT_TO_ZERO),
+        np.full(len(hertz), np.sqrt(2 * period * variance)),
+    )

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.identification.estimates import Estimate, estimated
 from wavesweep.identification.model import (
     DIFFERENCE_STEP,
@@ -252,7 +253,7 @@ def _encoder_alone(model, theta, rows, noise):
         with np.errstate(all="ignore"):
             left = rows.residual(model, theta)
             slopes = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
-        size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+        size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
         if not np.isfinite([left.sum(), slopes.sum()]).all():
             return False
         step = np.linalg.lstsq(slopes / size, left, rcond=1e-12)[0] / size
@@ -357,11 +358,11 @@ def _inliers(model, theta, rows):
     rows = replace(rows, used=np.ones(len(rows.used)))
     left = rows.residual(model, theta)
     J = rows.slopes(model, theta, DIFFERENCE_STEP * scales(model, theta, rows))
-    basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
+    basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), NEXT_TO_ZERO))[0]
     off = left - np.median(left)
     for _ in range(4 * FITTING_ROUNDS):
-        deviation = np.median(np.abs(off)) / 0.6745 + 1e-300
-        root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), 1e-300)))[
+        deviation = np.median(np.abs(off)) / 0.6745 + NEXT_TO_ZERO
+        root = np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(off), NEXT_TO_ZERO)))[
             :, None
         ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]

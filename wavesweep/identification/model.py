@@ -26,6 +26,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from wavesweep.engine.blocks import impulse_and_step, motion
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 
 TWIST = ("twist", "slip")  # of two masses at the first row: x_1 - x_2 and v_1 - v_2
 OWN = ("start", "velocity", "offset", "bias", *TWIST)  # numbers of the log alone
@@ -315,7 +316,7 @@ def _turning(found, parts, row):
             while left > 0:
                 side = tanh(v / turning)
                 net = push / found["mass"] - friction * side - damping * v - sided * (1 - abs(side))
-                pulled = abs(net - stiffness * x) + 1e-300
+                pulled = abs(net - stiffness * x) + NEXT_TO_ZERO
                 most = (abs(v) - near if abs(v) > near else turning / 4) / pulled
                 h = min(left, max(most, seconds / MOST_STEPS))
                 a = net - stiffness * (x + v * h / 2)
@@ -347,7 +348,11 @@ def _sliding(found, push, parts, full, period, row):
         step(found, period)[:, 0],
     )
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
-    safe = inf if stiffness else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), 1e-300)
+    safe = (
+        inf
+        if stiffness
+        else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), NEXT_TO_ZERO)
+    )
     v = found["velocity"]
     x = found["start"]
     moved = np.empty(len(now))

@@ -30,6 +30,7 @@ from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 from scipy.special import erf, stdtrit
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
 from wavesweep.identification.predictor import Predictor, tick_of
@@ -972,7 +973,7 @@ def _step(log, search, point, skip, free):
     _, errors, effects = errors_of(log, search.found(point), skip)
     gains, left = projected(errors, effects)
     slopes = _slopes(log, search, point, gains, skip)[:, free]
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
     step = -np.linalg.lstsq(slopes / size, left, rcond=1e-10)[0] / size
     step[: len(gains)] += gains
     return step
@@ -1003,7 +1004,7 @@ def _differences(function, point, steps):
 def _half_widths(left, slopes, to_theta):
     """Half the widths of the intervals: the widest of those of white innovations and of blocks
     of scores."""
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(slopes, axis=0), NEXT_TO_ZERO)
     unit = slopes / size
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
     most = WILD * np.median(np.abs(left)) / 0.6745

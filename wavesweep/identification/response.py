@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
 from wavesweep.identification.points import FrequencyResponse
@@ -128,13 +129,13 @@ def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> Re
     complexes = left[: len(H)] + 1j * left[len(H) :]
     related = float(
         np.sum((complexes[1:] * complexes[:-1].conj()).real)
-        / max(np.sum(np.abs(complexes) ** 2), 1e-300)
+        / max(np.sum(np.abs(complexes) ** 2), NEXT_TO_ZERO)
     )
     named = max(_tried(measured, hold, model, theta, left, J), key=lambda each: each[2])
     # noise explains shares of 1/n; the largest of many is ln(number)/n
     rare = len(H) * named[2] > np.log(RESONANCES_TRIED) + RARE_ODDS
     far = (
-        float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), 1e-300))
+        float(np.max(np.abs(complexes) ** 2) / max(np.mean(np.abs(complexes) ** 2), NEXT_TO_ZERO))
         > np.log(len(H)) + RARE_ODDS
     )
     explained = not (rare or far or related * np.sqrt(2 * len(H)) > RELATED)

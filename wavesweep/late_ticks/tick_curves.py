@@ -24,12 +24,13 @@ import numpy as np
 
 from wavesweep.capabilities import offered
 from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop
+from wavesweep.engine.doubles import ENTRY_ROUNDING, UNIT_ROUNDING
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.expressions import ONE, Tree
-from wavesweep.engine.frames import ENTRY_ROUNDING, OpenTicks, Ticks
+from wavesweep.engine.frames import OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, UnresolvedError
+from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedError
 
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
 ORDER = 10  # of the Taylor models of a cell
@@ -139,7 +140,7 @@ def _curve(matrix: Polynomials) -> Curve:
         for j in range(i + 1):
             control[i] += comb(i, j) / comb(DEGREE, j) * powers[j]
     left_out = np.abs(matrix.terms[DEGREE + 1 :]).sum(0)
-    rounding = ROUNDINGS * UNIT * (np.abs(kept).sum(0) + left_out)
+    rounding = ROUNDINGS * UNIT_ROUNDING * (np.abs(kept).sum(0) + left_out)
     return control, matrix.rest + left_out + rounding
 
 
@@ -148,7 +149,7 @@ def _is_near(curves) -> bool:
     for both in curves.values():
         for control, rest in both:
             size = np.abs(control).max(0)
-            rounding = ROUNDINGS * UNIT * (1 + size.max(initial=0.0))
+            rounding = ROUNDINGS * UNIT_ROUNDING * (1 + size.max(initial=0.0))
             if (rest > STRAIGHT * size + rounding).any():
                 return False
     return True

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import GAIN, path_of
 from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
@@ -106,7 +107,7 @@ class BrokenLoop:
         A = w * identity - E
         state = solve(A, B + 0j)
         read = solve(A.T, C.T + 0j).T
-        rounding = len(E) * np.finfo(float).eps
+        rounding = len(E) * EPS
         rounded = rounding * (abs(w) * identity + np.abs(E))
         error = np.abs(read) @ ((dE + rounded) @ np.abs(state) + dB) + dC @ np.abs(state) + dD
         error = error + rounding * (np.abs(C) @ np.abs(state) + np.abs(D))
@@ -142,9 +143,10 @@ class BrokenLoop:
             sizes = size(points)
             above = sizes > 0
             change = np.flatnonzero(above[:-1] != above[1:])
-            rtol = 4 * np.finfo(float).eps
+            rtol = 4 * EPS
             roots = [
-                brentq(size, points[at], points[at + 1], xtol=1e-300, rtol=rtol) for at in change
+                brentq(size, points[at], points[at + 1], xtol=NEXT_TO_ZERO, rtol=rtol)
+                for at in change
             ]
         unit_angles = np.array(roots)
         touches = np.abs(sizes) <= TOUCHES

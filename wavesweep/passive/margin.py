@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import solve
 from wavesweep.engine.norms import SOFT, TickMaps, angles, hinf_norm
@@ -16,7 +17,7 @@ MARGIN_SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of th
 # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
 ZERO_MARGIN = 1e-9
 # of the mean eigenvalue: smaller margins are 0 up to rounding
-FAINT_MARGIN = 256 * np.finfo(float).eps
+FAINT_MARGIN = 256 * EPS
 SIMILAR_VALUES = 0.5  # values are alike if each is at least this share of the others
 # of the margin and of the mean: rounding of the ticks moves a known margin by no more
 SURE_MARGIN = 1e-8
@@ -248,7 +249,7 @@ def _dragged_along(e, ticks, shaken, mean):
     rest = -(p.mT @ solve(S, p))[:, 0, 0]
     moves_nothing = np.abs(still[:, 0, 0]) <= ZERO_MARGIN * mean
     dragged = moves_nothing & (moved.max(0) <= COUPLING_SHARE * size)
-    negative = np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny)
+    negative = np.minimum(np.fmax(rest, -size), -LEAST_NORMAL)
     return np.where(dragged, negative, 0.0)
 
 
@@ -278,7 +279,7 @@ def _shaken(ticks, port, loops):
             sizes_of = size.reshape(-1, *size.shape[-2:])
             if len(sizes_of) > 1:
                 sizes_of = sizes_of[loops]
-            error = np.finfo(float).eps * sizes_of
+            error = EPS * sizes_of
             at = np.arange(SHAKES * matrix[0].size).reshape(SHAKES, 1, *matrix.shape[1:])
             # Fixed signs, without a structure that entries may have.
             signs = np.sign(np.sin(1.0 + 7 * number + place + at**2 % 97))

@@ -27,7 +27,6 @@ from wavesweep.engine.response import Port, solved
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.channel import channel_of
 
-SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
 EIGENVALUE_SLACK = 1e-11  # of the mean eigenvalue: accuracy of the smallest one
 SURE_EIGENVALUE = 1e-9  # of the mean eigenvalue: what is surely not rounding
@@ -316,7 +315,7 @@ class Determinant:
     def units(self, middle) -> np.ndarray:
         """The units in which the states have similar sizes, `(n,)`."""
         lifted, _ = self.maps(middle[:1])
-        _, units = balance(np.abs(lifted.E), SWEEPS)
+        _, units = balance(np.abs(lifted.E), thorough=True)
         return units[0]
 
     def values(self, x, units):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import eigenvalues
 from wavesweep.haptics.controllers import HAND
@@ -61,7 +62,7 @@ def pair_margin(loop: HeldLoop) -> PairMargin:
     certified, words = Pair(less).open_in(0.0, 0.0, cover) == [], ""
     if damping < 0:
         sign, _, error, _ = Pair(pairs).witness(0.0, 0.0).values(np.zeros((1, 1)), None)
-        certified &= bool(((sign.real > 0) & (np.finfo(float).eps * error < 1)).all())
+        certified &= bool(((sign.real > 0) & (EPS * error < 1)).all())
         words = counterexample(loop)
     omega = 0.0 if theta == NEAR_REST else float(theta) / (period * drawn.ticks)
     return PairMargin(damping, omega, damping > 0, certified, words)

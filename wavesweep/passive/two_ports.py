@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT, POSITION, Ports
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.drawing import ENVIRONMENT
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import inverse, on_circle, solve
@@ -48,7 +49,6 @@ from wavesweep.passive.over_ranges import (
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment
 LONGEST_TWO_PORT_FRAME = 100  # ticks of a frame
 STEPS, SETTLED = 40, 1e-9  # of balancing, and changes of the logarithms of weights that end it
-IN_PLACE_OF_ZERO = 1e-300
 NEAR_REST = 1e-4  # rad per frame: in place of 0, where forces that move nothing leave no impedance
 TRIED = np.concatenate(
     [np.geomspace(NEAR_REST, 0.03, 8), np.linspace(0.06, np.pi, 40)]
@@ -181,7 +181,7 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
     """
     if log_w is None:
         log_w, sizes = np.zeros(Z.shape[:2]), np.abs(Z) ** 2
-        sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = IN_PLACE_OF_ZERO
+        sizes[:, range(Z.shape[-1]), range(Z.shape[-1])] = NEXT_TO_ZERO
         for _ in range(STEPS):
             square = np.exp(2 * log_w)
             step = (

@@ -6,8 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse
+from wavesweep.engine.frames import balance, inverse
 from wavesweep.engine.poles import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 

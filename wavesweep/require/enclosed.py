@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.response import Bounded, solved
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE

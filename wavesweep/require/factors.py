@@ -26,10 +26,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import ONE
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse, solve
+from wavesweep.engine.frames import balance, inverse, solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.require.at_cut import INPUT, PATH, refuse_cut, runs_at_cut
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
@@ -47,7 +48,7 @@ from wavesweep.require.discs import ZERO_EIGENVALUES, eigenvectors
 from wavesweep.require.gain_bound import FACTOR_GAIN, FactorBound
 from wavesweep.require.gain_intervals import attached, begun_at_low_end
 from wavesweep.require.maps import at_runs
-from wavesweep.require.pencil import DOMINANT_BY, SWEEPS
+from wavesweep.require.pencil import DOMINANT_BY
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
@@ -282,7 +283,7 @@ def clear(maps, f, turn, u, r):
         middle = E[:, 0].real, G[:, 0].real, O[:, 0].real, T[:, 0].real
         S, to_inputs = _with_factor(*middle, f)
         fine = np.isfinite(S).all((-1, -2))
-        S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
+        S, units = balance(np.where(fine[:, None, None], S, 0.0), thorough=True)
         d, V = eigenvectors(S, ZERO_EIGENVALUES)
         V = units[:, :, None] * V
         f = f[:, None, None]
@@ -378,7 +379,7 @@ def _dominated(F, room):
     """Whether diagonals of these sizes dominate matrices whose entries are at most F."""
     H = F / room[:, :, None]
     fine = np.isfinite(H).all((-1, -2))
-    H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
+    H, _ = balance(np.where(fine[:, None, None], H, 0.0), thorough=True)
     N = H.shape[-1]
     weights = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
     fine &= (weights > 0).all((1, 2))

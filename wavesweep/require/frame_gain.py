@@ -29,7 +29,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING, inverse, on_circle, solve
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
+from wavesweep.engine.frames import inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
 from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside

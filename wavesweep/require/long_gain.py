@@ -25,16 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO, SHORT_SUM_ROUNDING
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import (
-    SHORT_SUM_ROUNDING,
-    Change,
-    balance,
-    in_a_row,
-    inverse,
-    on_circle,
-    solve,
-)
+from wavesweep.engine.frames import Change, balance, in_a_row, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
 from wavesweep.engine.response import Bounded
 from wavesweep.require.between import loops_between, poles_inside
@@ -48,7 +41,6 @@ ANGLES = 8  # of eigenvalues next to the arc: there, and between these, the form
 # times the level, or less by it: there something else is singular where its parts are eliminated
 BESIDE_LEVEL = 1.02
 FIXED = 0.0, 0.37, 0.71, 1.0  # of an arc, where it is looked at as well
-SWEEPS = 12  # of balancing
 
 
 class Joined(NamedTuple):
@@ -272,7 +264,7 @@ def _in_even_units(ticks):
         sizes[0, :n, :n] += np.nan_to_num(np.abs(e)).max(0)
         sizes[0, :n, n:] += np.nan_to_num(np.abs(b)).max(0)
         sizes[0, n:, :n] += np.nan_to_num(np.abs(c)).max(0)
-    units = balance(sizes, SWEEPS)[1][0]
+    units = balance(sizes, thorough=True)[1][0]
     u = units[:n] / units[n]
     v = u[:, None]
     in_units = []
@@ -346,7 +338,7 @@ def _least(frame, panels, d, arc):
     negative = n - np.nan_to_num(frame.below[panels])
     least = np.clip(negative, 0, 2 * n - 1).astype(int)
     least = values[np.arange(len(values)), :, least]
-    return least / np.maximum(np.abs(values).max(-1), 1e-300), theta
+    return least / np.maximum(np.abs(values).max(-1), NEXT_TO_ZERO), theta
 
 
 def _symmetric(matrix):

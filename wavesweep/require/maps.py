@@ -3,7 +3,8 @@ errors."""
 
 import numpy as np
 
-from wavesweep.engine.frames import ENTRY_ROUNDING, in_a_row
+from wavesweep.engine.doubles import ENTRY_ROUNDING
+from wavesweep.engine.frames import in_a_row
 from wavesweep.engine.response import Bounded, Port
 
 

@@ -12,7 +12,8 @@ An arc is that from one angle of z to another in [0, pi], and its mirror image.
 
 import numpy as np
 
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING, balance, inverse, solve
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
+from wavesweep.engine.frames import balance, inverse, solve
 from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import ZERO_EIGENVALUES
 
@@ -20,7 +21,6 @@ TURN = 0.35 + 0.4j  # a
 RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
 ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
 DOMINANT_BY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
-SWEEPS = 12  # of balancing
 WIDER_ARC = 1e-12  # rad, by which an arc is taken wider, since its ends are rounded
 
 
@@ -95,7 +95,7 @@ def clear(K, dK, L, dL, rims, inputs, arc):
         T = Q[:, :n, :n] - P[:, :n, n:] @ from_u @ Q[:, n:, :n]
         S = inverse(T) @ S
         fine = np.isfinite(S).all((-1, -2))
-        S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
+        S, units = balance(np.where(fine[:, None, None], S, 0.0), thorough=True)
         delta, V = _vectors(S)
         V = units[:, :, None] * V
         U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
@@ -126,7 +126,7 @@ def clear(K, dK, L, dL, rims, inputs, arc):
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
         H = (F + size[:, :, None] * loss) / room[:, :, None]
         fine &= np.isfinite(H).all((-1, -2))
-        H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
+        H, _ = balance(np.where(fine[:, None, None], H, 0.0), thorough=True)
         u = solve(np.eye(N) * (1 + DOMINANT_BY) - H, np.ones((len(H), N, 1)))
         fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - DOMINANT_BY / 2)).all((1, 2))
     return fine, delta

@@ -24,7 +24,8 @@ matrix, is largest on the circle of p (Vesentini). Other arcs are halved.
 
 import numpy as np
 
-from wavesweep.engine.frames import SHORT_SUM_ROUNDING, on_circle, solve
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
+from wavesweep.engine.frames import on_circle, solve
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 CIRCLE_POINTS = 16  # of a circle of theta

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.drawing import decides, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import IN_PLACE_OF_ZERO
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
 from wavesweep.haptics.felt import feels, felt_of
@@ -131,7 +131,7 @@ class _VariedLoops:
             for path, value in self.loops.values.items()
             if np.ndim(value)
         }
-        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, IN_PLACE_OF_ZERO, p)})
+        return self.loops.changed({**varied, self.axis.path: np.where(p == 0, NEXT_TO_ZERO, p)})
 
     def stepped(self, p, size) -> Loops:
         """The loops with a complex step in the axis (of `size`) and in each moving number,

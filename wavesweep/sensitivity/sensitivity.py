@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.frames import balance
 from wavesweep.engine.poles import eigenvalues, excess
 from wavesweep.engine.rows import Rows
@@ -112,7 +113,7 @@ def _crossing(ends: _Ends, delta):
         error = (off + np.abs(slope) * off_end) / np.maximum(np.abs(F_end) - off_end, 0.0)
         near = np.abs(excess(delta)) <= CORNER * np.abs(F_end[:, 0]) * ends.size
     share = np.abs(mode.left * mode.right)
-    share /= np.maximum(share.sum(-1, keepdims=True), np.finfo(float).tiny)
+    share /= np.maximum(share.sum(-1, keepdims=True), LEAST_NORMAL)
     # not the crossing that sets the end, as far as doubles tell
     wrong = ~near | ((F_end[:, 0] > 0) != ends.rising)
     error = np.where(wrong[:, None] | ~np.isfinite(error), np.inf, error)
@@ -151,7 +152,7 @@ def _mode(E, delta) -> _Mode:
         N = V[:, :, :-1] @ (U[:, :-1] / values[:, :-1, None])
     left, right = U[:, -1:], V[:, :, -1:]
     left, right = left - (left @ M) @ N, right - N @ (M @ right)
-    noise = ORDER_ROUNDINGS * n * np.finfo(float).eps
+    noise = ORDER_ROUNDINGS * n * EPS
     size = np.abs(E) + np.abs(delta)[:, None, None] * np.eye(n)
     off_right = noise * (np.abs(N) @ (size @ np.abs(right)))
     off_left = noise * ((np.abs(left) @ size) @ np.abs(N))
@@ -168,7 +169,7 @@ def _growth(dE, mode):
     on_left, on_right = left @ dE, dE @ right
     dz = (left @ on_right)[..., 0, 0] / mode.overlap[:, None]
     terms = np.abs(on_left) @ off_right + off_left @ np.abs(on_right)
-    terms = terms + np.finfo(float).eps * (np.abs(left) @ np.abs(dE) @ np.abs(right))
+    terms = terms + EPS * (np.abs(left) @ np.abs(dE) @ np.abs(right))
     both = np.abs(left) @ off_right + off_left @ np.abs(right)
     off = (terms[..., 0, 0] + np.abs(dz) * both[..., 0, 0]) / np.abs(mode.overlap)[:, None]
     z = 1 + mode.delta[:, None]

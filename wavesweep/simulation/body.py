@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import NEXT_TO_ZERO
+
 _TERMS = 18  # of the Taylor series at norm 1/4: the next term is below 1e-27
 
 
@@ -44,7 +46,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
 def exponential_minus_one(generator: np.ndarray) -> np.ndarray:
     """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative
     rounding."""
-    size = np.abs(generator).sum(axis=-1).max(initial=1e-300)
+    size = np.abs(generator).sum(axis=-1).max(initial=NEXT_TO_ZERO)
     doublings = max(0, int(np.ceil(np.log2(size))) + 2)
     small = generator / 2.0**doublings
     increment = np.zeros_like(small)

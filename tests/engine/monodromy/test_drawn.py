@@ -17,13 +17,14 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, products_of_rows, then
 from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, both
+from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.steady import respond
 from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
 from wavesweep.engine._stability.stable import stable_intervals
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.errors import UsageError
 
 

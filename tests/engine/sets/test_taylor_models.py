@@ -195,7 +195,7 @@ def test_products_count_the_rounding_of_what_they_leave_out():
     """The highest power of one times terms of half a rounding of the other: sums over the degrees lose these."""
     one = Polynomials(np.zeros((11, 1, 1)), np.zeros((1, 1)), 1, 10)
     one.terms[10] = 1.0
-    two = Polynomials(np.full((11, 1, 1), 0.9 * taylor_models.UNIT), np.zeros((1, 1)), 1, 10)
+    two = Polynomials(np.full((11, 1, 1), 0.9 * taylor_models.UNIT_ROUNDING), np.zeros((1, 1)), 1, 10)
     two.terms[0] = 1.0
     exact = sum(map(Fraction, one.terms.ravel().tolist())) * sum(map(Fraction, two.terms.ravel().tolist()))
     for found in (one @ two, one.entrywise(two)):

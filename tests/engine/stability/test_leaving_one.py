@@ -7,8 +7,8 @@ import pytest
 import wavesweep
 from wavesweep.engine._stability import covering
 from wavesweep.engine._stability.along_any import stable_along_any
-from wavesweep.engine._stability.entries import EPS
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
+from wavesweep.engine.doubles import EPS
 
 OFF = 1e-11  # of the entries at 0, what they may be off by
 

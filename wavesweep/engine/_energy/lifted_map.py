@@ -8,13 +8,12 @@ from math import prod
 import numpy as np
 
 from wavesweep.engine._energy.hinf import SOFT, Element, Peak, angles, hinf_norm, then, tick
+from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
 from wavesweep.engine._monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.engine._monodromy.rounding import balance, measured_frame
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
 from wavesweep.engine._state_space import StateSpace
 
-NUMBERS_AT_ONCE = 500_000  # complex numbers of the points that are computed together
-SWEEPS = 12  # over the states, for their units
 DAMPING_SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
 
 
@@ -61,7 +60,7 @@ class TickMaps:
             sizes[:, :n, :n] += np.abs(E)
             sizes[:, :n, n] += np.abs(B).sum(-1)
             sizes[:, n, :n] += np.abs(C).sum(-2)
-        units = balance(np.where(np.isfinite(sizes), sizes, 0.0), SWEEPS)[1]
+        units = balance(np.where(np.isfinite(sizes), sizes, 0.0), thorough=True)[1]
         u = (units[:, :n] / units[:, n:])[:, None, :]
         v = np.swapaxes(u, -1, -2)
         return TickMaps(

@@ -20,13 +20,13 @@ from wavesweep.engine._energy.hinf import RAISES, START, angles, then, tick
 from wavesweep.engine._energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine._monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 
 # steps of the iteration for a largest gain, after which it is computed
 LOOK_AT_STEPS = (2, 3, 4, 6, 9, 13, 19, 28, 40, 60)
 # relative, by which the last steps of it change the largest of all gains at the most
 SETTLED_GAIN = 1e-13
 DOUBLINGS = 60  # of the number of frames; the balance is that of all future ones after some 25
-EPS = np.finfo(float).eps
 LOOSER = 100.0  # times the tolerance: a level above that is proved where a near one is not
 ASKED = 1.25  # times what rounding may cost the check: an energy loses less than it may
 GAIN_STEPS = 4  # to energies that return after a frame; it takes one or two
@@ -223,7 +223,7 @@ def _unreturned(stored):
 def _largest(stored):
     """Return the largest energy of each state by itself, `(n,)`."""
     largest = np.abs(np.diagonal(stored.high, axis1=-2, axis2=-1)).max(0)
-    return np.maximum(largest, LEAST_ENERGY * largest.max(initial=np.finfo(float).tiny))
+    return np.maximum(largest, LEAST_ENERGY * largest.max(initial=LEAST_NORMAL))
 
 
 def _over_frame(balances, kinds, high, low):

@@ -19,6 +19,7 @@ from wavesweep.engine._loops.block import SPARSE_ROWS, SPARSE_SHARE, Block, matr
 from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_rest, with_delays
 from wavesweep.engine._loops.device import LOST_PHASE, impulse_and_step, motion
 from wavesweep.engine._loops.filters import butterworth as sections
+from wavesweep.engine.doubles import EPS, LARGEST_DOUBLE
 
 # terms of the Taylor series of exp; for a matrix of SERIES_SIZE what follows is below rounding
 EXPONENTIAL_TERMS = 20
@@ -320,7 +321,7 @@ def held(A, B, period, sizes=None):
     size = np.abs(A) if sizes is None else sizes[0] * np.abs(T)
     size = size.sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
-        doublings = np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SERIES_SIZE))
+        doublings = np.ceil(np.log2(np.minimum(size, LARGEST_DOUBLE) / SERIES_SIZE))
         doublings = np.maximum(0, doublings).astype(int)
     step = 0.5 ** doublings[..., None, None]
     E, G = _series(A * step, B * step)
@@ -345,7 +346,7 @@ def held(A, B, period, sizes=None):
             of_E = np.where(unfinished, next_of_E, of_E)
             G = np.where(unfinished, 2 * G + E @ G, G)
             E = np.where(unfinished, 2 * E + E @ E, E)
-            lost = np.finfo(float).eps * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
+            lost = EPS * of_E > LOST_PHASE * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
     known = certain[..., None, None]
     return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)

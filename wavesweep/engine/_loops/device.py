@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine._loops.block import matrix, numbers
+from wavesweep.engine.doubles import EPS, LARGEST_DOUBLE
 
 
 def motion(
@@ -50,7 +51,7 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
     # Each element has its own number of doublings: its bits must not depend on what else is in the
     # batch.
-    finite_reach = np.clip(reach, SERIES_REACH, np.finfo(float).max)
+    finite_reach = np.clip(reach, SERIES_REACH, LARGEST_DOUBLE)
     doublings = np.where(reach > SERIES_REACH, np.ceil(np.log2(finite_reach)) + 1, 0).astype(int)
     tau = period * 0.5**doublings
     # a mass next to 0 makes an infinite damping, whose frame is not known
@@ -79,7 +80,7 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
             of_g = np.where(unfinished, new_of_g, of_g)
             s = np.where(unfinished, new_s, s)
             g = np.where(unfinished, new_g, g)
-            rounding = np.abs(stiffness) * of_g * np.finfo(float).eps
+            rounding = np.abs(stiffness) * of_g * EPS
             certain &= rounding <= LOST_PHASE * np.maximum(1, np.abs(stiffness * g))
     return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 

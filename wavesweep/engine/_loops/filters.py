@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.engine._loops.block import Block, matrix, numbers
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import LEAST_NORMAL
 
 # roundings that a cutoff's distance from half the rate may lose before the block's condition counts
 # them
@@ -47,7 +48,7 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     if order == 0:
         return _assemble(name, [])
     share = numbers(cutoff_hz) * period
-    lost = 1 / np.maximum(1 - 2 * share.real, np.finfo(float).tiny)
+    lost = 1 / np.maximum(1 - 2 * share.real, LEAST_NORMAL)
     of_numbers = sections(order, np.tan(np.pi * share), highpass, DOUBLES)
     filter_ = _assemble(name, [StateSpace(*map(matrix, section)) for section in of_numbers])
     passed = np.full((1, 1), 0.0 if highpass else 1.0)  # of a constant

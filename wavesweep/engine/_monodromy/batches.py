@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.engine._loops.block import SPARSE_ROWS, SPARSE_SHARE
 
+NUMBERS_AT_ONCE = 500_000  # of many points, or of what is computed at them, in one portion
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
 
 

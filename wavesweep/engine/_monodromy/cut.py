@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep.engine._loops.block import frozen
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 FIRST, SECOND = "first", "second"  # the two numbers; of a wall, stiffness and damping
 VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D

@@ -17,14 +17,9 @@ from wavesweep.engine._monodromy.product import (
     product_with_norm_of_errors,
     product_with_tight_errors,
 )
-from wavesweep.engine._monodromy.rounding import (
-    CANCELLED_SUM,
-    SHORT_SUM_ROUNDING,
-    balance,
-    measured_frame,
-    radius_hidden,
-)
+from wavesweep.engine._monodromy.rounding import balance, measured_frame, radius_hidden
 from wavesweep.engine._monodromy.unit_circle import solve
+from wavesweep.engine.doubles import CANCELLED_SUM, EPS, SHORT_SUM_ROUNDING
 
 # relative difference of a factor between two loops below which it does not depend on their numbers
 SAME_FACTOR = 1e-12
@@ -480,7 +475,7 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         terms = (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
         largest_x = np.abs(x).max((-1, -2), initial=0.0, keepdims=True)
         largest_b = np.abs(weighted).max((-1, -2), initial=0.0, keepdims=True)
-        rounding = ROUNDINGS_LEFT * np.finfo(float).eps * np.maximum(largest_x, largest_b)
+        rounding = ROUNDINGS_LEFT * EPS * np.maximum(largest_x, largest_b)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, x, np.nan)
 

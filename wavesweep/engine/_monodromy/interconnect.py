@@ -9,9 +9,10 @@ import numpy as np
 from wavesweep.engine._loops.algebraic import loop_inverse
 from wavesweep.engine._loops.block import Block, block_diagonal, concatenated, numbers
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import EPS
 
 # of the terms of a sum, what is left of it when it should be zero
-LEFT_OF_ZERO = 8 * np.finfo(float).eps
+LEFT_OF_ZERO = 8 * EPS
 
 
 def _side_by_side(systems) -> StateSpace:

@@ -11,9 +11,9 @@ from wavesweep.engine._monodromy.cut import ADVANCE, OFFSET, LinearFractional
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
-from wavesweep.engine._monodromy.rounding import CANCELLED_SUM, ENTRY_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import CANCELLED_SUM, ENTRY_ROUNDING
 
 # by which a matrix times its inverse may be off from 1, where there is an inverse
 WORST_INVERSE = 1e-6

@@ -13,8 +13,8 @@ import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import in_a_row
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine.components import strong_components
+from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine.rows import different
 
 # ticks, or stretches of them, one after the other, over which errors are summed up

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.engine._monodromy.cut import ADVANCE, LinearFractional
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 
 def within(E: np.ndarray, radius) -> np.ndarray:

@@ -12,9 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
 from wavesweep.engine._monodromy.rounding import balance
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import EPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +233,7 @@ def _forward(T, right, w):
 @np.errstate(all="ignore")
 def _with_error(E, T, V, Z):
     identity = np.eye(E.shape[-1])
-    rounding = 2 * (len(identity) + 8) * np.finfo(float).eps
+    rounding = 2 * (len(identity) + 8) * EPS
     of_T, of_V, of_Z = _norm(T), _norm(V), _norm(Z)
     off = _norm(identity - Z @ V) + rounding * of_Z * of_V
     missed = _norm(E @ V - V @ T) + rounding * of_V * (_norm(E) + of_T)
@@ -260,8 +262,6 @@ def _norm(matrices):
 
 # states that are no delays, up to which these are eliminated; of more, a triangular form is faster
 FEW_SOLVED = 12
-# numbers of states, or of what they enter and read, that are computed together
-NUMBERS_AT_ONCE = 500_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,15 +9,12 @@ import numpy as np
 from wavesweep.engine._monodromy.batches import in_parts
 from wavesweep.engine._monodromy.periodic import GROWING, Change, growth_of, in_a_row, size_of
 from wavesweep.engine._monodromy.unit_circle import inverse
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
-# of a short sum of products, relative to the sum of their sizes
-SHORT_SUM_ROUNDING = 2 * np.finfo(float).eps
-ENTRY_ROUNDING = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
-# of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
-CANCELLED_SUM = 64 * np.finfo(float).eps
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
-BALANCING = 3  # sweeps
-UNEVEN, MORE = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
+BALANCING_SWEEPS = 3  # over the states
+THOROUGH_SWEEPS = 12  # where sizes are far apart, or units are what the answer hangs on
+UNEVEN = 1e6  # size of an entry, from which on the states get other units
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 EIGENVALUES_EXAMINED = 4  # number of eigenvalues that are examined
 
@@ -82,18 +79,18 @@ def _largest(E):
 
 
 @np.errstate(all="ignore")
-def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndarray]:
+def balance(E: np.ndarray, thorough: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return E in units of the states that give its rows and columns similar sizes, and these units
     (Osborne 1960).
 
     The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j)
-    of any matrix is multiplied by u_j/u_i. sweeps: number of passes over all states.
+    of any matrix is multiplied by u_j/u_i. thorough: with THOROUGH_SWEEPS over all states.
     """
     size = np.abs(E)
     units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
-    for _ in range(sweeps):
+    for _ in range(THOROUGH_SWEEPS if thorough else BALANCING_SWEEPS):
         changed = False
         for k in index:
             row = size[:, k, :].sum(-1)
@@ -123,7 +120,7 @@ def uneven_units(sizes):
     largest = np.abs(sizes).max((1, 2), initial=0.0)
     uneven = np.flatnonzero(largest > UNEVEN)
     if uneven.size:
-        better, balanced = balance(sizes[uneven], MORE)
+        better, balanced = balance(sizes[uneven], thorough=True)
         helps = np.abs(better).max((1, 2)) < HELPFUL * largest[uneven]
         units[uneven[helps]] = balanced[helps]
     return units

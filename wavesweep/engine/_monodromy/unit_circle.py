@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
+
 
 def on_circle(theta: np.ndarray) -> np.ndarray:
     """Return `w = exp(j theta) - 1`, without cancellation at small angles."""
@@ -18,7 +20,7 @@ def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(A)[0] == 0
-        nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
+        nudge = EPS * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
         A = A + nudge[..., None, None] * np.eye(A.shape[-1])
     try:
         return np.linalg.solve(A, b)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.engine._loops.block import concatenated
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING
 from wavesweep.engine._response.circle import Circle
 from wavesweep.engine._response.linear_systems import LinearSystem, solved
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 
 # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are
 # computed

@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.engine._loops.block import concatenated
 from wavesweep.engine._monodromy.batches import sparse
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 
 def ordered_product(A, x):

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.linear_systems import solved
 from wavesweep.engine._response.static import LOST_DIGITS
 from wavesweep.engine._response.steady import respond
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 DENSE_TICKS = 64  # ticks up to which singular values of the full matrix are quicker
 LANCZOS_STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, then
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING, both
+from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.bordered import Bordered
 from wavesweep.engine._response.bounded_sums import Bounded, long_sum
@@ -17,6 +17,7 @@ from wavesweep.engine._response.circle import Circle, circle_of
 from wavesweep.engine._response.modal import Modal
 from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 
 LEAF = 64  # ticks up to which the outputs for forces of the same stretch are kept as a matrix
 NEXT_TO_OVERFLOW = 1e100  # entries whose squares are next to overflow

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import solve
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 INVERSE_ERROR = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.linear_systems import INVERSE_ERROR
+from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 MODAL_NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
 

@@ -9,10 +9,10 @@ from wavesweep.engine._loops.from_drawing import Ports
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
-from wavesweep.engine._monodromy.rounding import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.encoder import with_displacements
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
 from wavesweep.engine.errors import UsageError
 
 NO_SHIFT = 1e-9  # of the terms of a shift: a movement below it is rounding

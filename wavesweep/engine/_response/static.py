@@ -8,6 +8,7 @@ import numpy as np
 from wavesweep.engine._response.bounded_sums import ordered_product
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.linear_systems import solved
+from wavesweep.engine.doubles import EPS
 
 SLOPE_STEP = 1e-30  # of z, for slopes
 NO_DISPLACEMENT = 1e-9  # of the terms of a displacement: below it the displacement is rounding
@@ -58,7 +59,7 @@ def relative_response(quantities, error) -> Response:
 
     quantities, error: position and force, `(..., 2, points)`.
     """
-    relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * np.finfo(float).eps
+    relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * EPS
     relative = np.where(relative < LOST_DIGITS, relative, np.nan)
     position, force = quantities[..., 0, :], quantities[..., 1, :]
     of_position, of_force = relative[..., 0, :], relative[..., 1, :]
@@ -176,7 +177,7 @@ def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
         going = np.abs(change.value) > change.error + NO_DISPLACEMENT * change.size
         error = np.where(going | _is_nothing(change), error, np.nan)
     nothing = _is_nothing((limit, error)) & (error <= ZERO_OF_TERMS * terms)
-    relative = error / np.abs(limit) + 4 * np.finfo(float).eps
+    relative = error / np.abs(limit) + 4 * EPS
     relative = np.where(nothing | going, 0.0, relative)
     relative = np.where((relative < LOST_DIGITS) & ~loop.lost, relative, np.nan)
     limit = np.where(going | np.isnan(relative), np.nan, limit)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bordered import fits
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.static import (
@@ -18,6 +17,7 @@ from wavesweep.engine._response.static import (
     dcgain_between,
     relative_response,
 )
+from wavesweep.engine.doubles import EPS, SHORT_SUM_ROUNDING
 from wavesweep.engine.rows import different
 
 # relative error up to which the modes are believed; beyond it the larger system is solved
@@ -99,7 +99,7 @@ def transfer(
             )
             signal = np.where(none, 0.0, signal)
             error = np.where(none, 0.0, error)
-            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * np.finfo(float).eps
+            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * EPS
             relative = np.where(relative < LOST_DIGITS, relative, np.nan)
             unsure[..., at] = relative
             value[..., at] = np.where(np.isnan(relative), np.nan, signal)
@@ -139,7 +139,7 @@ def static_response(loop: Lifted) -> Response:
             else:
                 low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
-        error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
+        error += np.where(limits == 0, 0.0, 4 * EPS)
         known = error < LOST_DIGITS
         limits = np.where(known, limits, np.nan)
         error = np.where(known, error, np.nan)

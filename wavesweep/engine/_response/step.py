@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING
 from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._response.steady import transfer
+from wavesweep.engine.doubles import NEXT_TO_ZERO, SHORT_SUM_ROUNDING
 from wavesweep.engine.errors import UsageError
 
 MOST_STEP_TICKS = 2000  # of a frame
@@ -63,7 +63,7 @@ class Step:
         """How far the largest sample is beyond the final value, as a share of that, and at least
         0; NaN if it is not known."""
         beyond = (self.value / self.final - 1) if self.known else np.array([np.nan])
-        last = beyond[-self.frame :].max() + self.tail / max(abs(self.final), 1e-300)
+        last = beyond[-self.frame :].max() + self.tail / max(abs(self.final), NEXT_TO_ZERO)
         return max(0.0, float(beyond.max())) if last <= max(beyond.max(), 10 * REST) else np.nan
 
     @property

@@ -14,8 +14,9 @@ import numpy as np
 
 from wavesweep.engine._drawing.drawing import name_of
 from wavesweep.engine._search.lines_of_loops import lines_in_loops, strongest_in_cut
-from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO, FindPort, Opened
+from wavesweep.engine._search.open_loops import FindPort, Opened
 from wavesweep.engine._search.question import Question
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 
@@ -64,9 +65,7 @@ def lines_at_ends(
     )
     for batch in (slice(first, first + few) for first in range(0, place.size, few)):
         varied = buildable(loops, question.along).some(place[batch])
-        varied = varied.changed(
-            {question.along: np.where(p[batch] == 0, IN_PLACE_OF_ZERO, p[batch])}
-        )
+        varied = varied.changed({question.along: np.where(p[batch] == 0, NEXT_TO_ZERO, p[batch])})
         with suppress(IllPosedLoopError):
             drawn = varied.drawn()
             period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[batch].shape)

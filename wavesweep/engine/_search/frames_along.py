@@ -16,10 +16,10 @@ from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine._search.lines_of_loops import lines_in_discs
-from wavesweep.engine._search.open_loops import IN_PLACE_OF_ZERO
 from wavesweep.engine._search.question import Question
 from wavesweep.engine._stability.intervals import Intervals
 from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import distinct_rows
@@ -94,7 +94,7 @@ class FramesAlong:
     def frames(self, number, p) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms
         without a solution."""
-        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
+        p = np.where(p == 0, NEXT_TO_ZERO, p)
         shape = p.shape
         varied = self._at(number, p)
         frames = None
@@ -151,7 +151,7 @@ class FramesAlong:
 
     def _closed(self, number, p):
         """The ticks of loops at values p, `(n,)`, with the sizes of their terms."""
-        p = np.where(p == 0, IN_PLACE_OF_ZERO, p)
+        p = np.where(p == 0, NEXT_TO_ZERO, p)
         if self.open_ticks:
             return self.open_ticks.closed(number, p, terms=True)
         return _ticks(self._at(number, p), terms=True)

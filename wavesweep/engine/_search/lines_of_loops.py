@@ -19,12 +19,13 @@ from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine._monodromy.periodic import Ticks, frame_of
 from wavesweep.engine._monodromy.product import blocks_of, product_with_errors
-from wavesweep.engine._monodromy.rounding import SHORT_SUM_ROUNDING, balance
+from wavesweep.engine._monodromy.rounding import balance
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
 from wavesweep.engine._search.open_loops import Opened, OpenLoops
 from wavesweep.engine._search.question import RequiredRegion
 from wavesweep.engine._stability.boundary import times
 from wavesweep.engine._stability.spectrum import eigenvalues
+from wavesweep.engine.doubles import EPS, LEAST_NORMAL, SHORT_SUM_ROUNDING
 from wavesweep.engine.loop import Loops
 
 STATES_AT_ONCE = 2**18  # numbers of states that are followed at once
@@ -414,7 +415,7 @@ def _enclosed(M, residual):
     far a solution with C times what is left is off (S. M. Rump, Verification methods, Acta Numerica
     19, 2010).
     """
-    residual = residual * (1 + SHARE_ROUNDING) + np.finfo(float).tiny
+    residual = residual * (1 + SHARE_ROUNDING) + LEAST_NORMAL
     v = solve(np.eye(M.shape[-1]) - np.nan_to_num(M), np.nan_to_num(residual))
     v = v * (1 + SHARE_ROUNDING)
     proved = (v > 0) & (residual + M @ v < v)
@@ -651,8 +652,7 @@ def vectors_of(E, w):
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
     # not known.
     step, back = (
-        BESIDE_EIGENVALUE * np.abs(w)
-        + BESIDE_ROUNDINGS * np.finfo(float).eps * np.abs(E).max((-1, -2)),
+        BESIDE_EIGENVALUE * np.abs(w) + BESIDE_ROUNDINGS * EPS * np.abs(E).max((-1, -2)),
         np.full(E.shape, np.nan + 0j),
     )
     for farther in FARTHER:

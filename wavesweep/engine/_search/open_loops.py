@@ -30,7 +30,6 @@ from wavesweep.engine.rows import distinct, distinct_rows
 FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], Ports | None]
 
 ANY = np.array([0.5, 2.0])  # a number that varies
-IN_PLACE_OF_ZERO = 1e-300  # in place of a zero, which would take a state out of the loop
 # loops at most that are remembered together; a chunk of a large sweep is never asked again
 REMEMBERED_LOOPS = 200
 

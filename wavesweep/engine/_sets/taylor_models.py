@@ -19,11 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import arb
 
-UNIT = np.finfo(float).eps / 2
+from wavesweep.engine.doubles import LARGEST_DOUBLE, NEXT_TO_ZERO, UNIT_ROUNDING
+
 BALL_BITS = 128  # of the balls that constants and derivatives are computed in
 OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above it
-LARGEST = np.finfo(float).max
-LEAST_POSITIVE = 1e-300  # added to what is rounded outward: nothing underflows
 SERIES_TERMS = 12  # of the series of an exponential
 # times half of the interval of all values: what a polynomial leaves out that is of no use beside
 # that
@@ -180,7 +179,7 @@ def midpoint(value: Any) -> tuple[float, float]:
         return float(value), 0.0
     middle = float(value.mid())
     radius = float((value - arb(middle)).abs_upper())
-    return middle, radius * OUTWARD + LEAST_POSITIVE if radius or (
+    return middle, radius * OUTWARD + NEXT_TO_ZERO if radius or (
         middle == 0 and not value.is_zero()
     ) else 0.0
 
@@ -217,7 +216,7 @@ class TaylorModel:
         of all cells."""
         terms = np.zeros((len(monomials(numbers, order)[0]), *np.shape(low)))
         terms[0] = (low + high) / 2
-        terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT)
+        terms[1 + at] = np.maximum(high - terms[0], terms[0] - low) * (1 + 4 * UNIT_ROUNDING)
         return TaylorModel(terms, np.zeros(np.shape(low)), numbers, order, (low, high))
 
     def _like(self, terms, rest, bounds=(-np.inf, np.inf)):
@@ -251,7 +250,9 @@ class TaylorModel:
     def plus(self, other: TaylorModel, bounds: tuple[Any, Any] = (-np.inf, np.inf)) -> TaylorModel:
         """Return the sum by its polynomial; bounds: what else is known of it."""
         terms = self.terms + other.terms
-        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum(0), bounds)
+        return self._like(
+            terms, self.rest + other.rest + UNIT_ROUNDING * np.abs(terms).sum(0), bounds
+        )
 
     def __sub__(self, other):
         return self + (-other)
@@ -266,7 +267,7 @@ class TaylorModel:
         middle, radius = midpoint(other)
         bounds = _products_of(self, self._constant(middle, radius))
         terms = self.terms * middle
-        rounding = UNIT * np.abs(terms).sum(0) + LEAST_POSITIVE * (middle != 0)
+        rounding = UNIT_ROUNDING * np.abs(terms).sum(0) + NEXT_TO_ZERO * (middle != 0)
         rest = abs(middle) * self.rest + radius * self.size() + rounding
         return self._like(terms, rest, bounds)
 
@@ -282,11 +283,13 @@ class TaylorModel:
         one, two = (_by_degree(each, self.numbers, self.order) for each in (one, two))
         all_one, all_two = one.sum(0), two.sum(0)
         # of degrees above the index
-        above = np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT * all_two
+        above = (
+            np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT_ROUNDING * all_two
+        )
         beyond = (one[1:] * above[::-1][1:]).sum(0)
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + beyond
         added = min(present[0].sum(), present[1].sum())
-        rounding = 2 * (added + 2) * UNIT * all_one * all_two + LEAST_POSITIVE
+        rounding = 2 * (added + 2) * UNIT_ROUNDING * all_one * all_two + NEXT_TO_ZERO
         return self._like(terms, rest + rounding, bounds)
 
     __radd__, __rmul__ = __add__, __mul__
@@ -323,7 +326,7 @@ class TaylorModel:
         total = self._constant(*balls[-1])
         for middle, radius in balls[-2::-1]:
             total = total.times(difference).plus(self._constant(middle, radius))
-        return self._like(total.terms, total.rest + left_out + LEAST_POSITIVE)
+        return self._like(total.terms, total.rest + left_out + NEXT_TO_ZERO)
 
     def _informed(self) -> Any:
         """Where what it is made of bounds it better than its terms do, of which it has nearly
@@ -347,9 +350,9 @@ class TaylorModel:
                 np.nan_to_num(found.terms[0]), np.minimum(half, 0), np.maximum(half, 0)
             )
             middle = np.clip(nearer, low, high)
-            radius = np.maximum(high - middle, middle - low) * OUTWARD + LEAST_POSITIVE
+            radius = np.maximum(high - middle, middle - low) * OUTWARD + NEXT_TO_ZERO
         bounded = informed & np.isfinite(radius)
-        worse = ~(found.rest <= np.where(bounded, WORSE * radius, LARGEST))
+        worse = ~(found.rest <= np.where(bounded, WORSE * radius, LARGEST_DOUBLE))
         # Elsewhere they are those of the polynomial again, so that what only spans decades is
         # divided.
         bounds = np.where(informed, low, -np.inf), np.where(informed, high, np.inf)
@@ -359,7 +362,7 @@ class TaylorModel:
             raise UnresolvedError(worse & ~bounded, self.widest())
         # Its terms are as small as to change nothing, and say on which numbers it depends.
         moves = np.moveaxis(self._moves(), -1, 0)
-        share = MARKED * radius / np.maximum(moves.sum(0), LEAST_POSITIVE) * moves
+        share = MARKED * radius / np.maximum(moves.sum(0), NEXT_TO_ZERO) * moves
         terms = np.zeros_like(found.terms)
         terms[0] = middle
         terms[1 : 1 + self.numbers] = share
@@ -442,7 +445,7 @@ class TaylorModel:
         with np.errstate(all="ignore"):
             found = self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
         return self._bounded(
-            found, *self._monotonic(lambda x: x.log(), LEAST_POSITIVE), self._informed()
+            found, *self._monotonic(lambda x: x.log(), NEXT_TO_ZERO), self._informed()
         )
 
     def exp(self) -> TaylorModel:
@@ -670,7 +673,7 @@ class Polynomials:
 
     def __add__(self, other: Polynomials) -> Polynomials:
         terms = self.terms + other.terms
-        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum(0))
+        return self._like(terms, self.rest + other.rest + UNIT_ROUNDING * np.abs(terms).sum(0))
 
     def __sub__(self, other: Polynomials) -> Polynomials:
         return self + other.times(-1.0)
@@ -678,7 +681,7 @@ class Polynomials:
     def times(self, factor: float | np.ndarray) -> Polynomials:
         """The matrices times exact factors, entry by entry."""
         terms = self.terms * factor
-        return self._like(terms, self.rest * np.abs(factor) + UNIT * np.abs(terms).sum(0))
+        return self._like(terms, self.rest * np.abs(factor) + UNIT_ROUNDING * np.abs(terms).sum(0))
 
     def __matmul__(self, other: Polynomials) -> Polynomials:
         return self._product(other, np.matmul, self.terms.shape[-1])
@@ -690,7 +693,9 @@ class Polynomials:
     def _product(self, other, multiply, summed):
         one, two = self.sizes, other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
-        roundings = 2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT
+        roundings = (
+            2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT_ROUNDING
+        )
         rest = multiply(self.rest, two.whole + other.rest) + multiply(
             one.whole, other.rest + roundings * two.whole
         )
@@ -755,7 +760,7 @@ class Polynomials:
             table = _binomials(self.order).T * wide ** powers[:, None] * at**less
             factor *= table[e[:, number, None], e[:, number]]
         terms = np.tensordot(factor, self.terms, (1, 0))
-        rounding = 4 * (len(e) + self.order) * UNIT * np.abs(self.terms).sum(0)
+        rounding = 4 * (len(e) + self.order) * UNIT_ROUNDING * np.abs(self.terms).sum(0)
         return self._like(terms, self.rest + rounding)
 
     def similar(self, basis: np.ndarray, inverse: np.ndarray) -> Polynomials:
@@ -766,10 +771,10 @@ class Polynomials:
         """
         size, n = np.abs(inverse), basis.shape[-1]
         terms = inverse @ self.terms @ basis
-        rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT * (
+        rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT_ROUNDING * (
             size @ np.abs(self.terms).sum(0) @ np.abs(basis)
         )
-        D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT * (size @ np.abs(basis))
+        D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT_ROUNDING * (size @ np.abs(basis))
         share = D.sum(-1).max(-1)[..., None, None]
         with np.errstate(divide="ignore"):
             off = D + share * D.max((-1, -2), keepdims=True) / (1 - share)
@@ -802,7 +807,7 @@ class Polynomials:
         ratio = units[..., None, :] / units[..., :, None]
         scaled = self.times(ratio)
         norm = scaled.whole.sum(-1).max(-1, initial=0.0)
-        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, LEAST_POSITIVE) / SUMMED_NORM)))
+        halvings = np.maximum(0, np.ceil(np.log2(np.maximum(norm, NEXT_TO_ZERO) / SUMMED_NORM)))
         self.refuse(halvings > BALL_BITS)  # the norm is above 2^BALL_BITS: squares overflow
         squarings = int(halvings.max())
         scaled = scaled.times(0.5**squarings)
@@ -861,7 +866,7 @@ class Polynomials:
 
 def _combined(matrices, factors):
     """The sum of matrices times positive factors, each of which is rounded."""
-    roundings = (len(factors) + 2) * UNIT
+    roundings = (len(factors) + 2) * UNIT_ROUNDING
     terms = np.zeros_like(matrices[-1].terms)
     rest = np.zeros_like(matrices[-1].rest)
     for each, factor in zip(matrices, factors, strict=True):

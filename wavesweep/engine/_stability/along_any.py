@@ -10,11 +10,12 @@ import numpy as np
 from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.rounding import uneven_units
 from wavesweep.engine._stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
-from wavesweep.engine._stability.entries import DEGREES, EPS, panels_of
+from wavesweep.engine._stability.entries import DEGREES, panels_of
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.engine._stability.reduced_equation import LONG_LINES, tiles_by_lines
 from wavesweep.engine._stability.regions import SHARE_OF_SPAN, Regions
 from wavesweep.engine._stability.sampled_frames import Frames, ParametricFrames
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 
 BENT_AT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm

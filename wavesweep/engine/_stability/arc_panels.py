@@ -8,15 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._stability.real_roots import at_ends, by_discs
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 NODES = 20  # samples of a panel
 KEPT = 14  # of the Chebyshev coefficients; the others must have decayed, and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
-# of its width a panel reaches into each neighbour, so that no root stays on an edge
+# of its width a panel reaches beyond each end, so that no root stays on an edge
 OVERLAP = 0.035
 # an interpolant is cut to these one by one, and what is cut away is added to its error
-DEGREES = (1, 2, 4, 7, 10, KEPT)
+CUT_DEGREES = (1, 2, 4, 7, 10, KEPT)
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
 ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
@@ -281,7 +282,7 @@ def _hidden(sample, panels, index, trend, peak):
         return hidden
     chosen = panels.take(index)
     _, log, error = sample(chosen.column, chosen.at(RIM))
-    of_error = np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH_VALUE))
+    of_error = np.log1p(np.minimum(EPS * error, ROUGH_VALUE))
     log = log + of_error - trend[:, index, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
         # Between two points of the rim it may be larger than at both, by no more than they differ,
@@ -299,7 +300,7 @@ def _interpolate(value, size):
     first[:, 0] /= 2
     largest = np.abs(first).max(-1)
     tail = np.abs(first[:, KEPT:]).max(-1)
-    floor = LEBESGUE * np.finfo(float).eps * size.max(-1)
+    floor = LEBESGUE * EPS * size.max(-1)
     second = first[:, :KEPT] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first[:, 2:KEPT] / 2
@@ -317,7 +318,7 @@ def _proved_roots(coefficients, noise):
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
     # A value at an end that may be zero leaves that end open at every degree.
     rows = np.flatnonzero(np.min(np.abs(at_ends(coefficients)), axis=0) > noise)
-    for degree in DEGREES:
+    for degree in CUT_DEGREES:
         if not rows.size:
             return
         roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))

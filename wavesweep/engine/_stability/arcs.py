@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
 from wavesweep.engine._monodromy.cut import CutColumns
 from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
@@ -13,13 +14,12 @@ from wavesweep.engine._stability.boundary import polish, polish_of_many_states
 from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles_at_one
 from wavesweep.engine._stability.spectrum import count_outside, eigenvalues
 from wavesweep.engine._state_space import StateSpace
+from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
 
 SMALLEST_ARC = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
 MOST_OPEN_ARCS = 256  # so many open arcs of one column, and the column is given up
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
-IN_PLACE_OF_ZERO = 1e-300
-NUMBERS_AT_ONCE = 500_000  # states at points that are computed together
 MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
 MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
@@ -59,7 +59,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
         value, value_off, beyond, beyond_off = _boundary(systems, solver, theta, largest, loops)
-        magnitude = np.maximum(np.abs([value, beyond]), IN_PLACE_OF_ZERO)
+        magnitude = np.maximum(np.abs([value, beyond]), NEXT_TO_ZERO)
         phase = np.array([value, beyond], complex) / magnitude
         log = np.log(magnitude)
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and
@@ -67,8 +67,8 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         poles_of = poles[loops][:, None, :]
         distance = on_circle(theta)[..., None] - poles_of
         distance_back = on_circle(-theta)[..., None] - poles_of.conj()
-        far = np.maximum(np.abs(distance), IN_PLACE_OF_ZERO)
-        far_back = np.maximum(np.abs(distance_back), IN_PLACE_OF_ZERO)
+        far = np.maximum(np.abs(distance), NEXT_TO_ZERO)
+        far_back = np.maximum(np.abs(distance_back), NEXT_TO_ZERO)
         phase *= (distance / far * (distance_back / far_back)).prod(-1)
         log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
         return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
@@ -115,7 +115,7 @@ def _is_clear_next_to_one(opened, lines, poles):
     )
     q = m + m % 2
     F = value * theta**q
-    noise = (np.finfo(float).eps * off_in_roundings * np.abs(theta) ** q).max(-1)
+    noise = (EPS * off_in_roundings * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
     # twice, for what is between two points of the rim
     off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius
@@ -169,9 +169,7 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFuncti
         return _BoundaryFunctions(value, roundings * size, beyond, roundings * size_beyond)
     of_value, of_gain = _errors_of_form(solver, loops, left, right, theta)
     roundings = CAUTION + E.shape[-1]
-    of_beyond = (
-        largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
-    )
+    of_beyond = largest * of_gain * (size_forward + size_back + largest * of_gain * EPS)
     return _BoundaryFunctions(
         value, roundings * size + of_value, beyond, roundings * size_beyond + of_beyond
     )
@@ -191,7 +189,7 @@ def _errors_of_form(form, loops, left, right, theta):
     """
     of_left = np.linalg.norm(left, axis=-1)
     of_right = np.linalg.norm(right, axis=-1)
-    error = form.error[loops, None] / np.finfo(float).eps
+    error = form.error[loops, None] / EPS
     of_gain = error * of_left * of_right
     if form.diagonal:
         poles = form.frames[loops]

@@ -6,13 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
+
 # coefficients; beyond, the change of basis costs more digits than the signs can spare
 MOST_COEFFICIENTS = 16
 PIECE_HALVINGS = 24  # a piece this small that shows nothing is left to another method
 # of a piece, where it is cut: not the middle, where symmetric loops put their roots
 PIECE_CUT_AT = 0.4921875
 NEWTON_OR_BISECTIONS = 60  # Newton needs some 5; bisection alone would need 30
-LAST_STEP = 1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
+LAST_STEP_OF_PIECE = (
+    1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
+)
 
 
 def roots_by_sign(coefficients, noise):
@@ -70,7 +74,7 @@ def _whole(coefficients):
         term = change[:, k : k + 1] * c[k]
         b = b + term
         size = size + np.abs(term)
-    return b, (len(c) + 2) * np.finfo(float).eps * size.max(0)
+    return b, (len(c) + 2) * EPS * size.max(0)
 
 
 def _isolated(b, rounding, noise):
@@ -102,7 +106,7 @@ def _isolated(b, rounding, noise):
         if not rest.size:
             break
         row, low, high, b = pieces.some(rest)
-        rounding = np.tile(rounding[rest] + 4 * n * np.finfo(float).eps * np.abs(b).max(0), 2)
+        rounding = np.tile(rounding[rest] + 4 * n * EPS * np.abs(b).max(0), 2)
         middle = low + PIECE_CUT_AT * (high - low)
         halves = np.concatenate(_halves(b), axis=-1)
         pieces = _Pieces(np.tile(row, 2), np.append(low, middle), np.append(middle, high), halves)
@@ -151,7 +155,7 @@ def _single_root(b):
             step = -value / slope
         least = low[active]
         most = high[active]
-        last = np.abs(step) <= LAST_STEP
+        last = np.abs(step) <= LAST_STEP_OF_PIECE
         following = now + step
         inside = (following > least) & (following < most)
         instead = np.where(last, np.clip(following, least, most), (least + most) / 2)

@@ -14,11 +14,12 @@ import numpy as np
 from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, LinearFractional
 from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
+from wavesweep.engine.doubles import EPS
 
 NEWTON_STEPS = 12  # Newton from a seed of 8 digits needs 2
 # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are
 # its square
-LAST_STEP = 1e-9
+LAST_STEP_OF_ANGLE = 1e-9
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
 # of a state, by which it may change from where an inverse was taken for one refinement to make up
 # for it
@@ -232,7 +233,7 @@ def _newton(now, slope, theta, scale) -> _Step:
     step = -now.imag / slope.imag
     step = np.where(np.isfinite(step), step, 0.0)
     size = np.abs(step)
-    small = size <= LAST_STEP * np.minimum(theta, np.pi - theta)
+    small = size <= LAST_STEP_OF_ANGLE * np.minimum(theta, np.pi - theta)
     least = NEAREST_END * theta
     most = np.pi - NEAREST_END * (np.pi - theta)
     estimate = now.real + step * slope.real  # its error is the square of the step
@@ -345,5 +346,5 @@ def _with_errors(cut, w, pair, reach, size, missed):
 
     of_solve = (reach * np.abs(missed)[..., 0]).sum(-1)
     terms = in_equation(np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
-    rounding = np.finfo(float).eps * terms + of_solve
+    rounding = EPS * terms + of_solve
     return rounding, rounding + in_equation(cut.dE, cut.dB, cut.dC, cut.dD)

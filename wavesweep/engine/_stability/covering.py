@@ -9,9 +9,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from wavesweep.engine._stability.dominance import DominanceTests, ExactFrames
-from wavesweep.engine._stability.entries import EPS, Panels, nodes, sizes_of
+from wavesweep.engine._stability.entries import Panels, nodes, sizes_of
 from wavesweep.engine._stability.leaving_one import proved_from_one
 from wavesweep.engine._stability.regions import Regions
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
 

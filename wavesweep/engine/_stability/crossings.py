@@ -15,6 +15,7 @@ from wavesweep.engine._monodromy.resolvent import ManyStates
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine._stability.boundary import polish, real_terms, terms_and_inverse, terms_of
 from wavesweep.engine._stability.real_roots import Roots, isolate
+from wavesweep.engine.doubles import EPS
 
 # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of
 # all
@@ -151,7 +152,7 @@ def _sines(samples, size, transform, degree):
     either.
     """
     series = np.stack(samples, axis=-2) @ transform
-    floor = 4 * len(transform) * np.finfo(float).eps
+    floor = 4 * len(transform) * EPS
     beyond = np.abs(series[..., degree:]).max((0, -1))
     apart = np.abs(series[0] - series[1]).max(-1)
     return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)

@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
-from wavesweep.engine._stability.entries import DEGREES, EPS, TAYLOR_ORDER, Panels, taylor
+from wavesweep.engine._stability.entries import DEGREES, TAYLOR_ORDER, Panels, taylor
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 # of their distance from the circle: eigenvalues so near to each other are not told apart

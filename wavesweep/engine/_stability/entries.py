@@ -6,7 +6,9 @@ from functools import cache
 
 import numpy as np
 
+from wavesweep.engine._stability.arc_panels import ELLIPSE, LEBESGUE, OVERLAP, RIM
 from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
+from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.rows import Rows
 
 # of the polynomials; the points of the lower one are points of the higher one, too
@@ -20,25 +22,15 @@ MOST_MISSED_OF_NOISY = 1e-8
 # times MOST_MISSED: with less predicted for the higher degree it is tried, since coefficients fall
 # unevenly
 PREDICTED = 100
-ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
-RIM_POINTS = 8  # on its upper half
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
-# more than the constant of the points: how much the errors of values may add up to between them
-LEBESGUE = 4
 PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
 BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other point of the panel
-# of its width a panel reaches beyond each end: a crossing next to it is found from both sides
-OVERLAP = 0.035
 # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to
 # the largest
 ENTRY_RATIO = 1e3
 NARROWEST_PANEL = 1e-9  # of the span: a panel this narrow that is not followed is given up
 FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
 MOST_PANELS_OF_COLUMN = 1024  # panels of a column, beyond which the rest is given up
-EPS = np.finfo(float).eps
-RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
-RIM = (RIM + 1 / RIM) / 2
-RIM.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +240,7 @@ def _followed(frames, errors, spans):
             A = all_nodes
         n = A.shape[-1]
         c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
-        size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
+        size = np.maximum(np.abs(A).max((1, 2, 3)), LEAST_NORMAL)
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
         least = np.abs(A).max((2, 3)).min(1)
         calm = size < ENTRY_RATIO * np.maximum(1, least)

@@ -13,26 +13,27 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
+
 MOST_NODES, LEAST_NODES = 12, 3  # for each number of a box
 # sum of the semi-axes of the ellipse about a number, in half widths of its part
 NUMBER_ELLIPSE = 4.0
 RIM_POINTS = 8  # on its upper half
 NUMBER_RIM = NUMBER_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
-EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
+NUMBER_EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
 COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
 # largest error of the interpolant, relative to the smallest value seen
 LARGEST_INTERPOLANT_ERROR = 0.25
 MOST_GRID = 20_000  # nodes in all
 # ratio of the ends of a number above which it is divided at their geometric mean
-LOGARITHMIC_RATIO = 3.0
+GEOMETRIC_RATIO = 3.0
 # logarithm of the factor by which each further number increases the error of an interpolant
 LOG_LEBESGUE = 0.7
 SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
 HALVES = 9  # halvings of an interpolant, for each number
 MOST_PIECES = 4096
 LOG_STEP = 0.3  # change of the logarithm from one coarse place to the next that counts as steep
-EPS = np.finfo(float).eps
 
 Box = np.ndarray
 """Low and high ends of some numbers, `(2, numbers)`."""
@@ -169,8 +170,8 @@ class _BoxProof:
         negative = (phase.real < 0) & (EPS * error < 1)
         if negative.any():
             return points[negative.any(0)], [ends]
-        below = piece.middle - EXTENT * piece.half < self.limits[0]
-        above = piece.middle + EXTENT * piece.half > self.limits[1]
+        below = piece.middle - NUMBER_EXTENT * piece.half < self.limits[0]
+        above = piece.middle + NUMBER_EXTENT * piece.half > self.limits[1]
         outside = (below | above)[wide]
         if not np.isfinite(log).all() or outside.any():
             return self._none, piece.divided(piece.half[wide] * (outside | ~outside.any()))
@@ -291,7 +292,7 @@ def _halves(ends, axis):
     """The halves of a piece along a number, in the logarithm if its ends differ by much."""
     low, high = ends[:, axis]
     middle = (low + high) / 2
-    if high > LOGARITHMIC_RATIO * low > 0:
+    if high > GEOMETRIC_RATIO * low > 0:
         middle = np.sqrt(low * high)
     lower = ends.copy()
     lower[1, axis] = middle

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wavesweep.engine._stability.bernstein import roots_by_sign
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 ROOT_AT_END = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
@@ -145,7 +146,7 @@ def _eigenvalues(coefficients):
     basis."""
     rows, n = coefficients.shape
     lead = coefficients[:, -1]
-    tiny = np.finfo(float).eps ** 2  # a vanishing leading coefficient only sends roots far away
+    tiny = EPS**2  # a vanishing leading coefficient only sends roots far away
     lead = np.where(np.abs(lead) < tiny, tiny, lead)
     A = np.zeros((rows, n - 1, n - 1))
     index = np.arange(n - 2)
@@ -172,7 +173,7 @@ def _evaluate(coefficients, x):
             term = coefficients[:, k : k + 1] * now
             value = value + term
             size = size + np.abs(term)
-    return value, 4 * coefficients.shape[1] * np.finfo(float).eps * size
+    return value, 4 * coefficients.shape[1] * EPS * size
 
 
 def _proof(coefficients, noise, roots):

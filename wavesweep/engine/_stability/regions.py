@@ -11,6 +11,7 @@ from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.boundary import end_errors
 from wavesweep.engine._stability.crossings import SLIVER, Crossings
 from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
 
@@ -288,7 +289,7 @@ def _judged_ends(columns, span, crossings, spans, unstable):
         )
     # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
     error[of_stable] = np.where(columns.cut.integrates & (theta == 0.0), 0.0, left)
-    clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
+    clear = error[of_stable] <= USUAL * (usual + EPS)
     firm = moved <= FIRM * (np.abs(value) + least)
     doubt[of_stable] = np.where(clear & firm, Doubt.NONE, Doubt.ROUNDING)
     return error, doubt

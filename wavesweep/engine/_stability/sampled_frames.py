@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 # relative: what entries of a frame may be off by if nothing is said of them, four roundings
-FRAME_ROUNDING = 4 * 2.0**-52
+FRAME_ROUNDING = 4 * EPS
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
 ZERO_LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
 

@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.engine._monodromy.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.components import strong_components
+from wavesweep.engine.doubles import EPS
 
 CIRCLE_ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
@@ -179,7 +180,7 @@ def least_damping(
     lower = np.clip(least - TELLING, -1 + TELLING, None)
     size_there = -turns * (lower / np.sqrt(1 - lower**2))[:, None]
     spiral = np.maximum(size_there, np.log(np.reshape(gone, (-1, 1)))) + 1j * angle
-    rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
+    rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2), initial=0)
     far = _smallest(balanced, np.expm1(spiral)) > rounding[:, None]
     if pairs:
         far = np.where(real_left_out, _is_alone(balanced, delta, rounding), far)
@@ -230,7 +231,7 @@ def _is_rounding(distance, E):
     alone; NaN is not."""
     n = E.shape[-1]
     distance = np.asarray(distance)
-    tolerance = BACKWARD * np.finfo(float).eps
+    tolerance = BACKWARD * EPS
     size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
     rounding = np.array((distance > 0) & (distance <= tolerance * size))
     index = np.flatnonzero(rounding)
@@ -259,7 +260,7 @@ def _sure_radius(E, radius, delta):
     further = own + TELLING * np.maximum(own, 1)
     angle = np.abs(np.angle(1 + delta[matrix, eigenvalue]))  # E is real
     points = further * np.exp(1j * angle) - 1
-    rounding = BACKWARD * np.finfo(float).eps * size
+    rounding = BACKWARD * EPS * size
     if n < STATES_WITHOUT_DELAYS:
         reached = _smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]
         sure[index[matrix[reached]]] = np.nan
@@ -289,7 +290,7 @@ def _by_eigenvectors(E, w):
     of_V = np.linalg.norm(V)
     of_Z = np.linalg.norm(Z)
     # of a sum of that many complex products, and of a norm
-    rounding = 2 * (len(E) + 4) * np.finfo(float).eps
+    rounding = 2 * (len(E) + 4) * EPS
     off = np.linalg.norm(np.eye(len(E)) - Z @ V) + rounding * of_Z * of_V
     EV = E @ V.real + 1j * (E @ V.imag)  # E is real, which saves half of the products
     missed = np.linalg.norm(EV - V * values)
@@ -344,9 +345,7 @@ def _outgrows(delta, size, radius):
     n = delta.shape[-1]
     allowed = (radius + TELLING * np.maximum(radius, 1))[:, None]
     beyond = np.abs(1 + delta) - allowed
-    move = np.asarray(size)[:, None, None] * (CIRCLE_ROUNDINGS * np.finfo(float).eps) ** (
-        1 / np.arange(2, n + 1)
-    )
+    move = np.asarray(size)[:, None, None] * (CIRCLE_ROUNDINGS * EPS) ** (1 / np.arange(2, n + 1))
     with np.errstate(invalid="ignore"):  # a matrix that is not finite
         if not (beyond + move.max(-1, initial=0.0) > 0).any():
             return np.zeros(delta.shape, bool)
@@ -414,7 +413,7 @@ def _count_outside(E):
     delta, finite = eigenvalues(E)
     outside = excess(delta)
     size = np.abs(E).max((-1, -2), initial=0)
-    tolerance = CIRCLE_ROUNDINGS * np.finfo(float).eps * np.maximum(1, size)
+    tolerance = CIRCLE_ROUNDINGS * EPS * np.maximum(1, size)
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
@@ -437,7 +436,7 @@ def _count_outside(E):
         far[:, :MEETING] = False
         most = (~far).sum(-1).max()
         balanced, _ = balance(E[near])
-        rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
+        rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
         smallest = _smallest(balanced, on_circle(np.abs(np.angle(1 + closest[:, :most]))))
         clear[near] = np.where(far[:, :most], np.inf, smallest).min(-1) > rounding
     return count, clear
@@ -455,7 +454,7 @@ def may_cross(delta, size) -> np.ndarray:
     far = np.abs(np.abs(1 + delta) - 1)
     apart = np.abs(delta[..., None, :] - delta[..., :, None])
     m = (apart <= 4 * far[..., :, None]).sum(-1)
-    moved = np.asarray(size)[..., None] * (CIRCLE_ROUNDINGS * np.finfo(float).eps) ** (1 / m)
+    moved = np.asarray(size)[..., None] * (CIRCLE_ROUNDINGS * EPS) ** (1 / m)
     return ((m > 1) & (far < moved)).any(-1)
 
 

@@ -17,6 +17,7 @@ from wavesweep.engine._stability.crossings import (
 from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.engine._stability.regions import Regions, regions
 from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 
 # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof
@@ -67,7 +68,7 @@ def stable_intervals(
     intervals = _with_uncontrolled(intervals, cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
-    nothing = np.finfo(float).eps * (
+    nothing = EPS * (
         span[1] - span[0]
     )  # an end at 0 within the span is 0, and not what rounding leaves
     low = np.where(np.abs(intervals.low) <= nothing, 0.0, intervals.low)

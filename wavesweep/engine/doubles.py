@@ -1,0 +1,15 @@
+"""What numbers of double precision are good to."""
+
+import numpy as np
+
+# from 1 to the next double: twice what rounding moves a result by at most
+EPS = np.finfo(float).eps
+UNIT_ROUNDING = EPS / 2  # relative, what rounding moves a result by at most
+SHORT_SUM_ROUNDING = 2 * EPS  # of a short sum of products, relative to the sum of their sizes
+ENTRY_ROUNDING = 4 * EPS  # of the terms of the entries of a block, relative
+# of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
+CANCELLED_SUM = 64 * EPS
+LARGEST_DOUBLE = np.finfo(float).max
+LEAST_NORMAL = np.finfo(float).tiny  # below which doubles have fewer digits
+# in place of a zero, or added where something underflows: nothing else is as small
+NEXT_TO_ZERO = 1e-300
