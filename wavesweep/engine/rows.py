@@ -1,19 +1,17 @@
 """Arrays with the same first axis: rows, their different values, and which of them are alike."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 
-if TYPE_CHECKING:
-    pass
-
-from dataclasses import dataclass, fields
-from typing import Self
-
 
 def different(values: np.ndarray) -> np.ndarray:
-    """The different values, sorted. `np.unique` alone would import numpy.ma, which takes a fiftieth of a small run."""
+    """The different values, sorted.
+
+    `np.unique` alone would import numpy.ma, which takes a fiftieth of a small run.
+    """
     return np.unique(values, return_counts=True)[0]
 
 
@@ -55,7 +53,8 @@ def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
 
 
 def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first of each distinct row of `size` rows, in the order of their values, and the number of its distinct row for each.
+    """The first of each distinct row of `size` rows, in the order of their values, and the number
+    of its distinct row for each.
 
     columns: arrays `(size,)` of numbers; none: all rows are the same.
     """
@@ -63,7 +62,8 @@ def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndar
 
 
 def _labels(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep have the same loop."""
+    """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep
+    have the same loop."""
     begins = np.append(True, np.zeros(size - 1, bool))
     for column in columns:
         begins[1:] |= column[1:] != column[:-1]

@@ -32,30 +32,32 @@ def ports_of_batch(
     """
     loops.refuse_unsuitable()
     rates = varied_rates(loops)
-    first, of = distinct_rows(rates, size)
+    if not rates:
+        yield np.arange(size), port_of_loops(loops if size > 1 else loops.one(0), route)
+        return
+    first, label = distinct_rows(rates, size)
     for number, at in enumerate(first.tolist()):
-        members = np.flatnonzero(of == number)
+        members = np.flatnonzero(label == number)
         values = {path: rate[at].item() for path, rate in rates.items()}
-        batch = loops if first.size == 1 and not values else loops.some(members).changed(values)
+        batch = loops.some(members).changed(values)
         yield members, port_of_loops(batch if members.size > 1 else batch.one(0), route)
 
 
 def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
     """The port of loops of one rate: the hand's or, if a route names an input and an output,
     that between them."""
+    drawn = loops.drawn()
     if route:
-        source, signal = (
-            next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]),
-            OUTPUT + route[1],
-        )
-        drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
+        source = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0])
+        signal = OUTPUT + route[1]
+        drift = loops.drift(watched=(signal,))
         with drawn.naming_blocks():
             return Port.between(drawn, source, signal, drift)
-    ports, drawn, drift = Ports.of_hand(loops.drawing), loops.drawn(), loops.drift_at_hand()
+    ports = Ports.of_hand(loops.drawing)
+    drift = loops.drift_at_hand()
     with drawn.naming_blocks():
-        return replace(
-            Port.of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift)
-        )
+        at_rest = partial(_at_rest, loops.twins()[0], ports, drift)
+        return replace(Port.of(drawn, ports, drift), rest=at_rest)
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects

@@ -28,20 +28,20 @@ def applies(question: Question, slices: Slices) -> bool:
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals of all pieces, those that meet as one."""
-    loops, batches = slices.loops, []
-    times = {
-        path: v
-        for path, v in loops.values.items()
-        if np.ndim(v) and name_of(path) in loops.drawing.timing
-    }
+    loops = slices.loops
+    times = {}
+    for path, values in loops.values.items():
+        if np.ndim(values) and name_of(path) in loops.drawing.timing:
+            times[path] = values
     first, label = distinct_rows(times, slices.size)
+    batches = []
     for number, place in enumerate(first.tolist()):
         columns = np.flatnonzero(label == number)
-        alike, loop = loops.some(columns), loops.some(place)
-        ends = loop.breaks(question.along, question.span)
-        pieces = [
-            _in_piece(question, piece, alike, loop, columns.size, rest) for piece in pairwise(ends)
-        ]
+        alike = loops.some(columns)
+        loop = loops.some(place)
+        pieces = []
+        for piece in pairwise(loop.breaks(question.along, question.span)):
+            pieces.append(_in_piece(question, piece, alike, loop, columns.size, rest))
         intervals = without_seams(joined(pieces))
         batches.append(replace(intervals, column=columns[intervals.column]))
     return by_slice(batches)
@@ -59,30 +59,29 @@ def about(
     """
     ends = loop.breaks(question.along, question.span)
     place = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)
-    first, last, pieces = place, place + 1, []
+    first = place
+    last = place + 1
+    pieces = []
     while True:
         piece = ends[place : place + 2]
         pieces.append(_in_piece(question, piece, loop, loop, 1, rest))
-        work -= (
-            LEAST_WORK
-            + len(loop.changed(_built(question, piece, loop)).drift_of_frames().states) ** 2
-        )
+        built = loop.changed(_built(question, piece, loop))
+        work -= LEAST_WORK + len(built.drift_of_frames().states) ** 2
         records = records_of(without_seams(joined(pieces)), RECORD)
         inside = records[(records["low"] <= value) & (value <= records["high"])]
-        low, high = (
-            np.fmin(inside["low"], inside["open_low"]),
-            np.fmax(inside["high"], inside["open_high"]),
-        )
-        below = value - ends[first - 1] if first and (low == ends[first]).all() else np.inf
-        above = (
-            ends[last + 1] - value
-            if last + 1 < len(ends) and (high == ends[last]).all()
-            else np.inf
-        )
+        low = np.fmin(inside["low"], inside["open_low"])
+        high = np.fmax(inside["high"], inside["open_high"])
+        below = np.inf  # distances of the value from the pieces that the interval may go on in
+        above = np.inf
+        if first > 0 and (low == ends[first]).all():
+            below = value - ends[first - 1]
+        if last + 1 < len(ends) and (high == ends[last]).all():
+            above = ends[last + 1] - value
         if np.isinf(min(below, above)) or work < 0:
             return records, (ends[first], ends[last])
         place = first - 1 if below < above else last
-        first, last = min(first, place), max(last, place + 1)
+        first = min(first, place)
+        last = max(last, place + 1)
 
 
 def _in_piece(question, piece, loops, loop, size, rest):

@@ -113,100 +113,171 @@ def lines_in_discs(
     in a part of its disc. The share of a line in the energy of a state differs by no more than
     that, as a part of the length of what is shown, since it is a projection of its direction.
     """
-    relative, _ = drift.relative_ticks(ticks)
     n, modes = delta.shape
-    size = len(ticks.states)
-    maps = [tick.E for tick in relative.maps]
-    terms = [tick.terms[0] for tick in relative.maps]
-    E, dE = product_with_errors(relative.kind, maps, terms, per_loop=True)
-    E = _with_lower_half(E, n, points)
-    dE = np.abs(_with_lower_half(dE, n, points)[:, 0])
-    kept = np.delete(np.arange(size), drift.unobserved)
-    inner = kept[:, None], kept
-    connected = ((E != 0).any((0, 1)) | (dE != 0).any(0))[inner]
-    units = balance(np.nan_to_num(E[:, 0].real)[:, *inner])[1]
-    change = units[:, None, :] / units[:, :, None]
-    E = E[:, :, *inner] * change[:, None]
-    dE = dE[:, *inner] * change
-
+    frames = _FramesOnPanels.of(drift, ticks, n, points)
     around = np.exp(2j * np.pi * np.arange(AROUND_DISC if points > 1 else 0) / AROUND_DISC)
     away = 2 * radius[..., None] * np.append(0.0, around)
-    vectors = [_vectors_in_disc(E, dE, delta[:, m], away[:, m], margin) for m in range(modes)]
+    of_modes = []
+    for mode in range(modes):
+        disc = delta[:, mode], away[:, mode], margin
+        of_modes.append(_vectors_in_disc(frames.E, frames.dE, *disc))
     right, off, takes, differs, in_disc = (
-        np.stack(each, -1) for each in zip(*vectors, strict=True)
+        np.stack(each, -1) for each in zip(*of_modes, strict=True)
     )
     least = np.maximum(takes - differs, 0.0)
     most = takes + differs
-
-    # States of other diagonal blocks take no part: one of the two vectors is 0 there, if none is
-    # somewhere in its own block.
-    label = np.zeros(kept.size, int)
-    for at, block in enumerate(blocks_of(connected)):
-        label[block] = at
-    others = label[:, None] != label[least.argmax(1)][:, None]
-    most = np.where(others & (least.max(1) > 0)[:, None], 0.0, most)
-    least = np.where(others, 0.0, least)
-    taking = np.zeros((2, n, modes, size), bool)
-    taking[0][..., kept] = (least > NO_PARTICIPATION * most.max(1, keepdims=True)).mT
-    taking[1][..., kept] = (most > NO_PARTICIPATION * least.max(1, keepdims=True)).mT
+    known = np.isfinite(most).all(1)
+    taking = frames.taking_part(least, most)
     rows, (sure, possible) = _shown_by(drawing, ticks.states, drift, taking)
     unclear = (sure & ~possible).any(-1, keepdims=True)  # whether a plant takes part
     possible = np.where(unclear, possible | taking[1], possible)
     sure = sure & ~unclear
     some = possible.any((0, 1))
-    sure = sure[..., some]
-    possible = possible[..., some]
-    known = np.isfinite(most).all(1)
 
-    state = np.zeros((n, E.shape[1], size, *right.shape[3:]), complex)
-    state[:, :, kept] = right * units[:, None, :, None, None]
-    missed = np.zeros((n, size, modes))
-    missed[:, kept] = off * units[..., None]
     z = 1 + delta
     s = np.log(z)[..., None] + np.log1p(away / z[..., None])
-    maps = [_with_lower_half(np.eye(size) + tick.E, n, points) for tick in relative.maps]
-    sizes = [np.eye(size) + tick.terms[0] for tick in relative.maps]
-    sizes = [np.broadcast_to(M, (n * points, size, size))[::points] for M in sizes]
     shown, differ = _shown_on_panels(
-        relative.kind.tolist(), (maps, sizes), rows[some], state, missed, s, in_disc, margin
+        frames, rows[some], frames.of_all_states(right, off), s, in_disc, margin
     )
     off_by = differ / np.linalg.norm(shown, axis=-1)
     off_by = np.where(off_by < 1, off_by, 1.0)
     off_by = np.where(known[..., None], off_by, np.inf)
     moved = -np.log1p(-np.abs(radius / z))
     share = _share_in_each(shown, np.zeros(delta.shape))
-    found = _turns_of(share, off_by, sure, possible, np.log1p(delta), moved)
+    s_middle = np.log1p(delta)
+    found = _turns_of(share, off_by, sure[..., some], possible[..., some], s_middle, moved)
     if points == 1:
         return found
 
     # A pair that meets on the negative real axis may have any vectors of a plane there.
-    theta = np.log1p(delta).imag
+    theta = s_middle.imag
     meeting = (np.abs(theta) >= np.pi - moved - REAL_ANGLE) & (found[..., 1] < found[..., 2])
-    everything = np.ones((1, 1, size), bool)
+    everything = np.ones((1, 1, len(ticks.states)), bool)
     rows, (shows,) = _shown_by(drawing, ticks.states, drift, everything)
-    rows = rows[shows[0]]
-    pairs = np.argwhere(meeting)
+    pairs, turns = _turns_of_meeting(
+        frames, np.argwhere(meeting), rows[shows[0]], delta, away, s, margin
+    )
+    found[*pairs.T] = turns
+    return found
+
+
+class _FramesOnPanels(NamedTuple):
+    """Frames of n panels of a number, in the middle of each and at points around it.
+
+    kinds: of the ticks. maps: per kind the matrices, `(n, points, size, size)`; sizes: those of
+    their terms in the middle. kept: states that others read, in which frames are without a drift.
+    E, dE: frames of these less identity, in units of the states, `(n, points, k, k)`, and bounds on
+    the errors in the middle. units: `(n, k)`. connected: which states act on which, `(k, k)`.
+    """
+
+    kinds: list[int]
+    maps: list[np.ndarray]
+    sizes: list[np.ndarray]
+    kept: np.ndarray
+    E: np.ndarray
+    dE: np.ndarray
+    units: np.ndarray
+    connected: np.ndarray
+
+    @classmethod
+    def of(cls, drift: MarginalModes, ticks: Ticks, n: int, points: int) -> "_FramesOnPanels":
+        """ticks: of `(n, points)` loops, see `lines_in_discs`."""
+        relative, _ = drift.relative_ticks(ticks)
+        size = len(ticks.states)
+        changes = [tick.E for tick in relative.maps]
+        terms = [tick.terms[0] for tick in relative.maps]
+        E, dE = product_with_errors(relative.kind, changes, terms, per_loop=True)
+        E = _with_lower_half(E, n, points)
+        dE = np.abs(_with_lower_half(dE, n, points)[:, 0])
+        kept = np.delete(np.arange(size), drift.unobserved)
+        inner = kept[:, None], kept
+        connected = ((E != 0).any((0, 1)) | (dE != 0).any(0))[inner]
+        units = balance(np.nan_to_num(E[:, 0].real)[:, *inner])[1]
+        in_units = units[:, None, :] / units[:, :, None]
+        maps = []
+        sizes = []
+        for change, size_of_terms in zip(changes, terms, strict=True):
+            maps.append(_with_lower_half(np.eye(size) + change, n, points))
+            sizes_of_all = np.broadcast_to(np.eye(size) + size_of_terms, (n * points, size, size))
+            sizes.append(sizes_of_all[::points])
+        return cls(
+            relative.kind.tolist(),
+            maps,
+            sizes,
+            kept,
+            E[:, :, *inner] * in_units[:, None],
+            dE[:, *inner] * in_units,
+            units,
+            connected,
+        )
+
+    def of_panels(self, panels: np.ndarray, points: int) -> "_FramesOnPanels":
+        """The frames of some panels, at the first points of each."""
+        return self._replace(
+            maps=[matrices[panels, :points] for matrices in self.maps],
+            sizes=[matrices[panels] for matrices in self.sizes],
+            E=self.E[panels, :points],
+            dE=self.dE[panels],
+            units=self.units[panels],
+        )
+
+    def taking_part(self, least: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """Which of all states take part in modes for sure, and which may, `(2, n, modes, size)`.
+
+        least, most: how much they do, `(n, k, modes)`. States of other diagonal blocks take no
+        part: one of the two vectors is 0 there, if none is somewhere in its own block.
+        """
+        label = np.zeros(self.kept.size, int)
+        for at, block in enumerate(blocks_of(self.connected)):
+            label[block] = at
+        others = label[:, None] != label[least.argmax(1)][:, None]
+        most = np.where(others & (least.max(1) > 0)[:, None], 0.0, most)
+        least = np.where(others, 0.0, least)
+        n, _, modes = least.shape
+        taking = np.zeros((2, n, modes, self.maps[0].shape[-1]), bool)
+        sure = least > NO_PARTICIPATION * most.max(1, keepdims=True)
+        possible = most > NO_PARTICIPATION * least.max(1, keepdims=True)
+        taking[0][..., self.kept] = sure.mT
+        taking[1][..., self.kept] = possible.mT
+        return taking
+
+    def of_all_states(self, vectors: np.ndarray, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Vectors of the states that are kept, `(n, points, k, circle, modes)`, and what rounding
+        moves of them, `(n, k, modes)`, as those of all states in their own units."""
+        size = self.maps[0].shape[-1]
+        state = np.zeros((*vectors.shape[:2], size, *vectors.shape[3:]), complex)
+        state[:, :, self.kept] = vectors * self.units[:, None, :, None, None]
+        missed = np.zeros((len(off), size, off.shape[-1]))
+        missed[:, self.kept] = off * self.units[..., None]
+        return state, missed
+
+
+def _turns_of_meeting(
+    frames: _FramesOnPanels, pairs, rows, delta, away, s, margin
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of modes that meet their conjugates, panel and mode of those that are told, `(m, 2)`, and what
+    they turn, `(m, 3)`, see `_turns_of_pair`.
+
+    pairs: panels and modes. rows: what is shown of the states. The rest is as in `lines_in_discs`.
+    """
+    theta = np.log1p(delta).imag
     turns = np.empty((0, 3))
     for whole in (False, True):  # most are not told in the middle already
-        p = E.shape[1] if whole else 1
-        c = away.shape[-1] if whole else 1
-        at_once = max(1, STATES_AT_ONCE // (2 * p * c * size))
+        points = frames.E.shape[1] if whole else 1
+        circle = away.shape[-1] if whole else 1
+        at_once = max(1, STATES_AT_ONCE // (2 * points * circle * frames.maps[0].shape[-1]))
         told = []
         for first in range(0, len(pairs), at_once):
             panel, mode = pairs[first : first + at_once].T
-            of_disc = delta[panel, mode], away[panel, mode, :c], margin
-            X, off_X = _plane_in_disc(E[panel, :p], dE[panel], *of_disc)
-            plane = np.zeros((panel.size, p, size, c, 2), complex)
-            plane[:, :, kept] = X * units[panel, None, :, None, None]
-            missed = np.zeros((panel.size, size, 2))
-            missed[:, kept] = off_X * units[panel, :, None]
+            part = frames.of_panels(panel, points)
+            plane, off = _plane_in_disc(
+                part.E, part.dE, delta[panel, mode], away[panel, mode, :circle], margin
+            )
             columns, differ = _shown_on_panels(
-                relative.kind.tolist(),
-                ([M[panel, :p] for M in maps], [M[panel] for M in sizes]),
+                part,
                 rows,
-                plane,
-                missed,
-                np.repeat(s[panel, mode, None, :c], 2, axis=1),
+                part.of_all_states(plane, off),
+                np.repeat(s[panel, mode, None, :circle], 2, axis=1),
                 np.ones((panel.size, 2)),
                 margin,
             )
@@ -215,8 +286,7 @@ def lines_in_discs(
         known = ~np.isnan(turns).any(-1)
         pairs = pairs[known]
         turns = turns[known]
-    found[*pairs.T] = turns
-    return found
+    return pairs, turns
 
 
 def _with_lower_half(matrices, n, points):
@@ -422,19 +492,18 @@ def _enclosed(M, residual):
     return np.where(proved.all(1, keepdims=True), v, np.nan)[..., 0]
 
 
-def _shown_on_panels(kinds, changes, rows, state, missed, s, in_disc, margin):
+def _shown_on_panels(frames: _FramesOnPanels, rows, vectors, s, in_disc, margin):
     """What states show in each tick in the middle of panels, `(n, modes, states, ticks)`, without
     the growth of the mode, and how far that may be off on the panels, as lengths of vectors over
     the ticks, `(n, modes, states)`.
 
-    changes: per kind the matrices in the middle and around it, `(n, points, k, k)`, and the sizes
-    of their terms in the middle. state, missed: at the begin of the frame, `(n, points, k, circle,
-    modes)`, and what rounding moves there, `(n, k, modes)`. s: logarithms of the eigenvalues, `(n,
-    modes, circle)`; in_disc: in which part of its disc each is, `(n, modes)`.
+    vectors: at the begin of the frame, `(n, points, size, circle, modes)`, and what rounding moves
+    there, `(n, size, modes)`. s: logarithms of the eigenvalues, `(n, modes, circle)`; in_disc: in
+    which part of its disc each is, `(n, modes)`.
     """
-    maps, sizes = changes
+    state, missed = vectors
     n, points, size, circle, modes = state.shape
-    decay = np.exp(-s.swapaxes(1, 2) / len(kinds))[:, None, None]
+    decay = np.exp(-s.swapaxes(1, 2) / len(frames.kinds))[:, None, None]
     weight = np.ones_like(decay)
     state = state.reshape(n, points, size, circle * modes)
     since = np.broadcast_to(np.eye(size), (n, size, size))  # the product of the ticks
@@ -443,7 +512,8 @@ def _shown_on_panels(kinds, changes, rows, state, missed, s, in_disc, margin):
     of_panel = np.zeros((n, points, len(rows), modes))
     of_disc = np.zeros((n, points, len(rows), circle, modes))
     off = np.zeros((n, len(rows), modes))
-    for kind in kinds:
+    for kind in frames.kinds:
+        in_middle_of_tick = frames.maps[kind][:, 0]
         seen = (rows @ state).reshape(n, points, len(rows), circle, modes) * weight
         in_middle = seen[:, 0, :, 0]
         shown.append(in_middle)
@@ -452,10 +522,10 @@ def _shown_on_panels(kinds, changes, rows, state, missed, s, in_disc, margin):
         at_once = np.abs(rows @ since) @ missed + np.abs(rows) @ rounded
         off += (at_once * np.abs(weight[:, 0, :, 0])) ** 2
         here = np.abs(state[:, 0].reshape(n, size, circle, modes)[:, :, 0])
-        rounded = np.abs(maps[kind][:, 0]) @ rounded
-        rounded += SHORT_SUM_ROUNDING * size * (sizes[kind] @ here)
-        since = maps[kind][:, 0] @ since
-        state = maps[kind] @ state
+        rounded = np.abs(in_middle_of_tick) @ rounded
+        rounded += SHORT_SUM_ROUNDING * size * (frames.sizes[kind] @ here)
+        since = in_middle_of_tick @ since
+        state = frames.maps[kind] @ state
         weight = weight * decay
     differ = np.sqrt(of_panel.max(1)) + in_disc[:, None] * np.sqrt(of_disc.max((1, 3)))
     differ = margin / 2 * differ + np.sqrt(off)

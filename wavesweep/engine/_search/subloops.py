@@ -31,24 +31,23 @@ def applies(question: Question, slices: Slices) -> bool:
 
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals in which all subloops are stable."""
-    loops, along, span, bound = slices.loops, question.along, question.span, question.bound
+    loops = slices.loops
     drawings = subloops_along(question, loops)
-    if not _drift_alike(
-        question, loops, drawings
-    ):  # a cut would leave out a mode that grows and that the number does not see
+    # A cut would leave out a mode that grows and that the number does not see.
+    if not _drift_alike(question, loops, drawings):
         return rest(question, Slices(loops, slices.size))
-    domains(*loops, along, span, slices.size)  # of what leads from one subloop to another, too
-    ticks, answers = loops.drawn().ticks if bound else 0, []
-    for subloop in (Loops(drawing, loops.values) for drawing in drawings):
-        of_subloop = (
-            replace(question, bound=bound.over(ticks // subloop.drawn().ticks))
-            if bound
-            else question
-        )
+    # Of what leads from one subloop to another, too.
+    domains(*loops, question.along, question.span, slices.size)
+    answers = []
+    for drawing in drawings:
+        subloop = Loops(drawing, loops.values)
+        of_subloop = question
+        if question.bound:
+            frames = loops.drawn().ticks // subloop.drawn().ticks
+            of_subloop = replace(question, bound=question.bound.over(frames))
         opened = None
-        with suppress(
-            IllPosedLoopError
-        ):  # it may have no solution at 0 of the number, which may be beyond the range
+        # It may have no solution at 0 of the number, which may be beyond the range.
+        with suppress(IllPosedLoopError):
             opened = Opened.of(subloop, question.number, slices.size)
         answers.append(rest(of_subloop, Slices(subloop, slices.size, opened)))
     return common(answers)
@@ -67,13 +66,21 @@ def _drift_alike(question, loops, drawings):
     A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows
     with time.
     """
-    over = loops.changed({question.along: np.array(question.span)})
-    drifts = [
-        Loops(drawing, over.values).drift_of_frames() for drawing in (loops.drawing, *drawings)
-    ]
-    unread, *of_subloops = ({drift.states[state] for state in drift.unobserved} for drift in drifts)
-    shifts, *counts = (len(drift.constant) + len(drift.varying) for drift in drifts)
-    return shifts == sum(counts) and unread >= set().union(*of_subloops)
+    values = loops.changed({question.along: np.array(question.span)}).values
+    of_all = Loops(loops.drawing, values).drift_of_frames()
+    shifts = 0
+    left_out: set[str] = set()
+    for drawing in drawings:
+        drift = Loops(drawing, values).drift_of_frames()
+        shifts += len(drift.constant) + len(drift.varying)
+        left_out |= _left_out(drift)
+    alike = shifts == len(of_all.constant) + len(of_all.varying)
+    return alike and left_out <= _left_out(of_all)
+
+
+def _left_out(drift):
+    """The names of the states that a frame leaves out."""
+    return {drift.states[state] for state in drift.unobserved}
 
 
 @lru_cache(maxsize=64)
@@ -81,10 +88,9 @@ def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, se
     """Return the blocks that read the outputs of each block."""
     feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in (*drawing.wires, *drawing.couplings):
-        for source in (
-            signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent
-        ):
-            if source in feeds:
+        for signal, _ in terms:
+            source = signal.rpartition(".")[0]
+            if source in feeds and (port, signal) not in silent:
                 feeds[source].add(port.rpartition(".")[0])
     return feeds
 
@@ -106,15 +112,14 @@ def subloops(
     """
     feeds = _feeds(drawing, silent)
     reached = {name: _reached(feeds, name) for name in feeds}
-    parts = dict.fromkeys(
-        frozenset({name, *(other for other in reached[name] if name in reached[other])})
-        for name in feeds
-    )
-    alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
-    rests = {frozenset({block.name}) for block in alone if TYPES[block.type].settles}
-    return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (
-        drawing,
-    )
+    parts = {}
+    for block in drawing.blocks:
+        acted_on = reached[block.name]
+        names = frozenset({block.name, *(name for name in acted_on if block.name in reached[name])})
+        comes_to_rest = block.name not in acted_on and TYPES[block.type].settles
+        if names not in parts and (every or not comes_to_rest):
+            parts[names] = _part(drawing, names)
+    return tuple(parts.values()) or (drawing,)
 
 
 def silent(
@@ -125,32 +130,40 @@ def silent(
 
     values: flat numbers, or arrays over a batch.
     """
-    numbers, (reading, others) = numbers_of(values), _terms(drawing, number)
+    numbers = numbers_of(values)
+    acting, others = _terms(drawing, number)
+    zero = set()
     with np.errstate(all="ignore"):
-        gains = [(place, values_of(gain, numbers)) for place, gain in others]
-    acting = {place for place, gain in gains if (np.any(gain) if np.ndim(gain) else gain)}
-    return frozenset({place for place, _ in others} - acting - reading)
+        for place, gain in others:
+            if np.any(values_of(gain, numbers)):
+                acting = acting | {place}
+            else:
+                zero.add(place)
+    return frozenset(zero - acting)
 
 
 @lru_cache(maxsize=64)
 def _terms(drawing, number):
     """Ports and signals of the terms that read a number, and those of the others, each with its
     gain."""
-    terms = [
-        ((port, signal), gain)
-        for port, terms in (*drawing.wires, *drawing.couplings)
-        for signal, gain in terms
-    ]
-    reads = [number in gain.names for _, gain in terms]
-    reading = {place for (place, _), read in zip(terms, reads, strict=True) if read}
-    return reading, [term for term, read in zip(terms, reads, strict=True) if not read]
+    reading = set()
+    others = []
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        for signal, gain in terms:
+            if gain.reads(number):
+                reading.add((port, signal))
+            else:
+                others.append(((port, signal), gain))
+    return frozenset(reading), others
 
 
 def _reached(feeds, name):
     """The blocks that a block acts on, by way of others too."""
-    reached, front = set(), {name}
+    reached = set()
+    front = {name}
     while front:
-        front = set().union(*(feeds[block] for block in front)) - reached
+        fed = [feeds[block] for block in front]
+        front = set().union(*fed) - reached
         reached |= front
     return reached
 
@@ -158,13 +171,17 @@ def _reached(feeds, name):
 def _part(drawing, names):
     """The drawing of these blocks without the others that act on them, and without a hand."""
 
+    def is_within(signal):
+        return signal.rpartition(".")[0] in names
+
     def within(wires):
-        inner = ((port, terms) for port, terms in wires if port.rpartition(".")[0] in names)
-        return tuple(
-            (port, tuple(term for term in terms if term[0].rpartition(".")[0] in names))
-            for port, terms in inner
-        )
+        kept = []
+        for port, terms in wires:
+            if is_within(port):
+                kept.append((port, tuple(term for term in terms if is_within(term[0]))))
+        return tuple(kept)
 
     blocks = tuple(block for block in drawing.blocks if block.name in names)
-    wires, couplings = within(drawing.wires), within(drawing.couplings)
+    wires = within(drawing.wires)
+    couplings = within(drawing.couplings)
     return replace(drawing, blocks=blocks, wires=wires, couplings=couplings, hand=None)
