@@ -66,17 +66,16 @@ def test_known_limits_are_on_the_curve():
 
 
 def columns(cut, B, top):
-    theta, walls = refined_curve(cut, ((0.0, top), (0.0, 4.0)))
-    return quick_columns(cut, theta, walls, 0, np.array([B]), (0.0, top), 8)[0]
+    curve = refined_curve(cut, ((0.0, top), (0.0, 4.0)))
+    return quick_columns(cut, curve, 0, np.array([B]), (0.0, top), 8)[0]
 
 
 @pytest.mark.parametrize("solved", [0, 1])
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_quick_columns_are_the_proved_ones(name, solved):
     cut, window = cut_of(LOOPS[name]), ((0.0, 6000.0), (0.0, 6.0))
-    theta, walls = refined_curve(cut, window)
     fixed = np.linspace(*window[1 - solved], 30)[1:]
-    quick = quick_columns(cut, theta, walls, solved, fixed, window[solved], 6)
+    quick = quick_columns(cut, refined_curve(cut, window), solved, fixed, window[solved], 6)
     proved = stable_intervals(cut.at(np.newaxis), (FIRST, SECOND)[solved], window[solved], fixed[None])
     assert proved.certified.all()
     expected = [[] for _ in fixed]

@@ -13,13 +13,14 @@ finer the nearer.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain
 
 import numpy as np
 from numpy.polynomial import legendre
 
 GAUSS_NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 HIGH = 4  # coefficients of a piece that have to be small
+# pieces of the bands of points that are looked at together, so that their arrays stay small
+POINTS_AT_ONCE = 4096
 PIECES = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
 # sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
 CLEAR_ELLIPSE = 1.25
@@ -81,12 +82,12 @@ def over_band(
     some: np.ndarray,
     sample: Callable[[np.ndarray, np.ndarray], Sampled],
     reduce: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
-    value: np.ndarray,
-    certified: np.ndarray,
+    found: tuple[np.ndarray, np.ndarray],
     *,
     at_poles: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fill in the values of the points `some` over a band (Hz), and their certificates.
+    """Fill in the values of the points `some` over a band (Hz), and their certificates: found, both
+    of all points.
 
     sample: takes points and frequencies (Hz). reduce: takes the Legendre coefficients of each
     piece, `(points, pieces, GAUSS_NODES)`, and the share of each piece in the band, and gives
@@ -94,6 +95,7 @@ def over_band(
     of the responses as well.
     """
     ends = np.log(band)
+    value, certified = found
 
     def look(edges, at):
         pieces = _BandPieces(edges)
@@ -108,19 +110,20 @@ def over_band(
         ]
 
     for count in PIECES:
-        edges, batches = (
-            np.linspace(*ends, count + 1),
-            np.array_split(some, len(some) * count // 4096 + 1),
-        )
-        open_ = [*chain.from_iterable(look(edges, batch) for batch in batches if batch.size)]
+        edges = np.linspace(*ends, count + 1)
+        open_ = []
+        for batch in np.array_split(some, len(some) * count // POINTS_AT_ONCE + 1):
+            if batch.size:
+                open_ += look(edges, batch)
         some = np.array([at[0] for at, *_ in open_], int)
     for _ in range(DIVISIONS):
-        before, open_ = open_, []
+        before = open_
+        open_ = []
         for at, row, functions in before:
-            singular = np.concatenate(
-                [function.singular(row, at_poles=at_poles) for function in functions]
-            )
-            open_ += look(_divided(edges, singular), at) if singular.size else []
+            singular = [function.singular(row, at_poles=at_poles) for function in functions]
+            places = np.concatenate(singular)
+            if places.size:
+                open_ += look(_divided(edges, places), at)
     return value, certified
 
 

@@ -208,7 +208,7 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
         certified = np.ones(points.size, bool)
         for batch, _ in _batches(spec, points):
             changes = {path: column[batch] for path, column in points.changes.items()}
-            rows = at_points(spec, axis, changes, points.ties, felt=wished)
+            rows = at_points(spec, axis, changes, ties=points.ties, felt=wished)
             at = batch[rows["slice"]]
             certified[at] = rows["certified"]
             from_start = (rows["interval"] == 0) & (rows["low"] <= start)
@@ -321,7 +321,7 @@ def _extreme(band, size, response, least):
         resolved = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
         return value, resolved
 
-    return over_band(band, np.arange(size), sample, reduce, *_unknown(size), at_poles=False)
+    return over_band(band, np.arange(size), sample, reduce, _unknown(size), at_poles=False)
 
 
 def _transparency(spec, wish, points):
@@ -359,15 +359,8 @@ def _transparency(spec, wish, points):
         ) ** 2  # responses are not known better
 
     band = wish.options.get("band_hz", BAND_HZ)
-    return over_band(
-        band,
-        stable_points,
-        sample,
-        reduce,
-        np.where(stable, 0.0, np.nan),
-        stable.copy(),
-        at_poles=True,
-    )
+    begun = np.where(stable, 0.0, np.nan), stable.copy()
+    return over_band(band, stable_points, sample, reduce, begun, at_poles=True)
 
 
 def _radii(spec, points):

@@ -127,20 +127,17 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
     K_VE may be either axis."""
     solved = WALL.index(plane.y)  # 0: K_VE, 1: B_VE
     window = (plane.y_span, plane.x_span) if solved == 0 else (plane.x_span, plane.y_span)
-    theta, walls = refined_curve(cut, window)
+    curve = refined_curve(cut, window)
     ranges = []
     for path, span in search.items():
         along = WALL.index(path)
         other_value = spec.values[WALL[1 - along]]
-        (column,) = quick_columns(
-            cut, theta, walls, along, np.array([other_value]), span, FALSE_POSITIONS
-        )
+        other = np.array([other_value])
+        (column,) = quick_columns(cut, curve, along, other, span, FALSE_POSITIONS)
         intervals = [{"low": low, "high": high} for low, high in column]
         ranges.append({"path": path, "span": span, "intervals": intervals})
-    shape = _preview(
-        plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span)
-    )
-    return {"plane": {**shape, "how": "curve", "angles": theta.size}, "ranges": ranges}
+    shape = _preview(plane, lambda x: quick_columns(cut, curve, solved, np.array(x), plane.y_span))
+    return {"plane": {**shape, "how": "curve", "angles": curve.angles.size}, "ranges": ranges}
 
 
 def _preview(plane, columns_at) -> dict:

@@ -10,6 +10,8 @@ At z = 1 and z = -1 all three terms are real, and the boundary is a straight lin
 Neimark 1948).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.frames import LinearFractional, on_circle, solve
@@ -50,12 +52,19 @@ def _terms(cut, theta):
         return terms_of(cut, w, response[..., 0])
 
 
+class WallCurve(NamedTuple):
+    """The boundary as points: angles (rad per frame), and walls, `(n,)`, `(2, n)`."""
+
+    angles: np.ndarray
+    walls: np.ndarray
+
+
 CURVE_ANGLES = 160  # angles of a curve at the start
 CURVE_HALVINGS = 4  # of steps longer than a hundredth of a window
 
 
-def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray]:
-    """Return angles and walls along the curve, with small steps inside a window: `(n,)`, `(2, n)`.
+def refined_curve(cut: LinearFractional, window) -> WallCurve:
+    """Return points along the curve, with small steps inside a window.
 
     cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
     """
@@ -75,21 +84,21 @@ def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray
         order = np.argsort(np.concatenate([theta, between]), kind="stable")
         walls = np.concatenate([walls, plane_curve(cut, between)], -1)[:, order]
         theta = np.concatenate([theta, between])[order]
-    return theta, walls
+    return WallCurve(theta, walls)
 
 
 def quick_columns(
-    cut: LinearFractional, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
+    cut: LinearFractional, curve: WallCurve, solved: int, fixed: np.ndarray, span, rounds: int = 2
 ) -> list[list[tuple[float, float]]]:
     """Return the stable intervals of one wall parameter for each value of the other, from a curve:
     without a proof.
 
-    cut: one loop. theta, walls: along the curve, see `refined_curve`. solved: 0 for intervals of
+    cut: one loop. curve: its boundary, see `refined_curve`. solved: 0 for intervals of
     K_VE, 1 for B_VE. fixed: values of the other one, `(columns,)`. span: (low, high) of the
     intervals. rounds: of false position, by which the ends are improved. Eigenvalues in the middle
     decide which of the parts between two ends are stable.
     """
-    column, value = _crossings(cut, theta, walls, solved, fixed, rounds)
+    column, value = _crossings(cut, *curve, solved, fixed, rounds)
     with np.errstate(all="ignore"):
         lines = plane_lines(cut)
         straight = (lines[:, :1] - lines[:, 2 - solved, None] * fixed) / lines[:, 1 + solved, None]

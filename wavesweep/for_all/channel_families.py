@@ -29,7 +29,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
-from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.plan import ANY
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
@@ -176,14 +176,10 @@ def frames_with_messages(
         [[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps]
     )
     symbols = tuple(symbol for _, symbol, *_ in steps)
-    return LoopFrames.of(
-        ticks,
-        drift.remaining,
-        [row[:-1] for row in rows],
-        [row[-1] for row in rows],
-        symbols,
-        follows,
-    )
+    before = [row[:-1] for row in rows]
+    samples = [row[-1] for row in rows]
+    written = WrittenFrames(before, samples, symbols, follows)
+    return LoopFrames.of(ticks, drift.remaining, written)
 
 
 def messages_over(

@@ -3,8 +3,9 @@ over an interval."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,19 @@ MIDDLE = 64 * ENTRY_ROUNDING
 
 def _nothing():
     return None
+
+
+class WrittenFrames(NamedTuple):
+    """Frames as ticks one after the other, by the numbers of their kinds.
+
+    rows: of each symbol the ticks before its sample; samples: the one that ends it. symbols: the
+    kinds of frames. follows: which (columns) may follow which (rows).
+    """
+
+    rows: Sequence[tuple[int, ...]]
+    samples: Sequence[int]
+    symbols: tuple[Symbol, ...]
+    follows: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +92,10 @@ class LoopFrames:
     free: Callable[[], FramesFromZero | None] = _nothing
 
     @staticmethod
-    def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
+    def of(ticks, kept, written: WrittenFrames, drift=None) -> LoopFrames:
         """Return the frames that consist of these ticks. kept: the states without drift. drift:
         if it depends on numbers."""
+        rows, samples, symbols, follows = written
         changes = [tick_map.E for tick_map in _closed(ticks, np.array(SOME)).maps]
         rows = tuple(map(tuple, rows))
         samples = tuple(samples)

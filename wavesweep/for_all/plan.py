@@ -19,7 +19,7 @@ from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.from_zero import FramesFromZero
-from wavesweep.for_all.loop_frames import LoopFrames, Symbol
+from wavesweep.for_all.loop_frames import LoopFrames, Symbol, WrittenFrames
 
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
@@ -154,9 +154,8 @@ class Plan:
         drift = self._drift(varied)
         ticks = Ticks(tuple(maps), np.arange(len(maps)))
         relative, _ = drift.relative_ticks(ticks)
-        frames = LoopFrames.of(
-            relative, drift.remaining, *self.written(index), drift if drift.varying else None
-        )
+        varying = drift if drift.varying else None
+        frames = LoopFrames.of(relative, drift.remaining, self.written(index), varying)
         if not number or drift.varying:
             return frames
         return replace(frames, free=partial(self._free, ticks, number, drift, index))
@@ -172,7 +171,7 @@ class Plan:
         leads = np.array(free.leads)[np.any(read, axis=0)]
         if len(leads) != 1:
             return None
-        frames = LoopFrames.of(relative, [*leads, *free.remaining], *self.written(index))
+        frames = LoopFrames.of(relative, [*leads, *free.remaining], self.written(index))
         return frames.from_zero()
 
     def over(self, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
@@ -277,9 +276,8 @@ class Plan:
         ).twins()
         return MarginalModes.of(*map(self.schedule.scheduled, both_loops))
 
-    def written(self, index):
-        """The rows and samples of the symbols as indices of kinds, the symbols, and which may
-        follow which."""
+    def written(self, index) -> WrittenFrames:
+        """The frames as ticks; index: of the map of a kind at a step."""
         schedule = self.schedule
         steps = self.steps
         symbols = list(self.symbols)
@@ -295,7 +293,7 @@ class Plan:
             rows.append(tuple(index[kind, step] for kind in schedule.before_sample(symbol)))
             at_end = symbol.ticks if schedule.elapsed else steps[0]
             ends.append(index[schedule.sample(symbol), at_end])
-        return tuple(rows), tuple(ends), tuple(symbols), follows
+        return WrittenFrames(tuple(rows), tuple(ends), tuple(symbols), follows)
 
 
 def _endless(symbols):

@@ -4,7 +4,7 @@ and norms in which all shrink."""
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import nearest_refuted
-from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.norm_check import Norms, definite, in_its_units, shrink, shrink_along
 from wavesweep.for_all.norms import Centre, advanced, recentred, rough_basis
 from wavesweep.for_all.patterns import is_refuted, refuted_beyond
@@ -24,6 +24,7 @@ __all__ = [
     "Rules",
     "UnfitWallError",
     "WallFrames",
+    "WrittenFrames",
     "advanced",
     "cases_of",
     "decided",

@@ -191,16 +191,11 @@ def _family(loops, along, points):
     samples = [point * different + int(kinds[place]) for place, point in symbols]
     places = np.array([place for place, _ in symbols])
     follows = (places[:, None] + 1) % len(kinds) == places
-    found = offered("switched").LoopFrames.of(
-        Ticks(maps, np.arange(len(maps))),
-        drift.remaining,
-        [()] * len(symbols),
-        samples,
-        tuple(symbols),
-        follows,
-        drift if drift.varying else None,
-    )
-    return found, len(kinds)
+    switched = offered("switched")
+    written = switched.WrittenFrames([()] * len(symbols), samples, tuple(symbols), follows)
+    varying = drift if drift.varying else None
+    ticks = Ticks(maps, np.arange(len(maps)))
+    return switched.LoopFrames.of(ticks, drift.remaining, written, varying), len(kinds)
 
 
 def _moved(

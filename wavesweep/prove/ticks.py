@@ -117,10 +117,9 @@ class BallLoop:
         matrix = arb_mat if isinstance(number, arb) else acb_mat
         wires = self._wire_gains(matrix, number)
         owners = [i for i, (A, *_) in enumerate(blocks) for _ in A]  # of each state
-        A, B, C, D = _side_by_side(blocks, [len(block.ports[0]) for block in self.blocks])
+        parts = _side_by_side(blocks, [len(block.ports[0]) for block in self.blocks])
         return {
-            kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D)
-            for kind in set(self.kinds)
+            kind: self._tick(set(kind), matrix, owners, wires, parts) for kind in set(self.kinds)
         }
 
     def _wire_gains(self, matrix, number):
@@ -136,12 +135,14 @@ class BallLoop:
             len(W), len(self.outputs), [gain for row in W for gain in row]
         )  # a list of no rows has no columns
 
-    def _tick(self, running, matrix, owners, W, A, B, C, D):
+    def _tick(self, running, matrix, owners, W, parts):
+        """The map of a tick in which some blocks run, and the determinant of its algebraic
+        loops; parts: A, B, C and D of all blocks."""
+        A, B, C, D = parts
         states = len(owners)
         size = states + len(self.held)
-        places = {
-            j: states + k for k, j in enumerate(self.held)
-        }  # of held outputs among all that is remembered
+        # of held outputs among all that is remembered
+        places = {j: states + k for k, j in enumerate(self.held)}
 
         def padded(row):
             return [*row, *[0] * (size - len(row))]

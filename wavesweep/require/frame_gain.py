@@ -81,20 +81,20 @@ class BoundedGain(Between):
     def labelled(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
         form = self.form(shape[1], *maps)
-        (K, dK), (L, dL) = by_panel(self.pencil(maps[0], *form), shape)
+        K, L = by_panel(self.pencil(maps[0], *form), shape)
         parts = by_panel((maps[0], *form), shape)
         if self.at_rest:
             E, _ = parts[0]
             judged &= ~poles_inside(determinants(E)[..., None])
-        for array in (K, dK, L, dL):
+        for array in (*K, *L):
             judged &= np.isfinite(array).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
         at = np.flatnonzero(judged)
         if not at.size:
             return label
 
-        middle = K[at, 0].real, dK[at, 0], L[at, 0].real, dL[at, 0]
-        rims = K[at, 1:], L[at, 1:]
+        middle = [Bounded(value[at, 0].real, error[at, 0]) for value, error in (K, L)]
+        rims = K.value[at, 1:], L.value[at, 1:]
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*middle, rims, self.inputs, arc)
         parts = of_panels(parts, at)
@@ -115,9 +115,9 @@ class BoundedGain(Between):
         negative, of its terms."""
         maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         form = self.form(1, *maps)
-        (K, dK), (L, dL) = self.pencil(maps[0], *form)
+        K, L = self.pencil(maps[0], *form)
         arc = self.arc[np.full(p.size, column)]
-        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc)
+        _, d = clear(K, L, (K.value[:, None], L.value[:, None]), self.inputs, arc)
         theta = _angles(d, arc)
         value, size, _ = _least([matrix for matrix, _ in (maps[0], *form)], theta)
         loop = np.arange(p.size)
@@ -195,7 +195,8 @@ class BoundedGain(Between):
         (K, L), (K_error, L_error) = pencils
         L[..., x, x] = np.eye(n)
         L[..., l, l] -= np.eye(n)
-        return (K, np.abs(K_error)), (L, np.abs(L_error) + SHORT_SUM_ROUNDING * np.abs(L))
+        L_error = np.abs(L_error) + SHORT_SUM_ROUNDING * np.abs(L)
+        return Bounded(K, np.abs(K_error)), Bounded(L, L_error)
 
 
 class Sine(BoundedGain):

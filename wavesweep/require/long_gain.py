@@ -30,7 +30,7 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.frames import Change, balance, in_a_row, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
 from wavesweep.engine.response import Bounded
-from wavesweep.require.between import loops_between, poles_inside
+from wavesweep.require.between import by_panel, loops_between, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.frame_gain import BoundedGain
 from wavesweep.require.maps import of_ticks
@@ -172,9 +172,9 @@ class LongGain(BoundedGain):
         """As that of `BoundedGain`."""
         index = np.full(p.size, np.searchsorted(self.columns, column))
         frame, _ = self._frame(self.level, index, p, 1)
-        K, dK, L, dL = _pencil(frame)
+        K, L = _pencil(frame)
         arc = self.arc[np.full(p.size, column)]
-        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), 0, arc)
+        _, d = clear(K, L, (K.value[:, None], L.value[:, None]), 0, arc)
         value, theta = _least(frame, np.arange(p.size), d, arc)
         loop = np.arange(p.size)
         lowest = value.argmin(-1)
@@ -231,27 +231,26 @@ class LongGain(BoundedGain):
         eliminated = np.stack(frame.pivots, -1).reshape(*p.shape, -1)
         singular = ~np.isfinite(frame.below) | poles_inside(eliminated)
         judged &= ~singular
-        pencil = [each.reshape(*p.shape, *each.shape[1:]) for each in _pencil(frame)]
-        for array in pencil:
+        K, L = by_panel(_pencil(frame), p.shape)
+        for array in (*K, *L):
             judged &= np.isfinite(array).all((1, 2, 3))
         label = np.full(column.size, OPEN)
         at = np.flatnonzero(judged)
         if not at.size:
             return label, singular
 
-        K, dK, L, dL = (each[at] for each in pencil)
-        parts = K[:, 0].real, dK[:, 0], L[:, 0].real, dL[:, 0]
+        middle = [Bounded(value[at, 0].real, error[at, 0]) for value, error in (K, L)]
+        rims = K.value[at, 1:], L.value[at, 1:]
         arc = self.arc[self.columns[column[at]]]
-        inside, d = clear(*parts, (K[:, 1:], L[:, 1:]), 0, arc)
+        inside, d = clear(*middle, rims, 0, arc)
         value, theta = _least(frame, at, d, arc)
         label[at[inside & (value.max(-1) > SURE_SIGN)]] = GOOD
         lowest = value.argmin(-1)
         at_one = np.flatnonzero(value.min(-1) < -SURE_SIGN)
         if at_one.size:
             z = theta[at_one, lowest[at_one]]
-            parts = [each[at_one] for each in parts]
-            rims = K[at_one, 1:], L[at_one, 1:]
-            alone, _ = clear(*parts, rims, 0, np.stack([z, z], -1))
+            rims = [rim[at_one] for rim in rims]
+            alone, _ = clear(*of_panels(middle, at_one), rims, 0, np.stack([z, z], -1))
             label[at[at_one[alone]]] = BAD
         return label, singular
 
@@ -275,7 +274,7 @@ def _in_even_units(ticks):
 
 
 def _pencil(frame):
-    """N - L and its error, and L and its error, of frames."""
+    """N - L, and L, of frames."""
     E, dE = frame.E
     G, dG = frame.G
     Q, dQ = frame.Q
@@ -300,7 +299,7 @@ def _pencil(frame):
     dL = np.zeros(shape)
     dL[:, x, l] = dG
     dL[:, l, l] = dE.mT
-    return K, dK, L, dL + SHORT_SUM_ROUNDING * np.abs(L)
+    return Bounded(K, dK), Bounded(L, dL + SHORT_SUM_ROUNDING * np.abs(L))
 
 
 def _least(frame, panels, d, arc):

@@ -14,6 +14,7 @@ import numpy as np
 
 from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.frames import balance, inverse, solve
+from wavesweep.engine.response import Bounded
 from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import ZERO_EIGENVALUES
 
@@ -58,16 +59,18 @@ def angles_of(d):
     return np.abs(np.angle((zeta + TURN) / (1 + np.conj(TURN) * zeta)))
 
 
-def clear(K, dK, L, dL, rims, inputs, arc):
+def clear(K: Bounded, L: Bounded, rims, inputs, arc):
     """Whether no eigenvalue of pencils is on an arc of the circle, for all numbers of discs; the
     eigenvalues in the middle.
 
-    K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles
-    of twice the size about the discs, `(n, points, r, r)`. inputs: the last columns, in which L is
+    K, L: N - L and L in the middle, `(n, r, r)`; rims: both on circles of twice the size about the
+    discs, `(n, points, r, r)`. inputs: the last columns, in which L is
     0 and the pencil is N times a number that is not 0 for any d of the circle. arc: its ends (rad),
     `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
     in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
     """
+    K, dK = K
+    L, dL = L
     N = K.shape[-1]
     n = N - inputs
     states = np.arange(N) < n

@@ -10,7 +10,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -106,24 +106,23 @@ def ss(
 ) -> Law:
     """State-space model, rows of numbers; the inputs of a continuous one are held over the
     period: exact."""
-    n, names = len(A), [*(f"state {i}" for i in range(len(A))), *inputs]
+    n = len(A)
+    names = [*(f"state {i}" for i in range(n)), *inputs]
     D = D or [[0.0] * len(inputs) for _ in outputs]
     changes = [[*row, *pushed] for row, pushed in zip(A, B, strict=True)]
     if not discrete and n:
         matrix = np.zeros((len(names), len(names)))
         matrix[:n] = changes
         changes = exponential_minus_one(matrix * period)[:n].tolist()
-    keeps = {
-        name: _sum(row, names) + (() if discrete else ((1.0, name),))
-        for name, row in zip(names, changes, strict=False)
-    }
-    return Law(
-        {
-            name: _sum([*c, *d], names)
-            for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)
-        },
-        keeps,
-    )
+    keeps = {}
+    for name, row in zip(names, changes, strict=False):
+        keeps[name] = _sum(row, names)
+        if not discrete:
+            keeps[name] += ((1.0, name),)
+    gives = {}
+    for name, by_states, by_inputs in zip(outputs, C or [[]] * len(D), D, strict=True):
+        gives[name] = _sum([*by_states, *by_inputs], names)
+    return Law(gives, keeps)
 
 
 def _numbered(members, side):
@@ -154,61 +153,57 @@ def continuous(
 
     models = [_matrices(kind, keys, len(into), len(out)) for _, kind, keys, into, out in members]
     A, B, C, D = (block_diag(*blocks) for blocks in zip(*models, strict=True))
-    ports, shown = _numbered(members, -2), _numbered(members, -1)
+    ports = _numbered(members, -2)
+    shown = _numbered(members, -1)
     order = len(A)
     K = np.zeros((len(ports), len(shown)))
     for (port, name), gain in gains.items():
         K[ports[port], shown[name]] = gain
-    through = np.linalg.solve(
-        np.eye(len(shown)) - D @ K, np.hstack([C, D])
-    )  # all outputs of states and inputs from outside
+    # All outputs of states and inputs from outside.
+    through = np.linalg.solve(np.eye(len(shown)) - D @ K, np.hstack([C, D]))
     moved = np.hstack([A, B]) + B @ K @ through
-    into, out = [ports[name] for name in inputs], [shown[name] for name in outputs]
-    matrices = (
+    into = [ports[name] for name in inputs]
+    out = [shown[name] for name in outputs]
+    matrices = LawMatrices(
         moved[:, :order],
         moved[:, order:][:, into],
         through[out, :order],
         through[out, order:][:, into],
     )
+    names = [*inputs.values()], [*outputs.values()]
     if not (arriving or sensed):
-        return ss(
-            period,
-            *(matrix.tolist() for matrix in matrices),
-            [*inputs.values()],
-            [*outputs.values()],
-            discrete=False,
-        )
+        return ss(period, *(matrix.tolist() for matrix in matrices), *names, discrete=False)
     arrivals = [(list(inputs).index(port), name, at) for port, name, at in arriving]
     read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
-    return _within_tick(period, *matrices, [*inputs.values()], [*outputs.values()], arrivals, read)
+    return _within_tick(period, matrices, *names, arrivals, read)
 
 
-def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
+def _within_tick(period, matrices: LawMatrices, inputs, outputs, arriving, sensed) -> Law:
     """A continuous model from instant to instant of a tick; arriving, sensed: see `continuous`,
     with indices of ports."""
-    order, names = (
-        len(A),
-        [*(f"state {i}" for i in range(len(A))), *inputs, *(name for _, name, _ in arriving)],
-    )
-    state = np.eye(
-        order, len(names)
-    )  # the state and the inputs at an instant, of those at the tick
+    A, B, C, D = matrices
+    order = len(A)
+    names = [f"state {i}" for i in range(order)]
+    names += [*inputs, *(name for _, name, _ in arriving)]
+    # The state and the inputs at an instant, of those at the tick.
+    state = np.eye(order, len(names))
     pushed = np.eye(len(inputs), len(names), order)
-    shown, now = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}, 0.0
+    now = 0.0
+    shown = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}
     events = [(at, 0, port, order + len(inputs) + k) for k, (port, _, at) in enumerate(arriving)]
     events += [(at, 1, row, name) for row, name, at in sensed]
+    generator = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
     for at, kind, port, place in (*sorted(events), (1.0, 2, 0, 0)):
-        generator = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
         change = exponential_minus_one(generator * ((at - now) * period))[:order]
-        state, now = state + change @ np.vstack([state, pushed]), at
+        state = state + change @ np.vstack([state, pushed])
+        now = at
         if kind == 0:
             pushed[port, place] += 1.0
         elif kind == 1:
             shown[place] = C[port] @ state + D[port] @ pushed
     gives = {name: _sum(row.tolist(), names) for name, row in shown.items()}
-    return Law(
-        gives, {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)}
-    )
+    keeps = {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)}
+    return Law(gives, keeps)
 
 
 def _matrices(kind, keys, inputs, outputs):
@@ -314,36 +309,45 @@ def difference(period: float) -> Law:
 
 def saturation(period: float, high: float, low: float | None = None) -> Law:
     """`u` within limits."""
-    return _within_limits(hold(period), period, 1.0, high, low)
+    return _within_limits(hold(period), period, 1.0, Limits(high, low))
 
 
 def integrator(period: float, method: str, **limits) -> Law:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
     total, keeps = _integral("sum", "u", period, method)
-    return _within_limits(
-        Law({"y": ((1.0, "sum"),) if method == "explicit" else total}, keeps), period, 1.0, **limits
-    )
+    shown = ((1.0, "sum"),) if method == "explicit" else total
+    return _within_limits(Law({"y": shown}, keeps), period, 1.0, Limits(**limits))
 
 
-def _within_limits(law, period, ki, high=None, low=None, anti_windup="none", tracking_s=None):
+class Limits(NamedTuple):
+    """The limits of a block's output, without `high` none, and what its integral does there."""
+
+    high: float | None = None
+    low: float | None = None
+    anti_windup: str = "none"
+    tracking_s: float | None = None
+
+
+def _within_limits(law, period, ki, limits: Limits):
     """A law whose output y ends at limits, with what its integral, times ki in y, does there.
 
     Back-calculation adds `(y - free)/tracking_s` to the rate of `ki sum`, free being y without
     limits (Astrom, Hagglund 1995). Clamping keeps the sum while y is at a limit and `ki u` has the
     sign of `free - y`.
     """
-    if high is None:
+    if limits.high is None:
         return law
     gives = {**law.gives, "free": law.gives["y"], "y": ((1.0, "free"),)}
-    keeps, stops = dict(law.keeps), {}
-    if anti_windup == "clamping":
-        gives["driven"], stops = ((ki, "u"),), {"sum": ("free", "y", "driven")}
-    elif anti_windup == "back-calculation" and float(ki):
-        back = period / (ki * tracking_s)
+    keeps = dict(law.keeps)
+    stops = {}
+    if limits.anti_windup == "clamping":
+        gives["driven"] = ((ki, "u"),)
+        stops["sum"] = ("free", "y", "driven")
+    elif limits.anti_windup == "back-calculation" and float(ki):
+        back = period / (ki * limits.tracking_s)
         keeps["sum"] = (*keeps["sum"], (back, "y"), (-back, "free"))
-    return law._replace(
-        gives=gives, keeps=keeps, limits={"y": (-high if low is None else low, high)}, stops=stops
-    )
+    low = -limits.high if limits.low is None else limits.low
+    return law._replace(gives=gives, keeps=keeps, limits={"y": (low, limits.high)}, stops=stops)
 
 
 def _integral(total: str, rate: str, period: float, method: str) -> tuple[Sum, dict[str, Sum]]:
@@ -424,12 +428,8 @@ def lowpass(period: float, a: float = 0.0, cutoff_hz: float = 0.0) -> Law:
 def pi(period: float, kp: float, ki: float, method: str, **limits) -> Law:
     """`y = kp u + ki integral of u`."""
     total = integrator(period, method)
-    return _within_limits(
-        Law({"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}, total.keeps),
-        period,
-        ki,
-        **limits,
-    )
+    gives = {"total": total.gives["y"], "y": ((kp, "u"), (ki, "total"))}
+    return _within_limits(Law(gives, total.keeps), period, ki, Limits(**limits))
 
 
 def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str, **limits) -> Law:
@@ -441,7 +441,7 @@ def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str,
     }
     gives = {**most.gives, **slope, "y": (*most.gives["y"], (kd, "slope"))}
     law = Law(gives, {**most.keeps, "before": ((1.0, "u"),), "last": ((1.0, "slope"),)})
-    return _within_limits(law, period, ki, **limits)
+    return _within_limits(law, period, ki, Limits(**limits))
 
 
 def lead(period: float, zero_hz: float, pole_hz: float) -> Law:
@@ -541,30 +541,24 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
 
 
-def in_delta_form(
-    E, B, C, D, states: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
-) -> Law:
+def in_delta_form(block: Any) -> Law:
     """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D
     u[k]`."""
-    names = [*(f"state {state}" for state in states), *inputs]
+    names = [*(f"state {state}" for state in block.states), *block.inputs]
     keeps = {}
-    for i, (name, e, b) in enumerate(zip(names, E.tolist(), B.tolist(), strict=False)):
-        # a state that does not depend on itself gets a new value
-        last = (1.0, name) if e[i] != -1.0 else (0.0, name)
-        keeps[name] = (
-            *_sum(
-                [*(0.0 if last[0] == 0.0 and j == i else entry for j, entry in enumerate(e)), *b],
-                names,
-            ),
-            last,
-        )
-    return Law(
-        {
-            name: _sum([*c, *d], names)
-            for name, c, d in zip(outputs, C.tolist(), D.tolist(), strict=True)
-        },
-        keeps,
-    )
+    rows = zip(names, block.E.tolist(), block.B.tolist(), strict=False)
+    for i, (name, by_states, by_inputs) in enumerate(rows):
+        last = 1.0
+        if by_states[i] == -1.0:  # a state that does not depend on itself gets a new value
+            by_states[i] = 0.0
+            last = 0.0
+        keeps[name] = (*_sum([*by_states, *by_inputs], names), (last, name))
+    gives = {}
+    for name, by_states, by_inputs in zip(
+        block.outputs, block.C.tolist(), block.D.tolist(), strict=True
+    ):
+        gives[name] = _sum([*by_states, *by_inputs], names)
+    return Law(gives, keeps)
 
 
 def _sum(factors, names) -> Sum:

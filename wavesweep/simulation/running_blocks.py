@@ -754,9 +754,7 @@ def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
         phases = (
             placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,)
         )
-        law = in_delta_form(
-            block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs
-        )
+        law = in_delta_form(block)
         rhythm = Rhythm(placed_block.every, phases)
         blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, rhythm, law, law))
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]

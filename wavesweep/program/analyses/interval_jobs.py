@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -157,16 +157,9 @@ def _task(job, chunk):
 
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
-    changes, checked = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(
-        job.grid.spec,
-        job.asked,
-        changes,
-        len(chunk.loops),
-        job.resolved,
-        checked=checked,
-        prover=ball_prover,
-    )
+    changes = job.loop_values(chunk)
+    how = HowSearched(checked=job.grid.loops <= CHECKED, prover=ball_prover)
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, how)
 
 
 def ball_prover(
@@ -276,23 +269,30 @@ def _sample(job):
 INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
+class HowSearched(NamedTuple):
+    """How intervals are searched.
+
+    ties: paths of numbers that follow the axis, whose values are factors of it. felt: whether to
+    give what is felt at the ends and the lines of a spectrum. checked, prover: see `Search`.
+    """
+
+    ties: tuple[str, ...] = ()
+    felt: bool = True
+    checked: bool = False
+    prover: Prover | None = None
+
+
 def _searches(
     spec: Spec,
     asked: IntervalQuery,
     changes,
     size: int,
-    resolved=None,
-    *,
-    ties=(),
-    felt=True,
-    checked=False,
-    prover=None,
+    resolved,
+    how: HowSearched,
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
-    changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow
-    the axis, whose values are factors of it. felt: whether to give what is felt at the ends and the
-    lines of a spectrum. checked, prover: see `Search`.
+    changes: path -> value of each loop; resolved: see `groups`.
     """
     by_bound: dict = {}
     path = asked.axis.path
@@ -303,12 +303,12 @@ def _searches(
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
     for (drawing, bound), alike in by_bound.items():
-        drawn = drawing.tied(path, ties) if ties else drawing
+        drawn = drawing.tied(path, how.ties) if how.ties else drawing
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
-        at_port = FELT_AT_ENDS if felt else None
-        known = checked or not spec.drawing
+        at_port = FELT_AT_ENDS if how.felt else None
+        known = how.checked or not spec.drawing
         searches.append(
-            Search(path, asked.span, groups, felt, known, prover, bound, at_port, RECORD)
+            Search(path, asked.span, groups, how.felt, known, how.prover, bound, at_port, RECORD)
         )
     return Searches(tuple(searches))
 
@@ -384,7 +384,8 @@ def _orders_of_few(spec, asked, changes, size, resolved):
     """States of loops that are all cut at the number, as their search cuts them, which remembers
     them; otherwise nothing."""
     with suppress(IllPosedLoopError, *FAILURES):
-        searches = _searches(spec, asked, changes, size, resolved, checked=True).searches
+        how = HowSearched(checked=True)
+        searches = _searches(spec, asked, changes, size, resolved, how).searches
         opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
         if all(loops and loops.loops.cut for loops in opened):
             return [loops.loops.cut.order for loops in opened]
@@ -447,27 +448,21 @@ def at_points(
     spec: Spec,
     axis: Axis,
     points: Mapping[str, np.ndarray],
-    ties: tuple[str, ...] = (),
-    felt: bool = True,
     require: TableValue | None = None,
-    prover: Prover | None = None,
+    **how: Any,
 ) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column
     `slice`: the point's number.
 
-    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers
-    that follow the axis; their values are the factors. felt: compute the felt stiffness at the ends
-    too, which is missing otherwise. require: see `IntervalQuery`. prover: see `Search`.
+    points: path -> value at each point, `(n,)`; no two points are the same. require: see
+    `IntervalQuery`. how: fields of `HowSearched`.
     """
     count = len(next(iter(points.values())))
-    asked, how = (
-        IntervalQuery(axis, require=require),
-        {"ties": ties, "felt": felt, "checked": True, "prover": prover},
-    )
-    records = _searches(spec, asked, points, count, **how).records()
-    columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {
-        "doubt": words(records["doubt"])
-    }
+    asked = IntervalQuery(axis, require=require)
+    checked = HowSearched(**how, checked=True)
+    records = _searches(spec, asked, points, count, None, checked).records()
+    columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names}
+    columns["doubt"] = words(records["doubt"])
     return columns | columns_of_ends(records)
 
 
