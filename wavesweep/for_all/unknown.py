@@ -115,6 +115,11 @@ class Proved:
     unstable: tuple[tuple[float, ...], ...] = ()
     whole: bool = True
 
+    @property
+    def stopped(self) -> bool:
+        """Whether something holds the proof up."""
+        return bool(self.open or self.unstable)
+
 
 def proofs(
     cases: Sequence["Case"], span: tuple[float, float], near: float, *, narrow: bool = False
@@ -307,12 +312,11 @@ class Case:
 
         known: what is proved already, of a part from which the proof goes on.
         """
+        paths = [axis.path for axis in self.ranges]
+        box = self.box
         if self.along:
-            paths = [self.along, *(axis.path for axis in self.ranges)]
-            box = np.column_stack([[low, high], self.box])
-        else:
-            paths = [axis.path for axis in self.ranges]
-            box = self.box
+            paths = [self.along, *paths]
+            box = np.column_stack([[low, high], box])
         sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
         if self.along and 0 < low < high / LOGARITHMIC_SIDE:
             sides[0] = Side(self.along, 0.0)
@@ -332,8 +336,8 @@ class Case:
         if lower[0, 0] < lower[1, 0]:
             below = self._covered(frames, sides, lower, self.left, up=False)
         return Proved(
-            below.low if below.open or below.unstable else float(low),
-            above.high if above.open or above.unstable else float(high),
+            below.low if below.stopped else float(low),
+            above.high if above.stopped else float(high),
             above.open or below.open,
             above.unstable + below.unstable,
             above.whole and below.whole,

@@ -148,15 +148,10 @@ def bracket_over(
         frames = replace(loops.frames, units=units, about=layer.mean(0))
         told = reached if report else None
         gain = (1 - TOLERANCE_SHARE) * BRACKET_TOLERANCE
-        stretches = 1
-        if not first.zero:
-            stretches = 2 ** max(0, int(np.ceil(np.log2(np.ptp(layer[:, 0]) / STRETCH))))
+        stretches = 1 if first.zero else _stretches(layer)
         found = cover(frames, layer, follows, most - spent, up, words, told, gain, stretches)
-        return (
-            found,
-            float(first.number(found.end - INWARD if up else found.end + INWARD)),
-            spent + found.used,
-        )
+        inside = found.end - INWARD if up else found.end + INWARD
+        return found, float(first.number(inside)), spent + found.used
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
         found, end, spent = proved(high, goal, UPWARD * work, True)
@@ -175,11 +170,14 @@ def bracket_over(
         open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
-    near = [
-        _near(low, below.x if below.word else limits[0]),
-        _near(high, above.x if above.word else limits[1]),
-    ]
-    return WorstBracket(low, high, below, above, all(near), open_)
+    low_is_near = _near(low, below.x if below.word else limits[0])
+    high_is_near = _near(high, above.x if above.word else limits[1])
+    return WorstBracket(low, high, below, above, bool(low_is_near and high_is_near), open_)
+
+
+def _stretches(layer):
+    """The number of equal stretches of the logarithm of the number with which a proof begins."""
+    return 2 ** max(0, int(np.ceil(np.log2(np.ptp(layer[:, 0]) / STRETCH))))
 
 
 def _near(end, refuted):

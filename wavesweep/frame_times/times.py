@@ -90,6 +90,14 @@ class MeasuredFrames:
         return np.unique(self.possible)
 
 
+def _refuse_other_names(flag, names):
+    """Raise UsageError for a name of an option that is no column of frames."""
+    for name in names:
+        if name not in ("time", "duration"):
+            expected = f"expected time or duration, the columns of frames, found {name}"
+            raise UsageError(f"{flag} {name}: {expected}")
+
+
 def read_run(
     path: str | Path,
     fast_hz: float,
@@ -113,16 +121,14 @@ def read_run(
     columns = columns or {}
     scales = scales or {}
     file = read_csv(path, MOST_LOG_BYTES)
-    for flag, readings in (("--column", columns), ("--scale", scales)):
-        if wrong := [name for name in readings if name not in ("time", "duration")]:
-            raise UsageError(
-                f"{flag} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}"
-            )
+    _refuse_other_names("--column", columns)
+    _refuse_other_names("--scale", scales)
     column = _column(path, file, columns, options)
     name = column.name
     rows = file.numbers(column.columns, 3 if name == "time" else 2)
     readings = rows @ np.array(column.factors) * scales.get(name, 1.0)
-    if (largest := float(np.abs(readings).max())) > MOST:
+    largest = float(np.abs(readings).max())
+    if largest > MOST:
         raise UsageError(
             f"{path}: {name}: expected a largest size of {MOST:g} s, found {largest:g}"
         )
@@ -141,17 +147,16 @@ def read_run(
         expected = (
             f"expected frames of at most {LONGEST_FRAME_S:g} s, found {median:.6g} s for most"
         )
-        hint = (
-            f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms"
-            if options
-            else "are they in ms?"
-        )
+        hint = "are they in ms?"
+        if options:
+            hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms"
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
     run = MeasuredFrames(begins, ticks, file.sha256)
     least = 0.0 if own_ticks and run.are_ticks else 1 - FITS
-    if wrong := _wrong_length(ticks, fast_hz, least, most):
+    wrong = _wrong_length(ticks, fast_hz, least, most)
+    if wrong:
         frame, expected, hint = wrong
         raise UsageError(
             f"{path}:{file.line(begin + frame)}: {name}: expected frames of {expected}, "

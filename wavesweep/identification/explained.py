@@ -111,6 +111,16 @@ class Effect(NamedTuple):
     moved: np.ndarray | float = 0.0
 
 
+def _strongest_part(force):
+    """The first and the last row of at most SAMPLES_TRIED in which a force changes most."""
+    if len(force) <= SAMPLES_TRIED:
+        return 0, len(force)
+    parts = len(force) // SAMPLES_TRIED
+    sizes = force[: parts * SAMPLES_TRIED].reshape(-1, SAMPLES_TRIED).std(axis=1)
+    first = SAMPLES_TRIED * int(np.argmax(sizes))
+    return first, first + SAMPLES_TRIED
+
+
 def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     """What a fit by predictions lacks: the effect without which most is left of the innovations, or
     else a force.
@@ -119,16 +129,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     of the fit with it.
     """
     rows = fit.rows
-    first = 0
-    end = len(rows.force)
-    if end > SAMPLES_TRIED:
-        sizes = (
-            rows.force[: end // SAMPLES_TRIED * SAMPLES_TRIED]
-            .reshape(-1, SAMPLES_TRIED)
-            .std(axis=1)
-        )
-        first = SAMPLES_TRIED * int(np.argmax(sizes))
-        end = first + SAMPLES_TRIED
+    first, end = _strongest_part(rows.force)
     part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
     force, effects = _with_models(replace(fit.model, without=()), found, part)
     seen = True  # whether a force beside that of the log is seen at all

@@ -190,29 +190,34 @@ def _lines(found: Numbers) -> Iterator[Line]:
     for name, margin in found["margins"].items():
         if times > 1 and name == BY_SINGULAR_VALUES[0]:
             yield of_any_form, False
-        omega = margin["omega"]
-        hz = margin["hz"]
-        if hz is None:
-            at = ""
-        elif isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
-            at = f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
-        else:
-            at = f", at {hz:.4g} Hz (seen once a frame: {omega / (2 * pi):.4g} Hz)"
-        yield _line(name, margin, at)
+        yield _line(name, margin, _at_frequency(margin["omega"], margin["hz"]))
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all:
         yield f"{said}:", False
         for name, margin in of_all.items():
-            below = margin["fails_below"]
-            end = margin["fails_from"]
-            refuted = ""
-            if below is not None:
-                refuted = f"below {rounded_down(below)}"
-            elif end is not None:
-                refuted = f"from {rounded_up(end)} on"
-            yield _line(
-                name, margin, refuted and f", refuted {refuted} by {margin['counterexample']}"
-            )
+            yield _line(name, margin, _refuted(margin))
+
+
+def _at_frequency(omega: float, hz: float | None) -> str:
+    """Where a margin is reached; omega: rad/s, as it is seen once a frame."""
+    if hz is None:
+        return ""
+    if isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
+        return f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
+    return f", at {hz:.4g} Hz (seen once a frame: {omega / (2 * pi):.4g} Hz)"
+
+
+def _refuted(margin: Mapping[str, Any]) -> str:
+    """Where a margin for all of a box is refuted, and by what."""
+    below = margin["fails_below"]
+    end = margin["fails_from"]
+    if below is not None:
+        where = f"below {rounded_down(below)}"
+    elif end is not None:
+        where = f"from {rounded_up(end)} on"
+    else:
+        return ""
+    return f", refuted {where} by {margin['counterexample']}"
 
 
 def _line(name: str, margin: Numbers, more: str) -> Line:

@@ -98,17 +98,12 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
 
 def _margins(port, batch, decide) -> PortMargin:
     """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
-    of_displacement = slice(
-        port.axes
-    )  # rows of the outputs; the others are the force against the hand
-    maps = TickMaps.of(
-        [
-            (E, B, C[..., of_displacement, :], D[..., of_displacement, :])
-            for E, B, C, D in port.maps
-        ],
-        port.kind,
-        batch,
-    )
+    # rows of the outputs; the others are the force against the hand
+    of_displacement = slice(port.axes)
+    seen = []
+    for E, B, C, D in port.maps:
+        seen.append((E, B, C[..., of_displacement, :], D[..., of_displacement, :]))
+    maps = TickMaps.of(seen, port.kind, batch)
     ticks = maps.in_even_units()
     lifted = ticks.lifted()
     E = lifted.E

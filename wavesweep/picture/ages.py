@@ -124,11 +124,9 @@ class DataFlow:
             carrier = replace(carrier, late=most_late * late, lost=most_lost * lost)
             for signal, reads in _through(scheduled.block, wires):
                 carriers[signal] = replace(carrier, reads=reads)
-        plants = [block for block in drawing.blocks if block.plant]
-        outputs = frozenset(f"{block.name}.{port}" for block in plants for port in block.ports[1])
-        ports = [f"{block.name}.{each}" for block in plants for each in block.ports[0]]
+        inputs, outputs = _ports_of_plants(drawing)
         forces = {}
-        for port in ports:
+        for port in inputs:
             signals = wires.get(port, ())
             measured = tuple((each, 0) for each in signals if each in outputs)
             forces[port] = tuple(each for each in signals if each not in outputs)
@@ -142,6 +140,18 @@ class DataFlow:
         """The flow without the blocks that run less often than once in so many ticks."""
         kept = {name: each for name, each in self.carriers.items() if each.every <= every}
         return replace(self, carriers=kept)
+
+
+def _ports_of_plants(drawing: Drawing) -> tuple[list[str], frozenset[str]]:
+    """The inputs and the outputs of the plants."""
+    inputs = []
+    outputs = []
+    for block in drawing.blocks:
+        if block.plant:
+            into, out = block.ports
+            inputs += [f"{block.name}.{port}" for port in into]
+            outputs += [f"{block.name}.{port}" for port in out]
+    return inputs, frozenset(outputs)
 
 
 def _through(block: Block, wires: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, tuple]]:

@@ -240,18 +240,11 @@ def _draw(axes, part, box, routes, number, wires, colour):
     ports_in, ports_out = _port_widths(part)
     middle = left + ports_in + (width - ports_in - ports_out) / 2
     texts = _texts(part)
+    in_middle = {"ha": "center", "va": "center", "zorder": 5}
     for n, (text, size, weight) in enumerate(texts):
         level = y + ROW * box.rows / 2 + 0.145 * (n - (len(texts) - 1) / 2)
-        axes.text(
-            middle,
-            level,
-            as_it_stands(text),
-            fontsize=size,
-            weight=weight,
-            ha="center",
-            va="center",
-            zorder=5,
-        )
+        axes.text(middle, level, as_it_stands(text), fontsize=size, weight=weight, **in_middle)
+    of_port = {"fontsize": SMALL, "va": "center", "color": "0.25", "zorder": 5}
     free = iter(range(box.rows))
     for (name, terms), ys in zip(part.inputs, levels, strict=True):
         level = sum(ys) / len(ys) if ys else y + ROW * (next(free) + 0.5)
@@ -259,40 +252,15 @@ def _draw(axes, part, box, routes, number, wires, colour):
             low = min(ys) - 0.075
             high = max(ys) + 0.075
             axes.add_patch(_rectangle((x, low, PILL, high - low), colour, 0.0, PILL / 2))
-            axes.text(
-                x + PILL / 2,
-                (low + high) / 2,
-                "Σ",
-                fontsize=SMALL,
-                ha="center",
-                va="center",
-                zorder=5,
-            )
+            axes.text(x + PILL / 2, (low + high) / 2, "Σ", fontsize=SMALL, **in_middle)
             axes.annotate("", (left, level), (x + PILL, level), arrowprops=_arrow(colour), zorder=4)
         if name not in PLAIN_PORTS:
-            axes.text(
-                left + 0.05,
-                level,
-                as_it_stands(name),
-                fontsize=SMALL,
-                va="center",
-                color="0.25",
-                zorder=5,
-            )
+            axes.text(left + 0.05, level, as_it_stands(name), **of_port)
     for (row, _), (name, _) in zip(box.outputs, part.outputs, strict=True):
         if name not in PLAIN_PORTS:
             level = y + ROW * (row + 0.5)
             right = left + width - 0.05
-            axes.text(
-                right,
-                level,
-                as_it_stands(name),
-                fontsize=SMALL,
-                va="center",
-                ha="right",
-                color="0.25",
-                zorder=5,
-            )
+            axes.text(right, level, as_it_stands(name), ha="right", **of_port)
 
 
 def _end(axes, end, x, colour, text):

@@ -208,18 +208,8 @@ def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> Non
         zorder = 3 if stands_out else 2
         if start > measured:
             top, bottom = (at + level for level in COMPUTED)
-            axes.add_patch(
-                _bar(
-                    measured,
-                    start,
-                    top,
-                    bottom,
-                    pale,
-                    edgecolor=strong,
-                    linewidth=0.9,
-                    zorder=zorder,
-                )
-            )
+            edge = {"edgecolor": strong, "linewidth": 0.9, "zorder": zorder}
+            axes.add_patch(_bar(measured, start, top, bottom, pale, **edge))
             spans = max(measured, edges[0]), min(start, edges[1])
             texts = [f"on its way {in_ms(start - measured)} ms", f"{in_ms(start - measured)} ms"]
             _write(axes, spans, (top + bottom) / 2, texts if stands_out else [], inches, None)
@@ -228,30 +218,14 @@ def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> Non
             axes.plot([start], [middle], "x", color=colour, markersize=5, zorder=5)
             continue
         top, bottom = (at + level for level in (HELD if waits else ALONE))
-        axes.add_patch(
-            _bar(
-                start,
-                end,
-                top,
-                bottom,
-                strong,
-                edgecolor=axes.get_facecolor(),
-                linewidth=0.9,
-                zorder=zorder,
-            )
-        )
+        edge = {"edgecolor": axes.get_facecolor(), "linewidth": 0.9, "zorder": zorder}
+        axes.add_patch(_bar(start, end, top, bottom, strong, **edge))
         spans = max(start, edges[0]), min(end, edges[1])
         texts = [f"held {in_ms(end - start)} ms", f"{in_ms(end - start)} ms"]
         _write(axes, spans, (top + bottom) / 2, texts if stands_out else [], inches, "white")
         if stands_out:
-            axes.plot(
-                [measured],
-                [at + (COMPUTED if waits else ALONE)[0]],
-                "v",
-                color=colour,
-                markersize=5,
-                zorder=5,
-            )
+            level = at + (COMPUTED if waits else ALONE)[0]
+            axes.plot([measured], [level], "v", color=colour, markersize=5, zorder=5)
 
 
 def _write(

@@ -107,11 +107,10 @@ def joined(blocks: Iterable[Columns]) -> Columns:
     import numpy as np
 
     listed = list(blocks)
-    return (
-        listed[0]
-        if len(listed) == 1
-        else {name: np.concatenate([block[name] for block in listed]) for name in listed[0]}
-    )
+    first = listed[0]
+    if len(listed) == 1:
+        return first
+    return {name: np.concatenate([block[name] for block in listed]) for name in first}
 
 
 def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:

@@ -133,6 +133,14 @@ def _beyond_limit(path: str | Path, error: csv.Error) -> UsageError:
 _NONE = "expected rows of numbers below the header"
 
 
+def _with_units(names: list[str], units: list[str]) -> list[str]:
+    """Names with their units in brackets; the units alone if there is not one for each name."""
+    if len(names) != len(units):
+        return units
+    pairs = zip(names, units, strict=True)
+    return [f"{name} ({unit.strip('[]()')})" if unit else name for name, unit in pairs]
+
+
 def read_csv(path: str | Path, most: int) -> Csv:
     """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or
     JSON.
@@ -163,13 +171,10 @@ def read_csv(path: str | Path, most: int) -> Csv:
     header = _with_commas(header, mark)
     names = [name.strip() for name in next(_rows(path, [header]), [])]
     if over and any(names) and all(map(UNIT.fullmatch, names)):
-        named = _with_commas(next((line for line in reversed(over) if line.strip()), ""), mark)
-        bases = [name.strip() for name in next(_rows(path, [COMMENT.sub("", named)]), [])]
-        if len(bases) == len(names):
-            names = [
-                f"{base} ({unit.strip('[]()')})" if unit else base
-                for base, unit in zip(bases, names, strict=True)
-            ]
+        filled = [line for line in over if line.strip()]
+        line = COMMENT.sub("", _with_commas(filled[-1], mark)) if filled else ""
+        bases = [name.strip() for name in next(_rows(path, [line]), [])]
+        names = _with_units(bases, names)
     if names and all(_is_number(name) for name in names):
         raise UsageError(
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"

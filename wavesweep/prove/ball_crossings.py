@@ -142,9 +142,8 @@ def _boxes(U, V, budget):
     U, V: Bernstein coefficients, the columns those of the number. A single row stands for functions
     of the number alone.
     """
-    if all(
-        c.contains(0) for c in (*U.entries(), *V.entries())
-    ):  # an eigenvalue that is always on the circle
+    coefficients = (*U.entries(), *V.entries())
+    if all(each.contains(0) for each in coefficients):  # an eigenvalue is always on the circle
         raise UndecidedError
     narrow = arb(2) ** (-int(NARROW_BOX * ctx.prec))
     count = 0

@@ -13,7 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
 from wavesweep.haptics.felt import feels, felt_of
-from wavesweep.program.columns import Columns
+from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, keys_of, own_loop
 from wavesweep.sensitivity.sensitivity import (
@@ -251,10 +251,10 @@ def _rows(loops, found, ends, members) -> dict:
     at = crossings.end
     certified = found["certified"][row][at]
     certain = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
-    states = [
-        _states(share, labels) if ok else ""
-        for share, ok in zip(crossings.share, certain, strict=True)
-    ]
+    states = []
+    for share, is_certain in zip(crossings.share, certain, strict=True):
+        states.append(_states(share, labels) if is_certain else "")
+    damping_ratio = _damping_inside(loops, (low, high), p, upper, crossings)
     omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
     known_columns = {
         "at": members[at],
@@ -263,45 +263,37 @@ def _rows(loops, found, ends, members) -> dict:
         "crossing": crossings.number,
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
         "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
-        "damping_ratio": np.where(
-            certain, _damping_inside(loops, (low, high), p, upper, crossings), np.nan
-        ),
+        "damping_ratio": np.where(certain, damping_ratio, np.nan),
         "states": np.array(states, object).reshape(at.size),
     }
     s = 1j * known_columns["omega"] * period[at]
     hz = lines_in_loops(loops.with_end(p, 1).some(at), s[:, None])
     known_columns |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
-    doubt = np.where(
-        certified,
-        np.where(crossings.defective, "defective", ""),
-        found["doubt"][row][at].astype(str),
-    )
+    of_crossing = np.where(crossings.defective, "defective", "")
+    doubt = np.where(certified, of_crossing, found["doubt"][row][at].astype(str))
     end_error = crossings.error / size[at][:, None]
     quantities = [Quantity("end", p[at], crossings.slope, end_error)]
     stiffness = loops.felt(varied, p.size * count)
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
         slope, error = _felt(stiffness.reshape(p.size, count)[at], felt_there, size[at], crossings)
-        if (
-            loops.axis.path not in loops.spec.wall
-        ):  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
-            error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
-        else:  # nothing holds what feels no wall, and real steps lead there
-            error[p[at] == 0] = np.inf
+        # Nothing holds what feels no wall, and real steps lead there.
+        unknown = p[at] == 0
+        if loops.axis.path not in loops.spec.wall:
+            # Another number's 0 takes a branch out of the loop, see also `felt_at_ends`.
+            unknown |= ends.omega[members][at] == 0
+        error[unknown] = np.inf
         quantities.append(Quantity("felt", felt_there, slope, error))
-    value = np.stack(
-        [np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1
-    )
+    numbers = [np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers]
+    value = np.stack(numbers, -1)
     tables = []
     for quantity in quantities:
-        rows_of = _rows_of(quantity, loops, known_columns, value, doubt)
-        known = ~np.isnan(rows_of["limit_value"])
-        tables.append({name_of_column: column[known] for name_of_column, column in rows_of.items()})
-    joined_columns = {
-        name: np.concatenate([rows_of[name] for rows_of in tables]) for name in tables[0]
-    }
-    order = np.lexsort((joined_columns["crossing"], joined_columns["at"]))
-    return {name: column[order] for name, column in joined_columns.items()}
+        rows = _rows_of(quantity, loops, known_columns, value, doubt)
+        known = ~np.isnan(rows["limit_value"])
+        tables.append({name: column[known] for name, column in rows.items()})
+    columns = joined(tables)
+    order = np.lexsort((columns["crossing"], columns["at"]))
+    return {name: column[order] for name, column in columns.items()}
 
 
 def _felt(stepped, stiffness, size, crossings: EndCrossings):

@@ -346,11 +346,10 @@ class March:
         own_x = ticks.place(actual(f"{device}.x"))
         own_v = ticks.place(actual(f"{device}.v"))
         by_hand = self.entry == loop.hand
-        share = 0
+        share = 0  # of the input in the force on the device
         if by_hand:
-            share = sum(
-                factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand
-            )
+            on_device = loop.wires.get(f"{device}.f", ())
+            share = sum(factor for factor, name in on_device if name == loop.hand)
         measure = encoder(self.effects.resolution)
         most = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
@@ -358,11 +357,7 @@ class March:
         late, gone_by = loop.late
         change = ticks.place(besides(f"{device}.f{AT}{late}"))
         of_motors = ticks.place(AT + late)
-        parts = []  # of a tick, before and after what the motors are late with arrives
-        if late:
-            for part in (gone_by, 1.0 - gone_by):
-                seconds = part * loop.tick
-                parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
+        parts = _parts_of_tick(body, loop.tick, gone_by) if late else []
         running = Running(loop, ticks, self.results, self.effects.wall, self.late)
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -401,6 +396,16 @@ class March:
             running.tick(len(force))
             x = z[position]
         return MarchedRows(rows, touched, x, "")
+
+
+def _parts_of_tick(body: Body, tick: float, gone_by: float) -> list[tuple[float, list]]:
+    """The parts of a tick before and after what the motors are late with arrives: their lengths
+    (s), and how the body moves in them."""
+    parts = []
+    for share in (gone_by, 1.0 - gone_by):
+        seconds = share * tick
+        parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
+    return parts
 
 
 def _spans_of_ticks(body, uneven, lengths, tick):

@@ -164,16 +164,23 @@ def _is_red(artist: Any) -> bool:
 def _best(shown: Shown, members: Sequence[Member]) -> str:
     """The largest value and, of a wall, the stiffness felt, with what is claimed of its row."""
     best = shown.best
-    word = best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""
+    word = ""
+    if shown.whose in ("guarantee", "hand"):
+        word = best.get(shown.whose, "")
     claim = next(member.claim for member in members if member.guarantee == word)
     proved = claim.status is Status.PROVED
     rows = row_kind(word).legend if proved or shown.whose == "hand" or word else ""
     certain = all(member.rows["certified"].all() for member in members)
     certified = bool(best["certified"]) and not certain
-    end = "low" if best["value"] == best["low"] else "high"
-    at_range = best["value"] == shown.swept[end == "high"]
-    inside = rounded_up if end == "low" else rounded_down
-    value = f"{'over ' if at_range else ''}{inside(best['value'], 5)}"
+    start, stop = shown.swept
+    if best["value"] == best["low"]:
+        value = rounded_up(best["value"], 5)
+        at_range = best["value"] == start
+    else:
+        value = rounded_down(best["value"], 5)
+        at_range = best["value"] == stop
+    if at_range:
+        value = f"over {value}"
     felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):

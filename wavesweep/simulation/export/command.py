@@ -71,22 +71,32 @@ def export(
         files = zip(paths, program.values(), strict=True)
         write_whole(*files, overwrite=overwrite, expected=expected)
     simulated = loaded.asking("simulate")
-    linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
+    linear = linear_loop(simulated)
+    wanted = len(hand_force(simulated).force)
     outputs = terms_of(loaded)
     claim = claim_of(loaded)
     assumed = model_in_words(loaded, told=claim.scope.paths())
-    seconds, ticks = time.perf_counter() - started, program["vectors.csv"].count("\n") - 1
+    seconds = time.perf_counter() - started
+    ticks = program["vectors.csv"].count("\n") - 1
+    notices = list(over_preset(loaded))
     if verbosity().as_json:
-        facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
-        facts["claims"] = {"spec": claim.fact()}
-        facts |= {
-            "notices": list(over_preset(loaded)),
-            "computed": {port: made["sum"] for port, made in outputs.items()},
-        }
-        facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
-        files = [str(path) for path in paths]
-        facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
-        show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
+        show_json(
+            {
+                "command": "export",
+                "specs": [loaded.name],
+                "spec_sha256": simulated.sha256,
+                "assumes": assumed,
+                "claims": {"spec": claim.fact()},
+                "notices": notices,
+                "computed": {port: made["sum"] for port, made in outputs.items()},
+                "terms": {port: made["terms"] for port, made in outputs.items()},
+                "ticks": ticks,
+                "wanted_ticks": wanted,
+                "linear_loop": linear,
+                "files": [str(path) for path in paths],
+                "seconds": round(seconds, 3),
+            }
+        )
     elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
@@ -110,7 +120,7 @@ def export(
             say(f"assumes: {assumed}")
         if claim.scope.run:
             say(f"vectors: {claim.said()}")
-        for line in over_preset(loaded):
+        for line in notices:
             say(line)
         say(
             f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s"

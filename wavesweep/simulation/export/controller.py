@@ -1,7 +1,7 @@
 """A controller without its device: the programs of its ticks, what it reads, and what it gives."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -56,6 +56,16 @@ def outside_of(loop: MarchedLoop) -> list[str]:
     return [*loop.inputs, *(signal for _, signal in loop.entries)]
 
 
+def _ports_of(blocks: Iterable[RunningBlock]) -> tuple[list[str], list[str]]:
+    """The inputs and the outputs of blocks."""
+    inputs = []
+    outputs = []
+    for block in blocks:
+        inputs += [f"{block.name}.{port}" for port in block.inputs]
+        outputs += [f"{block.name}.{port}" for port in block.outputs]
+    return inputs, outputs
+
+
 def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     """Return the controller of a loop, and what it reads of its device and puts there.
 
@@ -68,7 +78,7 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     # Results in time change no program; a one-sided wall shows with them whether it is touched.
     late_results = results if late else []
     outside = outside_of(loop)
-    ports = [f"{block.name}.{port}" for block in plants for port in block.inputs]
+    ports, sensed = _ports_of(plants)
     pushed = [port for port in ports if _is_pushed(loop, port, outside)]
     unforced = set(ports).difference(pushed)
     cut = _cut_at_plants(loop, unforced)
@@ -76,7 +86,6 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, late_results, one_sided and loop.gated)
 
-    sensed = [f"{block.name}.{port}" for block in plants for port in block.outputs]
     read = _read_by(programs, list(ticks.places))
     inputs = [name for name in (*sensed, *outside) if name in read]
     if not pushed or not inputs:
@@ -92,10 +101,7 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
         ticks.place(signal)
         ticks.place(arrived(signal))
     words = identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_")
-    beside = {}
-    for port in sorted(unforced):
-        if loop.wires.get(port):
-            beside[port] = loop.wires[port]
+    beside = {port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)}
     return ExportedController(
         loop=cut,
         ticks=ticks,
