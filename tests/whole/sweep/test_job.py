@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from itertools import islice
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,8 +13,11 @@ from wavesweep.check.planning import plan
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
+from wavesweep.program.store.checkpoint import MemoryCheckpoint
 from wavesweep.program.sweep import estimates, job, running, workers
 from wavesweep.program.sweep.estimates import _samples, expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.program.sweep.job import cut_otherwise
+from wavesweep.program.sweep.running import RunCounts
 from wavesweep.program.sweep.workers import WORTH, choose
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
@@ -136,10 +140,24 @@ def test_check_says_slices_chunks_workers_and_why(mixed, long, monkeypatch):
 def test_work_that_is_surely_worth_workers_is_not_measured(long, monkeypatch):
     long, measured = job_of(long), []
     monkeypatch.setattr(running, "expected_seconds", lambda each: measured.append(each) or 5.0)
-    assert running._expected(long) == 5.0
+    begun = MemoryCheckpoint(), RunCounts(), None
+    assert running._expected(long, *begun) == 5.0
     many = replace(long, chunks=replace(long.chunks, loops=10_000_000))
-    assert running._expected(many) > WORTH
+    assert running._expected(many, *begun) > WORTH
     assert measured == [long]
+
+
+def test_chunks_of_one_slice_that_are_measured_are_kept_and_those_of_an_earlier_run_tell_nothing(long):
+    single = cut_otherwise(job_of(long), deep=1, wide=1)
+    store = MemoryCheckpoint()
+    counts = RunCounts()
+    first, second, third, fourth = islice(single.chunks.spread(range(len(single.chunks))), 4)
+    expected = running._expected(single, store, counts, None)
+    assert store.finished() == sorted({first, second})
+    assert counts.done == 2
+    assert 0 < expected < counts.seconds * len(single.chunks)
+    assert running._expected(single, store, counts, None) > 0
+    assert store.finished() == sorted({first, second, third, fourth})
 
 
 def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, monkeypatch):

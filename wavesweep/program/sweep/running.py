@@ -20,13 +20,15 @@ from wavesweep.engine.keys import nearest
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
-from wavesweep.program.sweep.estimates import expected_seconds, refuse_full_disk
+from wavesweep.program.sweep.estimates import SLOW_SLICE, expected_seconds, refuse_full_disk
 from wavesweep.program.sweep.job import Job, naming_values
 from wavesweep.program.sweep.progress_bar import Progress, reporting
 from wavesweep.program.sweep.workers import WORTH, Workers, choose, results
 
 LEAST_SECONDS = 1e-6  # s of a slice: none takes less
 LAYOUT = 5  # of the records
+# chunks of one slice whose time tells that of the others; the first also loads what these find loaded
+MEASURED_CHUNKS = 2
 IN_MEMORY = 1 << 26  # bytes of records, about; more go to a file without a name
 # combinations of a block of rows; 13 columns of them take some 15 MB, 22 of responses 25 MB
 ROWS_OF_BLOCK = 1 << 17
@@ -192,17 +194,17 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
             stores[name].close()  # one of them at a time has the file open
     with reporting(work.progress) as report:
         for name, job in jobs.items():
-            workers = choose(
-                work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job)
-            )
             others = [tally for other, tally in tallies.items() if other != name]
-            compute(
-                job,
-                stores[name],
-                workers,
-                report and _continued(report, total, others),
-                tallies[name],
+            report_job = report and _continued(report, total, others)
+            begun = stores[name], tallies[name], report_job
+            workers = choose(
+                work.jobs,
+                work.backend,
+                work.scheduler,
+                len(job.chunks),
+                partial(_expected, job, *begun),
             )
+            compute(job, stores[name], workers, report_job, tallies[name])
     return Run(jobs, stores, tallies, workers, time.perf_counter() - started, warnings)
 
 
@@ -232,11 +234,27 @@ def checkpoint_of(
     return FileCheckpoint(place, name, identity, job.dtype, force, warnings)
 
 
-def _expected(job):
+def _expected(job, store, tally, report):
     """Seconds of work; not more than there are, and not measured, if already these are worth
-    workers."""
+    workers. Chunks of one slice are measured by computing the first two, which are kept."""
     least = LEAST_SECONDS * job.slices - job.kind.ready
-    return least if least > WORTH else expected_seconds(job) - job.kind.ready
+    if least > WORTH:
+        return least
+    if job.chunks.deep * job.chunks.wide > 1:
+        return expected_seconds(job) - job.kind.ready
+    finished = set(store.finished())
+    missing = [each for each in job.chunks.spread(range(len(job.chunks))) if each not in finished]
+    here = Workers(1, None, None, "measured")
+    seconds = 0.0
+    measured = 0
+    for number in missing[:MEASURED_CHUNKS]:
+        before = tally.seconds
+        compute(job, store, here, report, tally, range(number, number + 1))
+        seconds = tally.seconds - before
+        measured += 1
+        if seconds > SLOW_SLICE:
+            break
+    return seconds * (len(missing) - measured) - job.kind.ready
 
 
 def _continued(progress, total, others):
