@@ -28,7 +28,7 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.tables.number_words import rounded_down
+from wavesweep.program.tables.number_words import rounded_down, rounded_up
 
 LOWEST_SHOWN = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
@@ -423,20 +423,21 @@ def _face(name: str) -> str:
 
 
 def in_words(name: str, value: float, omega: float, hz: float) -> str:
-    """A margin as the legend has it, with the line that a spectrum shows of its crossing."""
+    """A margin as the legend has it, rounded to the safe side, with the line that a spectrum shows
+    of its crossing."""
+    inside = rounded_up if name == "gain_down" else rounded_down
     once = (
         ""
         if np.isclose(2 * np.pi * hz, omega, rtol=1e-6)
         else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
     )
     sizes = {
-        "phase": f"{value:.3g}°",
-        "delay": f"{1e3 * value:.4g} ms",
-        "delay_frames": f"{value:.4g}",
+        "phase": f"{inside(value, 3)}°",
+        "delay": f"{inside(1e3 * value, 4)} ms",
+        "delay_frames": inside(value, 4),
     }
-    size = (
-        sizes.get(name) or f"{value:.3g} ({20 * np.log10(value) if value > 0 else -np.inf:.3g} dB)"
-    )
+    decibels = 20 * np.log10(value) if value > 0 else -np.inf
+    size = sizes.get(name) or f"{inside(value, 3)} ({inside(decibels, 3)} dB)"
     return f"{name.replace('_', ' ')} {size} at {hz:.4g} Hz{once}"
 
 

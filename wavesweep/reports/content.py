@@ -234,7 +234,7 @@ def _answer(
     yield html.element("h2", "Answer")
     assumed = []
     title, *others = judged.lines(_own_place(spec))
-    lines = [(line, True) for line in others]
+    lines = [(line.strip(), True) for line in others]
     good = judged.status > Status.UNKNOWN
     if not intervals:
         yield html.verdict(good, title, "The ranges of its numbers follow below.", [*lines, own])

@@ -93,8 +93,8 @@ def listing(lines: Iterable[tuple[str, bool]]) -> str:
     headings = _headings(lines)
     items = ""
     for at, (depth, text, warning) in enumerate(headings):
-        below = depth > min(heading[0] for heading in headings)
-        if below and (not at or headings[at - 1][0] < depth):
+        below = depth > headings[0][0]
+        if below and headings[at - 1][0] < depth:
             items = items.removesuffix("</li>\n") + "\n<ul>\n"
         items += element("li", text, "doubt" * warning) + "\n"
         if below and (at + 1 == len(headings) or headings[at + 1][0] < depth):

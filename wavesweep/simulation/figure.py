@@ -259,14 +259,17 @@ def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
-    """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
+    """The title of a run of a loop that is not known to be stable, or of one that stopped early;
+    otherwise empty."""
     linear = facts.get("linear_loop", {"stable": True})
     stopped = facts.get("ticks", {}).get("stopped")
     said = []
     if not linear["stable"]:
         radius = linear.get("spectral_radius")
-        size = "" if radius is None else f": spectral radius {radius:.6g} per frame"
-        said.append(f"unstable{size}")
+        if radius in (None, 1):  # numbers overflow, or rounding hides on which side of 1 it is
+            said.append("not known to be stable")
+        else:
+            said.append(f"unstable: spectral radius {radius:.6g} per frame")
     if stopped:
         said.append(f"stopped, {stopped}")
     return "; ".join(said)
