@@ -10,15 +10,16 @@ import json
 import re
 from dataclasses import dataclass, field
 from itertools import product
-from math import inf, log
+from math import floor, inf, log, log10
 from pathlib import Path
 
 import numpy as np
 import pandas
 from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
+from words.explanations import hold_columns
 from words.law import QUIET, said_by, unfolded
-from words.sentences import N, Run, hold, near, shape, within
+from words.sentences import PROVED, N, Run, are_ends, hold, hold_share, is_cell, near, of_members, shape
 
 from wavesweep.program.spec.writing import as_toml
 
@@ -83,6 +84,16 @@ class Device:
         pairs = [self.walls(n, B, mass, size=size) for n, mass in product(lengths, masses)]
         start = self.tables["sweep"]["K_VE"]["start"]
         return max(start, *(low for low, _ in pairs)), min(STOP, *(high for _, high in pairs))
+
+    @property
+    def members(self):
+        """Those of which heads tell: lengths of frames, and the lightest and the heaviest mass."""
+        return {"n": self.lengths, "mass": [self.masses[0], self.masses[-1]]}
+
+    @property
+    def proved(self):
+        """The intervals of each slice in which all members are stable."""
+        return [[self.inside(B, "for_all")] for B in self.dampings]
 
     @property
     def own_length(self):
@@ -158,7 +169,7 @@ def hold_device(seed):
             assert line.startswith(run.claims[run.word]["said"]), line
         if re.search(r"\d", line):
             hold(run, line)
-    explained(table)
+    hold_columns(table)
 
 
 def answered(run, command, name):
@@ -166,22 +177,10 @@ def answered(run, command, name):
     code, _, lines = said_by(command, "mine.toml", *QUIET)
     assert code == 0, (run.case.seed, lines)
     table = pandas.read_csv(f"t/{name}.csv")
-    claims = json.loads(Path(f"t/{name}.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]["claims"]
+    run.facts = json.loads(Path(f"t/{name}.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]
     run.rows = table.to_dict("records")
-    run.claims = claims
-    return lines, table, claims
-
-
-def explained(table):
-    """Each word and each column of the table has an explanation; that of a word of doubt is the one that was printed."""
-    words = {*table.columns}
-    for column in ("guarantee", "hand", "doubt"):
-        if column in table:
-            words |= {*table[column].dropna()}
-    for word in sorted(words):
-        code, out, _ = said_by("explain", word)
-        assert code == 0, word
-        assert out.startswith((f"{word} (", f"{word}:")), (word, out)
+    run.claims = run.facts["claims"]
+    return lines, table, run.claims
 
 
 # zwidth
@@ -237,6 +236,7 @@ def refuted(case, text, K, B):
         named = {int(each) for each in re.findall(r"\d+(?!\d*\))", re.sub(r" x \d+", "", text.partition(", ...")[0]))}
         return named <= {*case.lengths}
     mass = re.search(rf"mass = {N}", text)
+    assert not mass or case.masses[0] * (1 - 1e-5) <= float(mass[1]) <= case.masses[-1] * (1 + 1e-5), text
     lengths = [case.own_length]
     if "frames" in text:
         repeated = re.sub(r"\b(\d+) x (\d+)", lambda found: ", ".join([found[1]] * int(found[2])), text.partition("frames ")[2])
@@ -262,12 +262,17 @@ def counted(run, slices, count):
 
 @shape(rf"\s*B_VE = {N} N\*s/m: K_VE {N} to {N} N/m", "zwidth")
 def of_slice(run, B, low, high):
-    return within(low, high, [run.case.inside(B, "spec")])
+    return swept(run, B) and are_ends(low, high, [run.case.inside(B, "spec")])
 
 
-@shape(r"stable (?:with|for) .* \((?:spec|for_all)\):", "zwidth")
-def whose(run):
-    return True
+@shape(r"(stable (?:with|for) .*) \((?:spec|for_all)\):", "zwidth")
+def whose(run, said):
+    return of_members(run, said)
+
+
+def swept(run, B):
+    """Whether a damping that is named is one of the swept ones."""
+    return B is None or any(near(B, each) for each in run.case.dampings)
 
 
 @shape(
@@ -278,10 +283,13 @@ def whose(run):
 def largest_wall(run, how, high, low, B, others, fails, by):
     assert (how == "proved") == (run.word == "for_all")
     truth = greatest_wall(run, B)
+    assert swept(run, B), B
+    assert is_cell(run, high, "high"), high
     assert high <= truth * (1 + DIGITS), (high, truth)
     assert high >= greatest_wall(run) * (0.98 if how == "proved" else 1 - 2e-5), (high, truth)
     if fails is not None:
         assert float(fails) >= high
+        assert is_cell(run, float(fails), "fails_from"), fails
         tried = run.case.dampings if B is None else [B]
         return any(refuted(run.case, by, float(fails), each) for each in tried)
     return low is None or low >= run.case.inside(B or 0.0, run.word)[0]
@@ -289,14 +297,14 @@ def largest_wall(run, how, high, low, B, others, fails, by):
 
 @shape(rf"\s*(stable|proved) for every K_VE from {N} up to {N} N/m{AT_B}", "zwidth")
 def every_wall(run, how, low, high, B, others):
-    return within(low, high, [run.case.inside(B or 0.0, run.word)])
+    return swept(run, B) and is_cell(run, high, "high") and near(low, run.case.inside(B or 0.0, run.word)[0])
 
 
 @shape(
     rf"\s*stiffest wall as the hand feels it at rest: {N} N/m with K_VE = {N} N/m(?: \(stable from {N} on\))?{AT_B}", "zwidth"
 )
 def felt_wall(run, felt, K, low, B, others):
-    return near(felt, K, 2e-6) and greatest_wall(run, B) * (1 + DIGITS) >= K
+    return swept(run, B) and near(felt, K, 2e-6) and is_cell(run, K, "high") and greatest_wall(run, B) * (1 + DIGITS) >= K
 
 
 @shape(rf"\s*(?:all {N} rows|the only row is|the only row) certified", "zwidth")
@@ -308,7 +316,9 @@ def certified_walls(run, count):
 @shape(rf"\s*frames of (.*) ticks? decides?: without those of (.*) no end moves by more than {N} %", "zwidth")
 def deciding(run, some, others, share):
     case = run.case
-    kept = {int(each) for each in re.findall(r"\d+", str(some).removesuffix(".0"))}
+    kept, without = ({int(each) for each in re.findall(r"\d+", str(of).removesuffix(".0"))} for of in (some, others))
+    assert sorted((*kept, *without)) == case.lengths, (kept, without)
+    hold_share(run, share)
     for B in case.dampings:
         part = Device(case.seed, case.asks, case.tables, sorted(kept), case.masses).inside(B, "for_all")[1]
         whole = case.inside(B, "for_all")[1]
@@ -382,7 +392,11 @@ def passive_rows(run, some, count, least, most):
     stable = [row["B_VE"] for row in run.rows if row["stable"]]
     seen = [least_real(case, K, B) for B in stable]
     assert count == len(case.dampings)
+    assert some == sum(row["port_passive"] for row in run.rows)
     assert some <= sum(each >= -1e-15 for each in seen)
+    margins = [row["port_margin"] for row in run.rows]
+    assert least is None or near(least, min(margins)), (least, margins)
+    assert most is None or near(most, max(margins)), (most, margins)
     if least is not None and seen:
         assert least <= min(seen) + 1e-15, (least, seen)
         assert (least if most is None else most) <= max(seen) + 1e-15, (most, seen)
@@ -396,6 +410,9 @@ def more_damping(run, least, most):
     K = case.tables["environment"]["K_VE"]
     own = case.tables["device"]["damping"]
     enough = least if most is None else most
+    needed = [row["damping_needed"] for row in run.rows if row["damping_needed"] > 0]
+    assert 0 <= enough - max(needed) <= 10.0 ** (floor(log10(max(needed))) - 2), (enough, needed)
+    assert most is None or near(least, min(needed), 1e-2), (least, needed)
     return all(least_real(case, K, B, own + enough) >= -1e-15 for B in case.dampings)
 
 
@@ -460,7 +477,9 @@ def slowest(case, damping, masses=()):
 
 @shape(rf"{N} designs evaluated, each at its worst over {N} combinations", "design")
 def looked_at(run, designs, combinations):
-    return combinations == len(run.case.tables["design"]["for_all"]["device.mass"])
+    return designs == run.facts["slices"]["computed"] and combinations == len(
+        run.case.tables["design"]["for_all"]["device.mass"]
+    )
 
 
 @shape(rf"each design was tried with {N} combinations of device, hand and timing, those of the front with {N}", "design")
@@ -492,7 +511,14 @@ def best_design(run, count, following, wall, seconds, damping, margin):
     if seconds is not None:
         assert seconds >= min(slowest(run.case, each) for each in dampings) * (1 - 1e-6)
         assert seconds <= 2.0
-    return margin is None or margin <= 100 * (1 - seconds / 2.0) + 0.01
+        assert seconds <= max(slowest(run.case, each) for each in dampings) * (1 + PROVED)
+    assert count is None or count == run.facts["slices"]["computed"], count
+    return margin is None or shared(margin, seconds)
+
+
+def shared(margin, seconds):
+    """Whether a margin is the share to a bound of 2 s, rounded down to three digits."""
+    return -1e-9 <= 100 * (1 - seconds / 2.0) - margin <= 0.1
 
 
 @shape(rf"the spec's own design: {WISHED}", "design")
@@ -502,15 +528,21 @@ def own_design(run, wall, seconds):
     few = run.case.tables["design"]["for_all"]["device.mass"]
     truth = stiffest(run.case, damping, few)
     assert wall <= truth * (1 + DIGITS), (wall, truth)
-    return seconds is None or seconds >= slowest(run.case, damping, few) * (1 - 1e-6)
+    assert wall >= truth * (1 - PROVED), (wall, truth)
+    return seconds is None or 1 - 1e-6 <= seconds / slowest(run.case, damping, few) <= 1 + PROVED
 
 
 @shape(rf"margins to the bounds: time_constant {N} %; z_width decides(?:, held back by the bound of time_constant)?", "design")
 def to_the_bounds(run, share):
     best = run.rows[0]["time_constant"]
-    return share <= 100 * (1 - best / 2.0) + 1e-9
+    return shared(share, best)
 
 
-@shape(r"z_width decides|next best: none was found .*|as specs: \S+|\s*device\.damping lies near an end .*", "design")
+@shape(r"as specs: (\S+)", "design")
+def kept_as(run, name):
+    return Path("t", name).exists()
+
+
+@shape(r"z_width decides|next best: none was found .*|\s*device\.damping lies near an end .*", "design")
 def of_design(run):
     return True

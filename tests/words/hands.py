@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 from scipy.linalg import expm
+from words.explanations import hold_columns
 from words.law import said_by, unfolded
 
 T = 0.001  # s
@@ -76,6 +77,7 @@ def hold_hands(seed, box=False):
     claims = json.loads(Path("h/zwidth-hands.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]["claims"]
     hands = {"free": [(0.0, 0.0, 0.0)], "passive": drawn_hands(rng), "box": drawn_hands(rng, ranges)}
     hold_rows(table, hands, device)
+    hold_columns(table)
     hold_lines(unfolded(lines, "    "), table, claims)
     code, out, err = said_by("inspect", "h/zwidth-hands.csv")
     assert code == 0

@@ -54,6 +54,16 @@ class Case:
         """Where the range of K begins."""
         return self.tables["sweep"]["K"]["start"]
 
+    @property
+    def own_length(self):
+        """Ticks of the spec's own frame."""
+        return self.tables["numbers"]["n"]
+
+    @property
+    def proved(self):
+        """The intervals of each slice in which all members are stable."""
+        return [self.inside(self.all_of(c)) for c in self.tables["sweep"].get("c", [None])]
+
     def held(self, n, c, f):
         """Pole of the frame with a sample of f(K) = f."""
         q = (1 - self.leak * self.tick) ** n
