@@ -83,7 +83,6 @@ def _left_out(drift):
     return {drift.states[state] for state in drift.unobserved}
 
 
-@lru_cache(maxsize=64)
 def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, set[str]]:
     """Return the blocks that read the outputs of each block."""
     feeds = {block.name: set() for block in drawing.blocks}
@@ -95,6 +94,7 @@ def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, se
     return feeds
 
 
+@lru_cache(maxsize=64)
 def subloops(
     drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False
 ) -> tuple[Drawing, ...]:

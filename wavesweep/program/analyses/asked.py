@@ -86,11 +86,9 @@ def _refuse_values(spec: Spec, axes: Sequence[Axis]) -> None:
     for axis in axes:
         # What is next to 0, or NaN, is neither the least nor the largest, and is refused on its
         # own.
-        ends = tuple(
-            dict.fromkeys(
-                (axis.start, axis.stop, *(value for value in axis.values if not computable(value)))
-            )
-        )
+        values = np.array(axis.values, float)
+        refused = values[~computable(values)].tolist()
+        ends = tuple(dict.fromkeys((axis.start, axis.stop, *refused)))
         if axis.path in linked:
             together.append((axis.path, ends))
             continue
