@@ -8,20 +8,24 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, searches_of
+from wavesweep.engine.intervals import Searches
+from wavesweep.program.analyses.interval_jobs import Way, job_over, searches_of
 from wavesweep.program.analyses.own_design import searched
 from wavesweep.program.columns import open_places
+from wavesweep.program.platform_compat import one_thread
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
-from wavesweep.program.sweep.running import in_memory
 
 HALVINGS = 30  # towards the end of what a spec takes
 FEW = 8  # towards the end of where it has loops, as an angle has up to a pole
 # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3
 # s
 PIECES_OF_RANGE = 50_000
-SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
+SECONDS, LONG = (
+    3.0,
+    1.0,
+)  # that another range may take, see `IntervalQuery`, from a cut and by panels
 # share of a number that a pose depends on, or of its range about 0, that is searched
 NEAR = 0.02
 HARDLY = 1e-3  # of that
@@ -144,17 +148,18 @@ def _job(spec, name, path, span):
 def _rows(job, value, span):
     """The intervals, and the part of the range that was searched; None and the value itself if
     they take too long."""
-    (search,) = searches_of(job, job.chunks[0]).searches
+    (search,) = searches_of(job, job.chunks[0], felt=False).searches
     if search.in_pieces:
         records, span = search.about(value, PIECES_OF_RANGE)
-        rows = {name: records[name] for name in records.dtype.names}
-        rows["doubt"] = words(records["doubt"])
-        return rows, span
-    cost, way_of = cost_of(job.grid.spec, job.asked.axis)
-    most = SECONDS if way_of is Way.CUT else LONG
-    if cost > most:
-        return None, (value, value)
-    return in_memory(job), span
+    else:
+        most = SECONDS if job.asked.way is Way.CUT else LONG
+        if job.asked.cost > most:
+            return None, (value, value)
+        with one_thread():
+            records = Searches((search,)).records()
+    rows = {name: records[name] for name in records.dtype.names}
+    rows["doubt"] = words(records["doubt"])
+    return rows, span
 
 
 def _poses(spec, path):

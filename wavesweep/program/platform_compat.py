@@ -126,7 +126,7 @@ def one_thread() -> Iterator[None]:
     if os.environ.get(ONE_THREAD[0]) == "1":  # set before they were loaded
         yield
         return
-    with _libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas"):
+    with _libraries("scipy.linalg._flapack" in sys.modules).limit(limits=1, user_api="blas"):
         yield
 
 

@@ -109,15 +109,21 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
-def test_a_copy_that_is_killed_in_the_middle_of_an_answer_is_an_error_at_once():
+def test_copies_that_are_killed_while_they_send_an_answer_are_an_error_at_once():
     program = """
-import os, signal, time
+import os, signal
+from multiprocessing.connection import Connection
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.sweep.forks import in_forks
-answers = in_forks(2, range(6), lambda number: (os.getpid(), bytes(10**7)))
-worker, _ = next(answers)
-time.sleep(0.5)  # the next answer fills its pipe
-os.kill(worker, signal.SIGKILL)
+answers = in_forks(2, range(40), lambda number: (os.getpid(), bytes(10**7 if number > 20 else 1)))
+ids = {next(answers)[0] for _ in range(4)}
+receive = Connection._recv
+def cut_short(self, size, *more):
+    if size > 10**6:
+        for each in ids:
+            os.kill(each, signal.SIGKILL)
+    return receive(self, size, *more)
+Connection._recv = cut_short
 try:
     list(answers)
 except WavesweepError:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine._energy.lapack import lapack
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
 
 # A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are
@@ -162,8 +163,7 @@ def angles(frame: Element) -> np.ndarray:
     has delays. Those that rounding may have moved off the circle, up to NEAR_CIRCLE, are given too,
     so the list has more, not fewer, than there are. A frame that overflowed gives NaN alone.
     """
-    from scipy.linalg.lapack import dggev
-
+    dggev = lapack().dggev
     A, G, Q = np.asarray(frame.A), np.asarray(frame.G), np.asarray(frame.Q)
     loops, n = A.shape[0], A.shape[-1]
     result = np.full((loops, 2 * n), np.nan)

@@ -112,12 +112,14 @@ class Guarantee:
 class IntervalQuery:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
 
-    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the
-    spec's own loop. require: of every mode, in place of stability alone.
+    cost: s that a slice takes, roughly. guarantee: the hands or numbers for which the intervals are
+    guaranteed; None: those of the spec's own loop. require: of every mode, in place of stability
+    alone.
     """
 
     axis: Axis
     way: Way = Way.DOMINANCE
+    cost: float = 0.0
     guarantee: "Guarantee | None" = None
     require: TableValue | None = None
 
@@ -155,10 +157,10 @@ def _task(job, chunk):
     return partial(loop_by_loop, groups, path, query.span, query.guarantee)
 
 
-def searches_of(job: Job, chunk: Chunk) -> Searches:
-    """The searches for the intervals of the loops of a chunk."""
+def searches_of(job: Job, chunk: Chunk, *, felt: bool = True) -> Searches:
+    """The searches for the intervals of the loops of a chunk; felt: see `HowSearched`."""
     changes = job.loop_values(chunk)
-    how = HowSearched(checked=job.grid.loops <= CHECKED, prover=ball_prover)
+    how = HowSearched(felt=felt, checked=job.grid.loops <= CHECKED, prover=ball_prover)
     return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, how)
 
 
@@ -364,7 +366,7 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     if way is not Way.CUT:
         most = MOST_SLOW
     chunks = cut_up(grid.loops, 1, cost, most)
-    return interval_job(grid, chunks, resolved, replace(query, way=way))
+    return interval_job(grid, chunks, resolved, replace(query, way=way, cost=cost))
 
 
 def _unsuitable(spec, path, value):
@@ -399,7 +401,7 @@ def _order_of_drawing(drawing, path, items):
     opened = open_loops(loops, name_of(path))
     if opened and opened.cut:
         return opened.cut.order, Way.CUT
-    return loops.frames(loops.drift_of_frames()).shape[-1], Way.DOMINANCE
+    return len(loops.drift_of_frames().remaining), Way.DOMINANCE
 
 
 def expected_cost(order: int, way: Way) -> float:

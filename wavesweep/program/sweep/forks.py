@@ -3,7 +3,8 @@ loop before, from the first chunk on.
 
 They read the numbers of their tasks from one pipe, in messages so short that the system never
 divides them, so whoever is ready takes the next. Each has a pipe for its answers, whose end says
-that it has died, also in the middle of an answer.
+that it has died, also in the middle of an answer: the workers of `concurrent.futures` share one
+pipe, and a run whose worker is killed as it sends an answer waits for the rest for ever.
 """
 
 import logging
