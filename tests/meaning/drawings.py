@@ -14,18 +14,23 @@ from meaning.controllers import Keys, add_model, add_sections
 from meaning.expressions import linear, names_in, number, terms_of
 from meaning.machine import Instant, Schedule, exact, form, scaled
 
-PLANTS = {"mass", "inertia", "mass_matrix", "five-bar", "spring", "ss", "tf"}
+DEVICES = ("five-bar", "pantograph", "delta")  # of several axes
+PLANTS = {"mass", "inertia", "mass_matrix", *DEVICES, "spring", "ss", "tf"}
 
 
-def read(tables: dict) -> Schedule:
-    """The schedule of a spec that draws its loop."""
-    return Drawing(tables).schedule()
+def read(tables: dict, cut: str = "") -> Schedule:
+    """The schedule of a spec that draws its loop.
+
+    cut: an output of a block, to which where it is read an input is added whenever the block runs.
+    """
+    return Drawing(tables, cut).schedule()
 
 
 class Drawing:
     """Numbers, blocks, wires and ports of a spec, with its classes written out."""
 
-    def __init__(self, tables: dict):
+    def __init__(self, tables: dict, cut: str = ""):
+        self.cut = cut
         self.key = Keys(tables)
         self.key("type")
         self.key = Keys(written_out(tables))
@@ -135,7 +140,7 @@ class Drawing:
             return {"": self.period(block)}
         if name in self.numbers:
             return {"": self.number_called(name)}
-        return {name: 1.0}
+        return {"cut" if name == self.cut else name: 1.0}
 
     def before(self, name: str, block: str) -> dict[str, float]:
         """The same signal in the tick before."""
@@ -189,8 +194,8 @@ class Drawing:
             return ends, ["f1", "f2"], np.zeros((0, 0)), np.zeros((0, 4)), np.zeros((2, 0)), D
         if kind == "mass_matrix":
             return self.mass_matrix(name)
-        if kind == "five-bar":
-            return self.five_bar(name)
+        if kind in DEVICES:
+            return getattr(self, kind.replace("-", "_"))(name)
         if kind == "tf":
             A, B, C, D = filters.transfer(self.list(name, "num"), self.list(name, "den"))
             return ["u"], ["y"], A, B[:, None], C[None, :], np.array([[D]])
@@ -222,40 +227,86 @@ class Drawing:
     def five_bar(self, name: str):
         """The device in its pose: what the motions of motors and links for a motion of the hand store and take.
 
-        Motors are at (+-base/2, 0), elbows outwards. The hand is at the elbow plus the outer link, so its velocity is that of
-        both links: l1 q' (-sin q, cos q) + l2 a' (-sin a, cos a).
+        Motors are at (+-base/2, 0), elbows outwards.
         """
         default = {
             "x": 0.0, "y": 0.15, "base": 0.06, "l1": 0.1, "l2": 0.13, "motor_inertia": 2e-5, "m1": 0.05, "m2": 0.04,
             "handle": 0.03, "damping": 5e-4,
         }  # fmt: skip
         of = {key: self.value(name, key, given) for key, given in default.items()}
-        l1, l2, m1, m2 = of["l1"], of["l2"], of["m1"], of["m2"]
-        c1 = self.value(name, "c1", l1 / 2)
-        c2 = self.value(name, "c2", l2 / 2)
-        I1 = self.value(name, "I1", m1 * l1**2 / 12)
-        I2 = self.value(name, "I2", m2 * l2**2 / 12)
-        hand = {
-            key: np.diag([self.value(name, f"hand_{key}_{axis}", 0.0) for axis in "xy"])
-            for key in ("mass", "damping", "stiffness")
-        }
-        mass = hand["mass"] + of["handle"] * np.eye(2)
-        damping = hand["damping"]
+        inner, outer = self.links(name, of)
+        mass, damping, stiffness = self.hand(name, of, "xy")
         for side in (-1, 1):
             reach = np.array([of["x"] - side * of["base"] / 2, of["y"]])
-            far = np.hypot(*reach)
-            bend = math.acos((l1**2 + far**2 - l2**2) / (2 * l1 * far))
-            q = math.atan2(reach[1], reach[0]) - side * bend
-            elbow = l1 * np.array([math.cos(q), math.sin(q)])
-            a = math.atan2(*(reach - elbow)[::-1])
-            of_q = np.array([-math.sin(q), math.cos(q)])
-            of_a = np.array([-math.sin(a), math.cos(a)])
-            motor, link = np.linalg.inv(np.column_stack([l1 * of_q, l2 * of_a]))  # rows: q' and a' for a motion of the hand
-            middle = l1 * np.outer(of_q, motor) + c2 * np.outer(of_a, link)
-            mass = mass + (of["motor_inertia"] + I1 + m1 * c1**2) * np.outer(motor, motor)
-            mass = mass + m2 * middle.T @ middle + I2 * np.outer(link, link)
+            motor, link, middle = two_links(reach, -side, of["l1"], of["l2"], outer[1])
+            mass = mass + (of["motor_inertia"] + inner[2] + inner[0] * inner[1] ** 2) * np.outer(motor, motor)
+            mass = mass + outer[0] * middle.T @ middle + outer[2] * np.outer(link, link)
             damping = damping + of["damping"] * np.outer(motor, motor)
-        return self.body(["x", "y"], mass, damping, hand["stiffness"])
+        return self.body(["x", "y"], mass, damping, stiffness)
+
+    def pantograph(self, name: str):
+        """Both motors at (0, 0): the first turns the inner link, the second the outer one, whose angle is its own."""
+        default = {
+            "x": 0.05, "y": 0.17, "l1": 0.12, "l2": 0.14, "motor1": 4e-5, "motor2": 4e-5, "m1": 0.06, "m2": 0.05,
+            "handle": 0.03, "damping1": 5e-4, "damping2": 5e-4,
+        }  # fmt: skip
+        of = {key: self.value(name, key, given) for key, given in default.items()}
+        inner, outer = self.links(name, of)
+        mass, damping, stiffness = self.hand(name, of, "xy")
+        first, second, middle = two_links(np.array([of["x"], of["y"]]), -1, of["l1"], of["l2"], outer[1])
+        mass = mass + (of["motor1"] + inner[2] + inner[0] * inner[1] ** 2) * np.outer(first, first)
+        mass = mass + outer[0] * middle.T @ middle + (of["motor2"] + outer[2]) * np.outer(second, second)
+        damping = damping + of["damping1"] * np.outer(first, first) + of["damping2"] * np.outer(second, second)
+        return self.body(["x", "y"], mass, damping, stiffness)
+
+    def delta(self, name: str):
+        """Motors at `base` from the centre, 120 degrees apart, whose arms swing in planes through the axis z, elbows outwards.
+
+        The rods are thin and alike all along: of ends with velocities a and b they have the energy m (aa + ab + bb)/6.
+        """
+        default = {
+            "x": 0.0, "y": 0.0, "z": 0.13, "base": 0.05, "platform": 0.025, "l1": 0.07, "l2": 0.14, "motor_inertia": 2e-5,
+            "m1": 0.03, "m2": 0.02, "handle": 0.06, "damping": 3e-4,
+        }  # fmt: skip
+        of = {key: self.value(name, key, given) for key, given in default.items()}
+        l1, m1 = of["l1"], of["m1"]
+        c1 = self.value(name, "c1", l1 / 2)
+        I1 = self.value(name, "I1", m1 * l1**2 / 12)
+        mass, damping, stiffness = self.hand(name, of, "xyz")
+        up = np.array([0.0, 0.0, 1.0])
+        for turn in (0, 2 * math.pi / 3, 4 * math.pi / 3):
+            away = np.array([math.cos(turn), math.sin(turn), 0.0])
+            joint = np.array([of["x"], of["y"], of["z"]]) + (of["platform"] - of["base"]) * away  # from the motor
+            ahead = joint @ away
+            # |joint - l1 (away cos q + up sin q)| = l2
+            half = (joint @ joint + l1**2 - of["l2"] ** 2) / (2 * l1)
+            q = math.atan2(of["z"], ahead) - math.acos(half / math.hypot(of["z"], ahead))
+            rod = joint - l1 * (math.cos(q) * away + math.sin(q) * up)
+            of_q = l1 * (math.cos(q) * up - math.sin(q) * away)
+            motor = rod / (rod @ of_q)  # q' for a motion of the hand: a rod keeps its length
+            elbow = np.outer(of_q, motor)
+            mass = mass + (of["motor_inertia"] + I1 + m1 * c1**2) * np.outer(motor, motor)
+            mass = mass + of["m2"] / 3 * (elbow.T @ elbow + (elbow.T + elbow) / 2 + np.eye(3))
+            damping = damping + of["damping"] * np.outer(motor, motor)
+        return self.body(["x", "y", "z"], mass, damping, stiffness)
+
+    def links(self, name: str, of: dict) -> list[tuple[float, float, float]]:
+        """(mass, place of its centre, inertia about that) of the inner and the outer link."""
+        found = []
+        for which in "12":
+            length = of[f"l{which}"]
+            mass = of[f"m{which}"]
+            centre = self.value(name, f"c{which}", length / 2)
+            found.append((mass, centre, self.value(name, f"I{which}", mass * length**2 / 12)))
+        return found
+
+    def hand(self, name: str, of: dict, axes: str) -> list[np.ndarray]:
+        """Mass, damping and stiffness of the hand, with the handle."""
+        parts = []
+        for key in ("mass", "damping", "stiffness"):
+            parts.append(np.diag([self.value(name, f"hand_{key}_{axis}", 0.0) for axis in axes]))
+        parts[0] = parts[0] + of["handle"] * np.eye(len(axes))
+        return parts
 
     def body(self, axes, mass, damping, stiffness):
         """The plant of a matrix of mass."""
@@ -393,7 +444,7 @@ class Drawing:
     def run(self, name, equations, writes):
         """The law of a block in a tick in which it runs."""
         kind = self.blocks[name]["type"]
-        law = getattr(self, "run_" + kind)
+        law = getattr(self, "run_" + kind.replace("-", "_"))
         law(name, equations, writes)
 
     def one(self, name, port="u"):
@@ -533,15 +584,24 @@ class Drawing:
             writes[state] = form(_pairs(A[row], states), _pairs(B[row], fed))
 
     def run_wall(self, name, equations, writes):
-        """The depth along the normal, and K times it and B times its change, as many ticks later as `late` says."""
-        normal = {axis: self.value(name, f"n{axis}", given) for axis, given in (("x", 1.0), ("y", 0.0))}
+        """The depth along the normal, and K times it and B times its change."""
+        normal = self.normal(name)
         equations[f"{name}.depth"] = form(*(scaled(share, self.into(name, axis)) for axis, share in normal.items()))
         rate = self.value(name, "B", 0.0) / self.period(name)
         K = self.value(name, "K", 100.0)
-        equations[f"{name} now"] = {f"{name}.depth": K + rate, f"@{name} depth": -rate}
+        equations[f"{name}.made"] = {f"{name}.depth": K + rate, f"@{name} depth": -rate}
         writes[f"@{name} depth"] = {f"{name}.depth": 1.0}
-        equations[f"{name}.force"] = {f"{name} now": 1.0}
-        for axis, share in normal.items():
+
+    run_wall_3d = run_wall
+
+    def normal(self, name) -> dict[str, float]:
+        axes = "xyz" if self.blocks[name]["type"] == "wall-3d" else "xy"
+        return {axis: self.value(name, f"n{axis}", float(axis == "x")) for axis in axes}
+
+    def wall_rows(self, name, equations, writes):
+        """Its force comes so many ticks later as `late` says, whether it runs there or not."""
+        fifo(equations, writes, name, f"{name}.made", [(f"{name}.force", self.whole(name, "late", 0))])
+        for axis, share in self.normal(name).items():
             equations[f"{name}.f{axis}"] = {f"{name}.force": share}
 
     def run_wave(self, name, equations, writes):
@@ -628,6 +688,13 @@ class Drawing:
                     holds = self.blocks[name]["type"] != "impulse" or out.endswith(".sum")
                     equations[out] = {f"@held {out}": 1.0} if holds else {}
                 writes[f"@held {out}"] = {out: 1.0}
+        if self.cut:
+            runs = self.owner(self.cut) in active
+            equations["cut"] = {self.cut: 1.0, "!cut": 1.0} if runs else {"@held cut": 1.0}
+            writes["@held cut"] = {"cut": 1.0}
+        for name in running:
+            if self.blocks[name]["type"].startswith("wall"):
+                self.wall_rows(name, equations, writes)
         for name in self.late:
             extra += self.late_rows(name, equations, writes)
         self.plant_rows(equations, writes)
@@ -649,6 +716,22 @@ class Drawing:
         for name, given in self.key("ports.outputs", {}).items():
             found[f"output {name}"] = given["signal"] if isinstance(given, dict) else given
         return found
+
+
+def two_links(reach, side, l1, l2, c2):
+    """For a motion of the hand at `reach`: the turns of both links, and the motion of a point at c2 of the outer one.
+
+    The hand is at the elbow plus the outer link, so its velocity is that of both links:
+    l1 q' (-sin q, cos q) + l2 a' (-sin a, cos a). The elbow lies to the left of the way to the hand if `side` is 1.
+    """
+    far = np.hypot(*reach)
+    q = math.atan2(reach[1], reach[0]) + side * math.acos((l1**2 + far**2 - l2**2) / (2 * l1 * far))
+    outer = reach - l1 * np.array([math.cos(q), math.sin(q)])
+    a = math.atan2(outer[1], outer[0])
+    of_q = np.array([-math.sin(q), math.cos(q)])
+    of_a = np.array([-math.sin(a), math.cos(a)])
+    inner_turn, outer_turn = np.linalg.inv(np.column_stack([l1 * of_q, l2 * of_a]))
+    return inner_turn, outer_turn, l1 * np.outer(of_q, inner_turn) + c2 * np.outer(of_a, outer_turn)
 
 
 def fifo(equations, writes, name, source, outputs):

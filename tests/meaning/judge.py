@@ -1,69 +1,16 @@
 """Holds what the package says of a spec against a march of the interpreter's reading of it."""
 
 import tomllib
-from copy import deepcopy
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from meaning import controllers, drawings
-from meaning.machine import Machine, at_one, radius
-from meaning.required import beyond, period_of, requirement
-from meaning.specs import PATHS
+from meaning.machine import radius
+from meaning.reading import drift_of, machine_of, radius_of, with_value
+from meaning.required import Found, judge_required
 
 SMALL = 0.02  # of a radius: eigenvalues next to 0 are the roots of rounding
 NEAR = 1e-6  # of an end: stable so near inside, unstable so near outside
-
-
-@dataclass
-class Found:
-    """A comparison: what was compared, both values, and whether they are the same."""
-
-    what: str
-    same: bool
-    mine: object
-    theirs: object
-
-
-def machine_of(tables: dict) -> Machine:
-    read = controllers.read if "controller" in tables else drawings.read
-    return Machine(read(tables))
-
-
-def with_value(tables: dict, axis: str, value: float) -> dict:
-    """The same spec with another number."""
-    changed = deepcopy(tables)
-    if "controller" in tables:
-        path = PATHS.get(axis, axis).split(".")
-        changed.setdefault(path[0], {})[path[1]] = value
-    else:
-        changed["numbers"][axis] = value
-    return changed
-
-
-def drift_of(tables: dict) -> int:
-    """How many eigenvalues stay at 1 if numbers other than 0 are moved: what no wall of the loop opposes."""
-    counts = []
-    for seed in range(2):
-        random = np.random.default_rng(seed)
-        moved = deepcopy(tables)
-        if "controller" in tables:
-            moved.setdefault("environment", {}).update({"K_VE": random.uniform(5.0, 50.0), "B_VE": random.uniform(0.1, 1.0)})
-            moved["controller"]["b"] = moved["controller"].get("b", 25.0) * random.uniform(0.9, 1.1)
-            device = moved.setdefault("device", {})
-            if "preset" not in device:
-                device["mass"] = device.get("mass", 0.1) * random.uniform(0.9, 1.1)
-        else:
-            for name, value in moved["numbers"].items():
-                if isinstance(value, float) and name != "h":  # a period: cutoffs would pass half a rate
-                    moved["numbers"][name] = value * random.uniform(0.9, 1.1)
-        counts.append(at_one(machine_of(moved).monodromy()))
-    return min(counts)
-
-
-def radius_of(tables: dict, drift: int) -> float:
-    return radius(machine_of(tables).monodromy(), drift)
 
 
 def compiled(text: str, folder):
@@ -85,9 +32,9 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, required: boo
     `whole`: with ends and responses, and if `required` those of a random requirement.
     """
     tables = tomllib.loads(text)
-    drift = drift_of(tables)
     machine = machine_of(tables)
     monodromy = machine.monodromy()
+    drift = drift_of(tables, monodromy)
     mine = radius(monodromy, drift)
     found = [judge_radius(tables, mine, loop)]
     if whole:
@@ -96,7 +43,7 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, required: boo
         drift_inside = drift_of(with_value(tables, along, inside))  # there may be more of it at 0
         found += judge_intervals(tables, drift_inside, loop)
         if required:
-            found += judge_required(text, tables, drift_inside, loop)
+            found += judge_required(text, loop)
     hand = hand_of(tables)
     found += judge_simulation(machine, loop, hand, ticks)
     if whole and mine < 1:
@@ -139,51 +86,6 @@ def judge_intervals(tables, drift, loop) -> list[Found]:
         stable = any(low < value < high for low, high in ends)
         near = any(abs(value - end) < 1e-5 * abs(end) for pair in ends for end in pair)
         found.append(_label(at(value), stable, near, value, ends))
-    return found
-
-
-def judge_required(text, tables, drift, loop) -> list[Found]:
-    """Intervals with what a random requirement wants: it holds just inside each end, not just outside, and as rows say."""
-    along = tables["sweep"]["along"]
-    span = (tables["sweep"][along]["start"], tables["sweep"][along]["stop"])
-    random = np.random.default_rng(8)
-    values = random.uniform(0, 1, 4) ** 2 * (span[1] - span[0]) + span[0]
-    machine = machine_of(tables)
-    unit = period_of(tables, machine)
-    slowest = min(_radius_at(tables, drift, along, value) for value in values)
-    wanted = requirement(text, slowest, float(machine.schedule.period), unit)
-    if wanted is None:
-        return []
-
-    def misses_by(value):
-        changed = machine_of(with_value(tables, along, float(value)))
-        return beyond(changed, drift, period_of(tables, changed), wanted)
-
-    rows = loop.stable_intervals(along=along, span=span, require=wanted)
-    what = next(iter(wanted))
-    if (rows["doubt"] != "").any():
-        return [Found(f"required {what} in doubt", True, wanted, list(rows["doubt"]))]
-    kept = rows[rows["intervals"] > 0]
-    ends = [(float(row.low), float(row.high)) for row in kept.itertuples()]
-    found = []
-    for low, high in ends:
-        step = min(1e-5 * high, (high - low) / 3)
-        places = [(low + step, low > span[0] and low - step), (high - step, high < span[1] and high + step)]
-        for inside, outside in places:
-            pair = (misses_by(inside), -1.0 if outside is False else misses_by(outside))
-            if None in pair or abs(pair[0]) < 1e-9 or abs(pair[1]) < 1e-9:
-                found.append(Found(f"required {what}, end untold", True, pair, inside))
-            else:
-                same = pair[0] < 0 and (outside is False or pair[1] > 0)
-                found.append(Found(f"required {what}, end", same, (wanted, pair), (inside, outside)))
-    for value in values:
-        misses = misses_by(value)
-        near = any(abs(value - end) < 1e-4 * abs(end) for pair in ends for end in pair)
-        if misses is None or near or abs(misses) < 1e-7:
-            found.append(Found(f"required {what}, untold", True, misses, value))
-            continue
-        holds = any(low < value < high for low, high in ends)
-        found.append(Found(f"required {what}", (misses < 0) == holds, (wanted, value, misses), ends))
     return found
 
 

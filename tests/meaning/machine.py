@@ -68,6 +68,7 @@ class Machine:
         self.inputs = _names("!", schedule)
         self.solved = {kind: self._solve(instant) for kind, instant in schedule.kinds.items()}
         self.flows: dict[Fraction, np.ndarray] = {}
+        self.periods: dict[tuple[str, ...], tuple] = {}
 
     def _solve(self, instant):
         """(M, N, Y, Z, variables): memory M m + N w after it, variables Y m + Z w."""
@@ -169,34 +170,40 @@ class Machine:
         """With the memory z, the input turn^k in tick k and n ticks in a period, turn^n z = A z + b."""
         count = len(self.schedule.ticks)
         pushes = np.exp(2j * np.pi * turns * np.arange(count) / count)
-        after, rows = self._period(pushes, which, names)
-        memory = np.linalg.solve(np.exp(2j * np.pi * turns) * np.eye(len(after)) - after[:, :-1], after[:, -1])
-        shown = (rows @ np.append(memory, 1.0)).reshape(count, len(names)) / pushes[:, None]
+        A, B, rows, driven = self.lifted(which, names)
+        memory = np.linalg.solve(np.exp(2j * np.pi * turns) * np.eye(len(A)) - A, B @ pushes)
+        shown = (rows @ memory + driven @ pushes).reshape(count, len(names)) / pushes[:, None]
         return dict(zip(names, shown.mean(axis=0), strict=True))
 
-    def _period(self, pushes, which, names):
-        """Memory after a period, and the named signals in its ticks, if `pushes` are the input in them.
+    def lifted(self, which: str, names) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A, B, C, D of a period: memory after it, and the named signals of its ticks in turn, of memory before it and inputs.
 
-        A column for each unit memory before it, and one for the input.
+        The input `which` has a column for each tick, over which it is held.
         """
-        columns = np.eye(len(self.memory), len(self.memory) + 1, dtype=complex)
+        called = (which, *names)
+        if called in self.periods:
+            return self.periods[called]
+        size = len(self.memory)
+        columns = np.eye(size, size + len(self.schedule.ticks))
         rows = []
         at = self.inputs["!" + which]
-        push = 0.0
+        column = size
         for kind, number, flow in self.steps():
             M, N, Y, Z, variables = self.solved[kind]
             if number is not None:
-                push = pushes[number]
+                column = size + number
                 for name in names:
                     place = variables[self.schedule.shown[name]]
                     row = Y[place] @ columns
-                    row[-1] += Z[place, at] * push
+                    row[column] += Z[place, at]
                     rows.append(row)
             columns = M @ columns
-            columns[:, -1] += N[:, at] * push
+            columns[:, column] += N[:, at]
             if flow is not None:
                 columns = flow @ columns
-        return columns, np.array(rows)
+        seen = np.array(rows)
+        self.periods[called] = columns[:, :size], columns[:, size:], seen[:, :size], seen[:, size:]
+        return self.periods[called]
 
 
 def radius(monodromy: np.ndarray, drift: int) -> float:

@@ -262,40 +262,95 @@ def drawing(seed: int) -> dict:
     return tables
 
 
-def linkage(seed: int) -> dict:
-    """The tables of a spec with a five-bar device in any pose, in a hand, before a wall of any direction."""
+def linkage(seed: int, kind: str = "five-bar") -> dict:
+    """The tables of a spec with a device of several axes in any pose, in a hand, before a wall of any direction."""
     made = Drawn(seed)
     draw = Draw([3, seed])
+    axes = "xyz" if kind == "delta" else "xy"
+    reach = {"five-bar": (0.11, 0.19), "pantograph": (0.12, 0.2), "delta": (-0.03, 0.03)}[kind]
     numbers = {
         "x": draw.between(-0.04, 0.04),
-        "y": draw.between(0.11, 0.19),
+        "y": draw.between(*reach),
         "phi": draw.between(0.0, 6.2),
         "K": draw.size(50.0, 500.0),
         "B": draw.or_zero(0.5, 4.0),
     }
     made.tables["numbers"] = numbers
-    lengths = {"base": draw.between(0.03, 0.08), "l1": draw.between(0.09, 0.12), "l2": draw.between(0.12, 0.15)}
-    links = {"m1": draw.between(0.02, 0.08), "m2": draw.between(0.02, 0.06), "motor_inertia": draw.size(5e-6, 5e-5)}
-    if draw.chance(0.5):
-        links |= {"c1": draw.between(0.0, 0.06), "c2": "0.4*device_l2" if draw.chance(0.5) else 0.05}
-        links |= {"I1": draw.size(1e-6, 1e-4), "I2": draw.size(1e-6, 1e-4)}
-    hand = {"hand_damping_x": draw.size(0.5, 4.0), "hand_damping_y": draw.size(0.5, 4.0)}
-    for key, least, most in (("stiffness", 20.0, 500.0), ("mass", 0.02, 0.3)):
-        for axis in "xy":
-            if draw.chance(0.6):
-                hand[f"hand_{key}_{axis}"] = draw.size(least, most)
-    friction = {"damping": draw.or_zero(1e-4, 2e-3), "handle": draw.or_zero(0.01, 0.1)}
-    made.block("device", "five-bar", x="x", y="y", **lengths, **links, **hand, **friction)
-    made.block("wall", "wall", nx="cos(phi)", ny="sin(phi)", K="K", B="B", **made.clock())
-    made.tables["block"]["wall"].pop("phase", None)
-    made.wire("wall.x", "device.x")
-    made.wire("wall.y", "device.y")
-    made.wire("device.fx", "push - wall.fx")
-    made.wire("device.fy", "across - wall.fy")
+    made.block("device", kind, x="x", y="y", **_parts_of_device(draw, kind, axes))
+    keys = {"type": "wall", "nx": "cos(phi)", "ny": "sin(phi)", "K": "K", "B": "B", **made.clock()}
+    keys.pop("phase", None)
+    if draw.chance(0.4):
+        keys["late"] = draw.whole(1, 3 * keys.get("every", 1))
+    pushes = {"x": "push", "y": "across"}
+    if kind == "delta":
+        numbers |= {"z": draw.between(0.1, 0.16), "tilt": draw.between(0.0, 6.2)}
+        made.tables["block"]["device"]["z"] = "z"
+        keys |= {"type": "wall-3d", "nx": "cos(phi)*cos(tilt)", "ny": "sin(phi)*cos(tilt)", "nz": "sin(tilt)"}
+        pushes["z"] = "along"
+    made.tables["block"]["wall"] = keys
+    for axis, push in pushes.items():
+        made.wire(f"wall.{axis}", f"device.{axis}")
+        made.wire(f"device.f{axis}", f"{push} - wall.f{axis}")
     del made.tables["signals"]
-    made.tables["ports"] = {"hand": {"force": ["push", "across"], "displacement": ["device.x", "device.y"]}}
+    hand = {"force": list(pushes.values()), "displacement": [f"device.{axis}" for axis in axes]}
+    made.tables["ports"] = {"hand": hand}
     made.tables["sweep"] = {"along": "K", "K": {"start": 0.0, "stop": 20000.0}}
     return made.tables
+
+
+def conserving(seed: int) -> dict:
+    """The tables of a simulation of masses on springs that conserves energy: a slow spring is an impulse once in some ticks."""
+    draw = Draw([4, seed])
+    bodies = draw.whole(1, 3)
+    tables: dict[str, dict] = {"rates": {"tick_hz": draw.of((200, 500, 1000))}, "numbers": {"K": 10.0}, "block": {}, "wire": {}}
+    forces = [[f"- {draw.size(20.0, 2000.0)}*prev(x{at}.y)"] for at in range(bodies)]
+    for at in range(1, bodies):
+        stretch = f"{draw.size(20.0, 2000.0)}*(prev(x{at}.y) - prev(x{at - 1}.y))"
+        forces[at].append(f"- {stretch}")
+        forces[at - 1].append(f"+ {stretch}")
+    end = draw.whole(0, bodies - 1)
+    tables["block"]["slow"] = {"type": draw.of(("impulse", "impulse", "hold"))}
+    tables["wire"]["slow.u"] = f"K*prev(x{end}.y)"
+    if tables["block"]["slow"]["type"] == "impulse":
+        tables["block"]["slow"]["every"] = draw.whole(1, 5)
+    forces[end].append("- slow.y")
+    for at, terms in enumerate(forces):
+        tables["block"][f"v{at}"] = {"type": "integrator", "method": "implicit"}
+        tables["block"][f"x{at}"] = {"type": "integrator", "method": "implicit"}
+        tables["wire"][f"v{at}.u"] = f"({' '.join(terms)})/{draw.size(0.05, 1.0)}"
+        tables["wire"][f"x{at}.u"] = f"v{at}.y"
+    tables["sweep"] = {"along": "K", "K": {"start": 0.0, "stop": 1e6}}
+    return tables
+
+
+def _parts_of_device(draw: Draw, kind: str, axes: str) -> dict:
+    """Lengths, links, hand and friction."""
+    keys = {}
+    if kind == "delta":
+        keys |= {"base": draw.between(0.03, 0.06), "platform": draw.between(0.0, 0.04)}
+        keys |= {"l1": draw.between(0.06, 0.08), "l2": draw.between(0.13, 0.16)}
+    else:
+        keys |= {"l1": draw.between(0.09, 0.12), "l2": draw.between(0.12, 0.15)}
+    if kind == "five-bar":
+        keys["base"] = draw.between(0.03, 0.08)
+    keys |= {"m1": draw.between(0.02, 0.08), "m2": draw.between(0.02, 0.06)}
+    motors = ("motor1", "motor2") if kind == "pantograph" else ("motor_inertia",)
+    for motor in motors:
+        keys[motor] = draw.size(5e-6, 5e-5)
+    if draw.chance(0.5):
+        keys |= {"c1": draw.between(0.0, 0.06), "I1": draw.size(1e-6, 1e-4)}
+        if kind != "delta":
+            keys |= {"c2": "0.4*device_l2" if draw.chance(0.5) else 0.05, "I2": draw.size(1e-6, 1e-4)}
+    for axis in axes:
+        keys[f"hand_damping_{axis}"] = draw.size(0.5, 4.0)
+    for key, least, most in (("stiffness", 20.0, 500.0), ("mass", 0.02, 0.3)):
+        for axis in axes:
+            if draw.chance(0.6):
+                keys[f"hand_{key}_{axis}"] = draw.size(least, most)
+    for friction in ("damping1", "damping2") if kind == "pantograph" else ("damping",):
+        keys[friction] = draw.or_zero(1e-4, 2e-3)
+    keys["handle"] = draw.or_zero(0.01, 0.1)
+    return keys
 
 
 def add_chain(made: Drawn, length: int) -> str:

@@ -3,16 +3,19 @@
 import contextlib
 import io
 import json
+import re
 import shutil
 import tomllib
 
 import numpy as np
 import pytest
-from meaning import exported
+from meaning import controllers, drawings, exported
 from meaning.controllers import Keys
-from meaning.drawings import PLANTS
-from meaning.judge import compiled, judge, machine_of, radius_of, with_value
-from meaning.specs import KINDS, linkage, spec_text, toml
+from meaning.drawings import DEVICES, PLANTS
+from meaning.judge import compiled, judge
+from meaning.reading import machine_of, radius_of, with_value
+from meaning.required import KEYS, Case, judge_bounded, judge_case, judge_required
+from meaning.specs import KINDS, conserving, linkage, spec_text, toml
 
 from wavesweep.program.cli import main
 
@@ -40,15 +43,19 @@ NOT_READ = {  # keys of a spec that the interpreter does not read, and why
         f"block.channel.{key}": "the loop's own messages are all in time"
         for key in ("late", "lost", "missing", "loss", "burst", "burst_end", "burst_loss")
     },
-    **{f"block.{kind}.phase": "a plant runs in every tick" for kind in PLANTS - {"ss", "tf", "five-bar"}},
+    **{f"block.{kind}.phase": "a plant runs in every tick" for kind in PLANTS - {"ss", "tf", *DEVICES}},
 }
+REQUIRED = [  # a spec of each kind that takes little time
+    (19, "radius"), (6, "settling"), (22, "time_constant"), (307, "damping_ratio"), (323, "gain"), (55, "phase_deg"),
+    (313, "disk"), (347, "Ms"),
+]  # fmt: skip
 QUESTIONS = {
     "bode",
     "for_all",
     "simulate",
     "measured",
     "design",
-}  # tables that are no part of the loop; of [sweep] the axis, and requirements of modes
+}  # tables that are no part of the loop; of [sweep] the axis and what is required
 
 
 @pytest.mark.parametrize(
@@ -70,22 +77,36 @@ def test_the_interpreter_finds_published_limits(tables, limit):
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, SPECS, EACH))
 def test_random_specs_mean_the_same(first, tmp_path):
-    """Radius and simulation of each; ends and responses of each fifth, a requirement of each 25th, which take longer."""
+    """Radius and simulation of each; ends and responses of each fifth, which take longer."""
     differ = []
     for number in range(first, first + EACH):
         text = spec_text(number, quick=True)
-        loop = compiled(text, tmp_path)
-        found = judge(text, loop, whole=number % 5 == 0, required=number % 25 == 5)
+        found = judge(text, compiled(text, tmp_path), whole=number % 5 == 0, required=False)
         differ += [(number, one.what, one.mine, one.theirs) for one in found if not one.same]
     assert differ == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 3])
-def test_five_bars_in_any_pose_mean_the_same(seed, tmp_path):
-    """The one with centres of mass of its own, the other with those in the middle of its links."""
-    text = toml(linkage(seed))
-    assert [one for one in judge(text, compiled(text, tmp_path)) if not one.same] == []
+@pytest.mark.parametrize(("number", "kind"), REQUIRED)
+def test_requirements_mean_the_same(number, kind, tmp_path):
+    """Inside and outside of each end, and in between, where a march says whether it is kept."""
+    text = spec_text(number, quick=True)
+    found = judge_required(text, compiled(text, tmp_path))
+    assert any(kind in one.what and "untold" not in one.what and "doubt" not in one.what for one in found)
+    assert [one for one in found if not one.same] == []
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_loops_that_conserve_energy_grow_where_their_rows_end(seed, tmp_path):
+    tables = conserving(seed)
+    assert [one for one in judge_bounded(tables, compiled(toml(tables), tmp_path)) if not one.same] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "seed"), [("five-bar", 3), ("pantograph", 4), ("delta", 1)])
+def test_devices_of_several_axes_in_any_pose_mean_the_same(kind, seed, tmp_path):
+    text = toml(linkage(seed, kind))
+    assert [one for one in judge(text, compiled(text, tmp_path), required=False) if not one.same] == []
 
 
 @pytest.mark.slow
@@ -142,6 +163,34 @@ def test_a_sum_that_nothing_reads_counts_beside_a_line_of_waves(tmp_path, kind):
     assert table["certified"].all()
 
 
+DRIFT_THAT_TURNS = """
+rates.tick_hz = 1000
+numbers.K = 80.0
+[block]
+arm = { type = "mass", mass = 0.1, damping = 4.0 }
+eye = { type = "hold", every = 2 }
+sum = { type = "integrator", method = "implicit" }
+[wire]
+"eye.u" = "arm.x"
+"sum.u" = "arm.v"
+"arm.f" = "push - K*eye.y + 30*sum.y"
+[ports]
+hand = { force = "push", displacement = "arm.x" }
+[sweep]
+along = "K"
+K = { start = 60, stop = 300 }
+"""
+
+
+def test_a_drift_whose_direction_depends_on_the_number_is_taken_away_of_complex_numbers_too(tmp_path):
+    """Rest is where the sum is K/30 times the position; bounds come from circles of complex K, where it is that of these."""
+    tables = tomllib.loads(DRIFT_THAT_TURNS)
+    case = Case(tables, "K", (60.0, 300.0), 1, {"rms": {"from": "push", "to": "arm.v", "at_most": 0.03609}})
+    found = judge_case(case, compiled(DRIFT_THAT_TURNS, tmp_path))
+    assert [one for one in found if not one.same] == []
+    assert sum(one.what == "required rms, end" for one in found) == 2
+
+
 def _exportable(number):
     """A spec whose rates do not divide; the amplifier's delay is the device's and not in the C."""
     tables = tomllib.loads(spec_text(number, quick=True))
@@ -152,12 +201,15 @@ def _exportable(number):
 
 
 def test_every_key_is_read_or_listed():
-    """Of the schema that `wavesweep keys --schema` prints: a new key has to come into the interpreter."""
+    """Of the schema that `wavesweep keys --schema` prints, and of devices: a new key has to come into the interpreter."""
     Keys.asked.clear()
     for number in range(200):
         tables = tomllib.loads(spec_text(number, quick=True))
-        machine_of(tables)
+        (controllers.read if "controller" in tables else drawings.read)(tables)
+    for kind in DEVICES:
+        drawings.read(linkage(0, kind))
     assert sorted(_keys_of_schema() - Keys.asked - set(NOT_READ)) == []
+    assert sorted(_keys_of_devices() - Keys.asked) == []
     assert sorted(set(NOT_READ) & Keys.asked) == []
     assert sorted(set(NOT_READ) - _keys_of_schema()) == []
 
@@ -169,6 +221,8 @@ def _keys_of_schema() -> set[str]:
     schema = json.loads(printed.getvalue())
     found = set()
     for part in (schema["then"], schema["else"]):
+        require = part["properties"]["sweep"]["properties"]["require"]
+        assert {path.removeprefix("require.") for path in _leaves("require", require)} == KEYS
         for table, inside in part["properties"].items():
             if table in {"block", "sweep", *QUESTIONS}:
                 continue
@@ -176,6 +230,18 @@ def _keys_of_schema() -> set[str]:
     for choice in schema["else"]["properties"]["block"]["additionalProperties"]["allOf"]:
         kind = choice["if"]["properties"]["type"]["const"]
         found |= {f"block.{kind}.{key}" for key in choice["then"]["properties"] if key != "type"}
+    return found
+
+
+def _keys_of_devices() -> set[str]:
+    """Of the lines `  KEY: what it is (number UNIT; by default ...)`."""
+    found = set()
+    for kind in (*DEVICES, "wall", "wall-3d"):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            assert main(["keys", f"block.{kind}"]) == 0
+        found |= {f"block.{kind}.{key}" for key in re.findall(r"^  (\w+): .*\(number", printed.getvalue(), re.MULTILINE)}
+    assert len(found) > 70
     return found
 
 

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT
+from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import MarginalModes, Ticks, pole_inside
 from wavesweep.engine.frames import level as level_of
@@ -45,6 +46,13 @@ def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
     p = np.tile(values, size)
     port, _ = loops_between(loops, along, drift, route, number, p)
     if port.outputs > 1:
+        wires = dict(loops.drawing.wires)
+        if f"{BLOCK}.u" in wires:  # see at_cut
+            cut = wires[f"{BLOCK}.u"][0][0]
+            raise UsageError(
+                "sweep.require.margins.cut: expected a signal that moves nothing that drifts, "
+                f"found {cut!r}, which moves what drifts"
+            )
         output = route[1].removeprefix(OUTPUT)
         expected = "expected an output that comes to rest"
         raise UsageError(f"sweep.require.{key}.to: {expected}, found {output}, which drifts")

@@ -33,7 +33,11 @@ if TYPE_CHECKING:
 PATH = "sweep.require"
 LEVELS = {  # of responses in time: the unit, the largest level, and what is found
     OVERSHOOT: ("1", 1e3, "a step overshoots its final value by at most this share of it"),
-    STEP_SETTLING: ("s", 1e6, "a step is within 2 % of its final value after this time"),
+    STEP_SETTLING: (
+        "s",
+        1e6,
+        "a step is within 2 % of its final value, and stays, from a tick within this time on",
+    ),
     PEAK: (
         "of to over from",
         1e12,

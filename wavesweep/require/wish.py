@@ -72,7 +72,8 @@ WISHES = {
         STEP_SETTLING,
         "s",
         "settling time of a step, to 2 %",
-        "time after which an output stays within 2 % of the final value of its step; settling is that of the slowest mode",
+        "time of the first tick from which on an output stays within 2 % of the final value of its step; settling is that of the "
+        "slowest mode",
     ),
     PEAK: _wish(
         PEAK,

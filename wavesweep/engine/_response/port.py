@@ -252,8 +252,8 @@ class _Shifts:
         if not varying:
             return _Shifts(leads, remaining, factors, 0 * factors)
         V, dV = _fixed(ticks, remaining, varying)
-        N = np.zeros((*V.shape[:-2], n, len(leads)))
-        dN = np.zeros_like(N)
+        N = np.zeros((*V.shape[:-2], n, len(leads)), V.dtype)  # complex beside complex numbers
+        dN = np.zeros(N.shape)
         N[..., : len(modes)] = factors
         N[..., remaining, len(modes) :] = V
         dN[..., remaining, len(modes) :] = dV
