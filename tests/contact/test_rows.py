@@ -13,6 +13,7 @@ from wavesweep import SpecError, UsageError
 from wavesweep.contact.rows import LINEAR
 from wavesweep.contact.rows_in_frames import FREE
 from wavesweep.contact.verdict import of_wall
+from wavesweep.program.analyses.claims import PUSHES
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.program.tables.interval_table import intervals
@@ -174,7 +175,7 @@ def test_check_says_it():
     assert found["contact"] == {"verdict": "proved", "counterexample": ""}
     (_, through_contact) = found["questions"]
     assert (through_contact["what"], through_contact["status"]) == ("comes to rest", "proved")
-    assert through_contact["scope"]["walls"] == "any wall that pushes and never pulls"
+    assert through_contact["scope"]["walls"] == PUSHES
 
 
 @pytest.mark.slow
@@ -205,7 +206,7 @@ def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, wr
     """`bode` does, and the commands that look at contact do not."""
     text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = [0, 9]\n[for_all]\ncontact = true\n'
     name = write(text)
-    said = "responses with the spec's own numbers; with any wall that pushes and never pulls see zwidth, stability-region"
+    said = f"responses with the spec's own numbers; zwidth, stability-region and check answer with {PUSHES}"
     for command, expected in (("bode", True), ("zwidth", False)):
         code, _, written = wavesweep(command, name, "--no-plot", "--jobs", "1")
         assert code == 0

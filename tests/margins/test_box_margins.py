@@ -161,7 +161,7 @@ def test_frames_that_vary_leave_the_margins_of_the_specs_own_numbers():
     spec = LAG | {"for_all": {"every": {"values": [1, 2], "varying": True}}}
     table = margins(load(spec), "net.y")
     assert "guarantee" not in table.columns
-    assert any("constant, and every of [for_all] may vary" in notice for notice in table.facts["notices"])
+    assert any("constant, and here every of [for_all] may vary" in notice for notice in table.facts["notices"])
 
 
 def test_too_many_ranges_are_refused():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
@@ -89,8 +90,6 @@ def test_ends_of_several_rates_are_those_of_marches(measure, level):
 
 def of_ratio(ratio, rate):
     """E, G, O and T of a lag of second order with this rate (rad/s), for complex damping ratios."""
-    from scipy.linalg import expm
-
     matrices = []
     for each in ratio:
         flow = np.array([[0, 1, 0], [-(rate**2), -2 * rate * each, rate**2], [0, 0, 0]])
@@ -151,6 +150,51 @@ def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
             assert found[name].value[at] == pytest.approx(values(K, every, phase)[name], rel=1e-8, abs=1e-9)
             assert found[name].certified[at]
         assert np.isnan(found[name].value[3])  # unstable
+    assert np.isnan(wished(tables, [300.0], overshoot={"at_most": 1.0, **ENDS})["overshoot"].value[0])
+
+
+@pytest.mark.asks("designs")
+@pytest.mark.slow
+def test_a_drive_of_three_rates_settles_as_its_march_does():
+    """Its samples are known to 1e-8 of their end, and its steps are those of two ticks of a frame of 32."""
+    tick, every, often, inertia, lag, kt, kp, ki = 1 / 16000, 32, 8, 0.02, 0.0003, 0.5, 8.2, 272.0
+    blocks = {
+        "motor": {"type": "inertia", "inertia": inertia},
+        "current": {"type": "tf", "num": [1], "den": [lag, 1]},
+        "encoder": {"type": "difference", "every": often},
+        "speed": {"type": "pi", "kp": kp, "ki": ki, "every": often},
+        "position": {"type": "gain", "every": every},
+    }
+    wires = {
+        "encoder.u": "motor.x",
+        "position.u": "K*(ref - motor.x)",
+        "speed.u": "position.y - encoder.y",
+        "current.u": "speed.y",
+        "motor.f": f"{kt}*current.y",
+    }
+    ports = {"inputs": {"ref": "ref"}, "outputs": {"own": "motor.x"}}
+    tables = INTEGRATOR | {"rates": {"tick_hz": 1 / tick}, "block": blocks, "wire": wires, "ports": ports}
+
+    late = np.arange(6400)[:, None] - np.arange(every)
+    flow = np.array([[0, 1, 0, 0], [0, 0, kt / inertia, 0], [0, 0, -1 / lag, 1 / lag], [0, 0, 0, 0]])
+    A = expm(tick * flow)
+    state = np.zeros((4, every))
+    before, asked, summed = np.zeros((3, every))
+    places = []
+    for k, ref in enumerate(1.0 * (late >= 0)):
+        if k % every == 0:
+            asked = 49 * (ref - state[0])
+        if k % often == 0:
+            missed = asked - (state[0] - before) / (often * tick)
+            before = state[0]
+            summed = summed + ki * often * tick * missed
+            state[3] = kp * missed + summed
+        places.append(state[0])
+        state = A @ state
+    settled = (late + 1)[(np.abs(np.array(places) - 1) > 0.02) & (late >= 0)].max() * tick
+    found = wished(tables, [49.0], step_settling={"at_most": 1.0, **ENDS})["step_settling"]
+    assert found.value[0] == pytest.approx(settled, rel=1e-9)
+    assert found.certified[0]
 
 
 @pytest.mark.parametrize(

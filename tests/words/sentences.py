@@ -171,7 +171,7 @@ def unstable_rows(run, count, _, loops):
     )
 
 
-@shape(r"mine: stable with the spec's own numbers; with s at its limits, or any curve of slopes from 0 to 1 see check")
+@shape(r"mine: stable with the spec's own numbers; check answers with s at its limits, or any curve of slopes from 0 to 1")
 def left_to_check(run):
     """Which proof through contact has no row."""
     return run.case.asks == "contact" and [*run.claims] == ["spec"]
@@ -549,7 +549,9 @@ def nowhere(run, said):
         truth = run.case.inside(members)
         assert not truth or greatest(truth) < run.case.start * 1.01, said
         assert all(min(run.case.members[name]) <= each[0] <= max(run.case.members[name]) for name, each in named.items()), said
-    if (found := re.search(rf"nearest at {N}: .*grows e times in {N} s", said)) and len(members["n"]) == len(members["c"]) == 1:
+    if (found := re.search(rf"nearest at K = {N}: .*grows e times in {N} s", said)) and len(members["n"]) == len(
+        members["c"]
+    ) == 1:
         n = members["n"][0]
         z = pole(run, n, members["c"][0], float(found[1]))
         assert near(float(found[2]), n * T / log(abs(z)), 5e-3), said

@@ -160,12 +160,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     tried = f"{searched} tried"
     if "proved" in found:
-        by = (
-            "by what short patterns of frames refute"
-            if found.get("ranked")
-            else "without [for_all]"
+        over = (
+            " and some short patterns of frames" if found.get("ranked") else ", without [for_all]"
         )
-        evaluated += f", {by}; {found['proved']} of them then for all of [for_all]"
+        evaluated += f"{over}; {found['proved']} of them were then tried for all of [for_all]"
         tried = f"these {found['proved']}"
     yield evaluated, False
     if found["designs"] > 1:

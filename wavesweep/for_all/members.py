@@ -136,22 +136,24 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
             if low - NO_CONTRADICTION * abs(low) <= high + NO_CONTRADICTION * abs(high)
         ]
         if not common:
-            others = f"; {met} in {_spans(before)}" if met else ""
+            others = f"; with {met} it is in {_spans(before)}" if met else ""
+            name = name_of(case.along)
             if stable:
-                return f"{label} stable in {_spans(stable)}{others}"
-            return f"{label} stable at none{_nearest(loop, case.along, span)}{others}"
+                return f"with {label} {name} is stable in {_spans(stable)}{others}"
+            return f"with {label} no {name} is stable{_nearest(loop, name, case, span)}{others}"
         met = "those before" if met else label
     return ""
 
 
-def _nearest(loop: Loops, along: str, span: tuple[float, float]) -> str:
-    """The value at which a loop comes nearest to being stable, and the mode that grows there;
-    empty if none is found."""
-    mode = mode_in_the_way(loop, along, span, outside)
-    if not mode or mode["time_constant_s"] is None:
+def _nearest(loop: Loops, name: str, case: Case, span: tuple[float, float]) -> str:
+    """The value of the number at which a loop comes nearest to being stable, and the mode that
+    grows there; empty if none is found."""
+    mode = mode_in_the_way(loop, case.along, span, outside)
+    time = mode.get("time_constant_s")
+    if time is None or time > 0:  # nothing grows there
         return ""
-    grows = f"{mode['hz']:.4g} Hz, grows e times in {-mode['time_constant_s']:.4g} s"
-    return f" (nearest at {mode['value']:.6g}: {grows})"
+    grows = f"{mode['hz']:.4g} Hz, grows e times in {-time:.4g} s"
+    return f" (nearest at {name} = {mode['value']:.6g}: {grows})"
 
 
 def _spans(stable: Sequence[tuple[float, float]]) -> str:

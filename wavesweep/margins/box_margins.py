@@ -120,9 +120,8 @@ def refused(spec: Spec) -> str:
         if varying == ["messages"]
         else f"{', '.join(varying)} of [for_all] may vary"
     )
-    return (
-        f"margins for every case need numbers that are constant, and {refusal}" if varying else ""
-    )
+    said = "no margins for every case: they need numbers that are constant, and here"
+    return f"{said} {refusal}" if varying else ""
 
 
 def margins_for_all(spec: Spec, cut: str) -> tuple[list[BoxMargin], Claim]:

@@ -37,19 +37,22 @@ from wavesweep.require.disc_panels import SAFE
 ROWS = 256  # outputs of a block of frames, at least
 MOST_BLOCKS = 2**10  # that are looked at
 MOST_MULTIPLICATIONS = 4e9  # of a panel in all blocks
-TOO_SLOW = 1 / 16  # of these blocks, in which the value may be too large where it rests too slowly
+# of these blocks, in which the value may be too large where panels of it rest too slowly
+TOO_SLOW = 1 / 16
 FORGOTTEN = 1e-13  # size of a mode, at which nothing more is seen of it
 ALIKE = 0.25  # of what loops of a rim lose in a block, of what that in the middle does
 GROWN = 1e6  # the same of one that grows on the rim of a panel
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
 BAND = 0.02  # of the end of a step, in which it has settled
-UNSURE = 1e-10  # of the end of a step, which samples may be off
+# of the end of a step, which samples may be off; the first of these that their bound is below
+UNSURE = 10.0 ** np.arange(-10, -1)
 
 
 class Enclosed(NamedTuple):
     """What is known of a value on each panel: it is between these two numbers. slow: whether it was
-    given up since the loop comes to rest too slowly. looked_at: so many outputs of each."""
+    given up since the loop comes to rest too slowly, or rounding hides its samples. looked_at: so
+    many outputs of each."""
 
     low: np.ndarray
     high: np.ndarray
@@ -173,7 +176,10 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
     cases, block by block.
 
     start: the states before the first block. seen: `look` takes the outputs of the next block,
-    `(panels, points, outputs, columns)`, `value` gives what is known, if a `_Rest` comes after.
+    `(panels, points, outputs, columns)`; `known` says where it is of use to look at more; `value`
+    gives what is known, if a `_Rest` comes after, and then `most` is what may have been seen. A
+    panel of which that is above the level can only be shown to be above it: for this it is looked
+    at for as long again.
     """
     while O[0].shape[-2] < ROWS:
         E, O = _twice(E, O)
@@ -194,6 +200,7 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
     shown = np.zeros(rows[:, 0].shape)  # sum_k |O A^k| on the panels, and in the middle
     shown_middle = shown
     found = Enclosed.unknown(len(E))
+    again = np.full(len(E), np.inf)  # blocks of a panel that may be above the level
     done = 0
     count = 1
     while True:
@@ -225,9 +232,15 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
         rest = _Rest(kappa * a.sum(-1)[:, None], kappa * a.max(-1)[:, None], *off)
         better = seen.value(rest)
         found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
-        if (found.decided(level) | (count >= last)).all():
+        if count == 1:
+            slow = slow | (better.slow & (last > 1))  # a middle that grows tells nothing of others
+            last = np.where(better.slow | ~seen.known, 1.0, last)
+        if level is not None:
+            again = np.where(seen.most > level, np.minimum(again, 2 * count), again)
+        if (found.decided(level) | (count >= np.minimum(last, again))).all():
             looked_at = count * O[:, :, :, 0].size // len(O) * X.shape[-1]
-            return found._replace(slow=slow & ~found.decided(level), looked_at=looked_at)
+            slow &= ~found.decided(level) & (again > count)
+            return found._replace(slow=slow, looked_at=looked_at)
         power = 2 * power + power @ power
         count = 2 * count
 
@@ -265,7 +278,8 @@ def _last_blocks(E, cost):
     most = min(MOST_BLOCKS, MOST_MULTIPLICATIONS / cost)
     last = np.minimum(middle, grown)
     slow = (middle > most) & alike
-    return np.clip(np.where(last > most, most * TOO_SLOW, last), 1.0, most), slow
+    given_up = most * TOO_SLOW if E.shape[1] > 1 else most
+    return np.clip(np.where(last > most, given_up, last), 1.0, most), slow
 
 
 class _PeakToPeak:
@@ -278,6 +292,8 @@ class _PeakToPeak:
         moved = _moved(T) + dT[:, 0]
         self.low = np.maximum(size - moved, 0.0).sum(-1)
         self.high = (size + moved).sum(-1)
+        self.most = np.zeros(len(size))
+        self.known = np.ones(len(size), bool)
 
     def by_tick(self, of_outputs):
         """Sums over the frames of a block."""
@@ -291,6 +307,7 @@ class _PeakToPeak:
 
     def value(self, rest: _Rest) -> Enclosed:
         low = self.low - self.by_tick(rest.sums_off_so_far)
+        self.most = (self.high + self.by_tick(rest.sums_off_so_far)).max(-1)
         high = self.high + self.by_tick(rest.sums_off) + self.by_tick(rest.sums)
         return Enclosed(low.max(-1), np.where(np.isnan(high), np.inf, high).max(-1))
 
@@ -307,23 +324,25 @@ class _Step:
     """Responses to an input of 1 from each tick of a frame on, over the value at which they end,
     the mean of their ticks there.
 
-    ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
+    steps: the ticks. ends: of the ticks of a frame, each with a bound on its error. settling: whether the ticks are
     looked for from the step until all samples are within BAND, in place of the overshoot.
     """
 
-    def __init__(self, T: Bounded, ends: Bounded, *, settling: bool) -> None:
+    def __init__(self, T: Bounded, steps, ends: Bounded, *, settling: bool) -> None:
         self.settling = settling
+        self.steps = steps
         self.final = ends[0].mean(-1)
         self.least = np.abs(self.final[:, 0]) - _moved(self.final)
         self.known = (self.least > 0) & ~poles_inside(self.final[..., None])
         self.ends = ends[0] / self.final[..., None]
         self.off = ends[1][:, 0].max(-1)
         self.largest = np.ones(len(self.ends))
-        self.low = np.zeros(len(self.ends))
-        self.high = np.zeros(len(self.ends))
+        self.most = np.zeros(len(self.ends))
+        self.low = np.zeros((len(self.ends), UNSURE.size))
+        self.high = np.zeros((len(self.ends), UNSURE.size))
         self.frame = self.ends.shape[-1]
         self.tick = 0
-        self._take(T[0] @ np.tri(self.frame) / self.final[..., None, None])
+        self._take(T[0] @ np.tri(self.frame)[:, steps] / self.final[..., None, None])
 
     def look(self, outputs) -> None:
         ends = np.tile(self.ends, outputs.shape[-2] // self.frame)
@@ -332,35 +351,48 @@ class _Step:
     def _take(self, shares) -> None:
         """Take the next samples, as shares of the final value, `(panels, points, ticks, steps)`."""
         middle = shares[:, 0].real
-        moved = _moved(shares) + UNSURE
+        moved = _moved(shares)
         self.largest = np.maximum(self.largest, np.abs(middle).max((-1, -2)))
-        since = self.tick + np.arange(middle.shape[-2])[:, None] - np.arange(self.frame)
+        since = self.tick + np.arange(middle.shape[-2])[:, None] - self.steps
         self.tick += middle.shape[-2]
         if self.settling:
             off = np.abs(middle - 1)
-            low = np.where(off - moved > BAND, since + 1, 0)
-            high = np.where(off + moved > BAND, since + 1, 0)
+            least = off - moved
+            most = off + moved
+            low = [np.where(least > BAND + each, since + 1, 0).max((-1, -2)) for each in UNSURE]
+            high = [np.where(most > BAND - each, since + 1, 0).max((-1, -2)) for each in UNSURE]
+            low = np.stack(low, -1)
+            high = np.stack(high, -1)
         else:
-            low = middle - moved - 1
-            high = middle + moved - 1
-        self.low = np.maximum(self.low, low.max((-1, -2)))
-        self.high = np.maximum(self.high, high.max((-1, -2)))
+            low = (middle - moved).max((-1, -2))[:, None] - UNSURE - 1
+            high = (middle + moved).max((-1, -2))[:, None] + UNSURE - 1
+        self.low = np.maximum(self.low, low)
+        self.high = np.maximum(self.high, high)
 
     def value(self, rest: _Rest) -> Enclosed:
         middle = np.tile(self.ends[:, 0].real, rest.each.shape[-1] // self.frame)
         moved = np.tile(_moved(self.ends), rest.each.shape[-1] // self.frame)
-        later = moved + UNSURE + rest.each / self.least[:, None]
+        low, _, low_known = self._of_bound(self.low, rest.each_off_so_far)
+        self.most, _, _ = self._of_bound(self.high, rest.each_off_so_far)
+        high, unsure, high_known = self._of_bound(self.high, rest.each_off)
+        later = moved + unsure[:, None] + rest.each / self.least[:, None]
         if self.settling:
-            high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, self.high, np.inf)
+            high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, high, np.inf)
         else:
-            high = np.fmax(self.high, (middle + later).max(-1) - 1)
-        of_ends = (1 + self.largest) * self.off
-        most_off = UNSURE * np.abs(self.final[:, 0])
-        low_known = self.known & (rest.each_off_so_far.max(-1) + of_ends <= most_off)
-        high_known = self.known & (rest.each_off.max(-1) + of_ends <= most_off)
+            high = np.fmax(high, (middle + later).max(-1) - 1)
         high_known &= ~np.isnan(later).any(-1)
-        low = np.where(low_known, np.nan_to_num(self.low), 0.0)
-        return Enclosed(low, np.where(high_known, high, np.inf))
+        low = np.where(low_known, np.nan_to_num(low), 0.0)
+        return Enclosed(low, np.where(high_known, high, np.inf), self.known & ~low_known)
+
+    def _of_bound(self, values, each_off):
+        """The value of each panel by the bound on what samples are off, how much that is of the
+        end, and whether it is known."""
+        off = each_off.max(-1) + (1 + self.largest) * self.off
+        share = off / np.abs(self.final[:, 0])
+        place = np.searchsorted(UNSURE, share)  # NaN is behind all
+        known = self.known & (place < UNSURE.size)
+        place = np.minimum(place, UNSURE.size - 1)
+        return values[np.arange(len(values)), place], UNSURE[place], known
 
 
 def step(
@@ -372,14 +404,19 @@ def step(
     maps, level: see `peak_to_peak`. Without a final value, or next to 0, nothing is known.
     """
     E, G, O, T = maps
-    begun = np.tri(T[0].shape[-1])
+    acts = np.zeros(T[0].shape[-1], bool)
+    for matrix in (*G, *T):
+        acts |= (matrix != 0).any((0, 1, 2))
+    # Behind a tick in which nothing reads the input, the step from there on is the same.
+    steps = np.flatnonzero(np.concatenate([[True], acts[:-1]]))
+    begun = np.tri(acts.size)[:, steps]
     with np.errstate(all="ignore"):
         whole = G[0].sum(-1, keepdims=True), G[1].sum(-1, keepdims=True)
         end, dend = solved(-E[0], E[1], *whole)
         regular = ~poles_inside(determinants(E[0])[..., None])
         starts = G @ Bounded(begun, 0 * begun) + Bounded(-end, dend)
-        ones = np.ones((len(begun), 1))
+        ones = np.ones((acts.size, 1))
         ends = O @ Bounded(end, dend) + T @ Bounded(ones, 0 * ones)
-        seen = _Step(T, (ends[0][..., 0], ends[1][..., 0]), settling=settling)
+        seen = _Step(T, steps, (ends[0][..., 0], ends[1][..., 0]), settling=settling)
         seen.known &= regular
         return _over_blocks(E, O, starts, seen, level)

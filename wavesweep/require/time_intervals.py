@@ -23,7 +23,7 @@ from wavesweep.require.gain_intervals import END_EXACTNESS, attached
 
 MOST_TICKS = 128  # of a frame
 ENTRIES_AT_ONCE = 2_000_000  # of the outputs of a block of frames, of some panels
-MOST_LOOKED_AT = 4e8  # outputs of a slice, on all points of all panels; some 12 s
+MOST_LOOKED_AT = 2e8  # outputs of a slice, on all points of all panels; some 18 s
 WHOLE_TICKS = 1e-9  # of a time, by which it is no other number of ticks
 BESIDE_END = 0.5  # of what ends are exact to, next to an end of stability
 NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less

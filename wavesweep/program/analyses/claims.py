@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 RATIO, DELAY = "rates.ratio", "environment.delay"
-OPERATOR, LINEAR, PUSHES = "operator", "linear", "any wall that pushes and never pulls"
+OPERATOR, LINEAR = "operator", "linear"
+PUSHES = "any wall up to K_VE, B_VE that pushes and never pulls"
 PASSIVE_HANDS, NOBODY = "every passive hand", "nobody at the device"
 LINEAR_LOOP = (
     "All else is as the spec writes it, in a linear loop that is sampled and held at its rates, "

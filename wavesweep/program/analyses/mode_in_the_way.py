@@ -12,7 +12,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_of_each, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 
-SPAN_PLACES = 33  # of the span, at which the modes are looked at
+SPAN_PLACES = 33  # inside a span, at which the modes are looked at, beside its ends
 # states of a loop whose modes are looked at: a tenth of a second at each place
 MOST_STATES_LOOKED_AT = 200
 STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
@@ -35,12 +35,14 @@ def mode_in_the_way(
     loop, or a large one.
 
     loops: a single loop. along: path of the number, span: its range. value: of the number, one of
-    SPAN_PLACES in it. z_re, z_im: the eigenvalue of a frame. hz, damping_ratio: of its strongest
-    line in the spectrum. time_constant_s: in which it falls to 1/e, negative if it grows, None if
-    it stays. states: that take part. by_lines: whether what is beyond depends on the lines.
+    SPAN_PLACES in it or an end, but not 0, where a loop may fall apart. z_re, z_im: the eigenvalue
+    of a frame. hz, damping_ratio: of its strongest line in the spectrum. time_constant_s: in which
+    it falls to 1/e, negative if it grows, None if it stays. states: that take part. by_lines:
+    whether what is beyond depends on the lines.
     """
     nearest, found = np.inf, {}
-    for value in np.linspace(*span, SPAN_PLACES + 2)[1:-1].tolist():
+    places = np.linspace(*span, SPAN_PLACES + 2)
+    for value in places[places != 0].tolist():
         with suppress(IllPosedLoopError):
             loop = loops.changed({along: value}).read
             drawn, drift = loop.drawn(), loop.drift_of_frames()

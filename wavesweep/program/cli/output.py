@@ -179,7 +179,8 @@ def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
             able = THROUGH_CONTACT if spec.wall else ("check",)
         elif scope.messages or spec.changing or scope.tick:  # for which there are no margins
             able = FOR_ALL_MESSAGES
-        yield f"{spec.name}: {claims[0].said()}; {scope.in_words()} see {listed(able)}"
+        answer = "answers" if len(able) == 1 else "answer"
+        yield f"{spec.name}: {claims[0].said()}; {listed(able)} {answer} {scope.in_words()}"
     if not beyond and len(claims) == 1 and scopes[0].in_words():
         yield f"{spec.name}: {claims[0].said()}"
 

@@ -93,6 +93,13 @@ class Sentences:
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
         return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 
+    def reasons(self) -> Iterator[Line]:
+        """Yield what each word of doubt means; where there is more to read about it, once."""
+        for number, word in enumerate(self._numbers["doubts"]):
+            said = f"  {word}: {DOUBTS[word].meaning}"
+            hint = where_explained(word) if number == 0 else ""
+            yield f"{said} ({hint})" if hint else said, True
+
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""
         least = self._numbers["least"]
@@ -220,8 +227,8 @@ class Sentences:
         if not same:
             texts.append(self.stiffest_felt())
         yield from ((f"  {text}", False) for text in texts if text)
-        said, in_doubt = self.certified()
-        yield f"  {said}", in_doubt
+        for said, in_doubt in (self.certified(), *self.reasons()):
+            yield f"  {said}", in_doubt
 
     def _gap(self, claim: Claim, low: float, open_places: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
@@ -292,7 +299,4 @@ def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
     texts += [sentences.of_one_without(), sentences.stiffest_felt()]
     yield from ((text, False) for text in texts if text)
     yield sentences.certified()
-    for number, word in enumerate(numbers["doubts"]):
-        said = f"  {word}: {DOUBTS[word].meaning}"
-        hint = where_explained(word) if number == 0 else ""
-        yield f"{said} ({hint})" if hint else said, True
+    yield from sentences.reasons()
