@@ -81,3 +81,36 @@ def test_a_queue_that_drops_a_part_proves_nothing(monkeypatch):
     monkeypatch.setattr(ranges, "_halves", all_but_one)
     with pytest.raises(RuntimeError, match="neither proved nor open"):
         ranges.cover(frames_of_spring(2), BOX, ALWAYS, 1e12)
+
+
+FILTERED = {
+    "rates": {"tick_hz": "f"},
+    "numbers": {"f": 100.0, "share": 0.1, "m": 0.2, "k": 20.0},
+    "block": {
+        "mass": {"type": "mass", "mass": "m", "damping": 4.0},
+        "smooth": {"type": "butterworth", "order": 3, "cutoff_hz": "share*f"},
+        "slope": {"type": "difference"},
+    },
+    "wire": {"smooth.u": "mass.x", "slope.u": "smooth.y", "mass.f": "-k*slope.y"},
+}
+
+
+@pytest.mark.parametrize(
+    ("number", "ends", "own_units"),
+    [("share", (0.3, 0.4999), True), ("f", (90.0, 110.0), False)],
+)
+def test_states_of_a_filter_have_own_units_but_where_they_drift_with_others_by_a_fixed_factor(number, ends, own_units):
+    """Nothing holds the mass, and the filter's states follow it: by factors that depend on its share of the rate alone."""
+    loop = own_loop(load(FILTERED))
+    box = np.array(ends)[:, None]
+    frames = constant_frames(loop, [Side(f"numbers.{number}")], box)
+    ((enclosed, _), *_) = frames.ticks
+    assert ("smooth" in enclosed.own_units) == own_units
+    (found,) = frames.over(box[None])
+    trace = np.trace(found.matrices.terms, axis1=-2, axis2=-1)[:, 0]
+    off = 1e-11 + np.trace(found.matrices.rest[0])
+    for unit in (-1.0, -0.3, 0.5, 1.0):
+        value = box.mean() + unit * np.ptp(box) / 2
+        member = loop.changed({f"numbers.{number}": np.array([value])})
+        exact = np.trace(np.eye(5) + member.frames(member.drift_of_frames())[0])
+        assert np.polynomial.polynomial.polyval(unit, trace) == pytest.approx(exact, abs=off)

@@ -258,13 +258,6 @@ def constant_frames(
     order = TOTAL_DEGREE
     if numbers < len(ORDERS):
         order = ORDERS[numbers]
-    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, most))
-    running, kind = drawn.schedule()
-    held = drawn.held()
-    ticks = []
-    for index in range(len(running)):
-        place = int(np.argmax(kind == index))
-        ticks.append((enclosed, TickPlace(drawn, place, held)))
     drift = MarginalModes.of(*Loops(loop.drawing, values).twins())
 
     def ticks_at(points):
@@ -274,6 +267,22 @@ def constant_frames(
 
     _, groups = ticks_at(inside)
     copies = groups[len(drift.constant) :]
+    # Numbers are constant in time, so units of states that depend on them change no eigenvalue; but
+    # factors by which states move with others are those of the loop in doubles.
+    moved = []
+    for lead, followers in groups:
+        moved += [drift.states[at] for at in (lead, *(state for state, _ in followers))]
+    own_units = []
+    for block in loop.drawing.blocks:
+        if not any(state.startswith(f"{block.name}.") for state in moved):
+            own_units.append(block.name)
+    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, most), own_units)
+    running, kind = drawn.schedule()
+    held = drawn.held()
+    ticks = []
+    for index in range(len(running)):
+        place = int(np.argmax(kind == index))
+        ticks.append((enclosed, TickPlace(drawn, place, held)))
     drift = lasting(drift, lambda points: ticks_at(points)[0], box)
     *row, sample = kind.tolist()
     symbol = Symbol(len(kind))

@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 from support import exact
 
-from wavesweep.engine._loops.filters import butterworth
+from wavesweep.engine._loops.filters import DOUBLES, butterworth, sections_of_angle
 
 
 def response(block, z):
@@ -29,6 +29,21 @@ def test_the_response_is_that_of_scipy(order, highpass, cutoff_hz):
     sections = scipy.signal.butter(order, cutoff_hz, "high" if highpass else "low", fs=1000, output="sos")
     wanted = scipy.signal.sosfreqz(sections, frequency, fs=1000)[1]
     assert np.all(np.abs(found - wanted) <= 1e-9 * np.abs(wanted))
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+@pytest.mark.parametrize("highpass", [False, True])
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.499])
+def test_the_sections_in_other_units_have_the_response_of_scipy(order, highpass, share):
+    angle = np.pi * share
+    z = np.exp(2j * np.pi * np.array([0.003, 0.1, 0.2, 0.45]))
+    found = np.ones(z.size, complex)
+    for E, B, C, D in sections_of_angle(order, np.sin(angle), np.cos(angle), highpass, DOUBLES):
+        states = [np.linalg.solve((point - 1) * np.eye(len(E)) - np.array(E), B) for point in z]
+        found *= [(np.array(C) @ state + D)[0, 0] for state in states]
+    sections = scipy.signal.butter(order, share, "high" if highpass else "low", fs=1, output="sos")
+    wanted = scipy.signal.sosfreqz(sections, np.angle(z), fs=2 * np.pi)[1]
+    assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(("order", "cutoff_hz", "highpass"), [

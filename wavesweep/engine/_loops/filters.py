@@ -78,6 +78,50 @@ def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[tupl
     return pairs + ([_single(warped, highpass, library)] if order % 2 else [])
 
 
+def sections_of_angle(
+    order: int, sine: Any, cosine: Any, highpass: bool, library: Any
+) -> list[tuple]:
+    """Return the sections of a filter with states in other units, in which no entry has a pole or a
+    root at a cutoff of 0 or of half the rate.
+
+    sine, cosine: s and c of `pi cutoff T`, so that `tan(pi cutoff T)` is s/c; library: see
+    `sections`. A first-order section with the pole -s/c has
+
+        E = -2 s/(s + c),   B = 1,   C = 2 s c/(s + c)^2,   D = s/(s + c)
+
+    and as a high-pass -C and `c/(s + c)`. Of a pair at the angle a, with `S = 1 - 2 s c cos a` and
+    `(p, q) = (c (c - s cos a), s c sin a)/S` as in `_pair`, B is `(q, p)/c`, and what is taken from
+    it is in C.
+    """
+    found = []
+    for k in range(1, order // 2 + 1):
+        angle = library.pi * (2 * k + order - 1) / (2 * order)
+        across = library.cos(angle)
+        along = abs(library.sin(angle))
+        over = 1 / (1 - 2 * across * (sine * cosine))  # 1/S
+        p = cosine * (cosine - across * sine) * over
+        q = along * (sine * cosine) * over
+        real = 2 * sine * (across * cosine - sine) * over
+        B = [[along * sine * over], [(cosine - across * sine) * over]]
+        if highpass:
+            c1 = (across**2 - along**2) / along
+            c2 = 2 * across
+            C = [[2 * sine * (c1 * p - c2 * q), 2 * sine * (c1 * q + c2 * p)]]
+            through = cosine * cosine * over
+        else:
+            C = [[2 / along * (sine * p), 2 / along * (sine * q)]]
+            through = sine * sine * over
+        found.append(([[real, 2 * q], [-2 * q, real]], B, C, [[through]]))
+    if order % 2:
+        over = 1 / (sine + cosine)
+        low = sine * over
+        high = cosine * over
+        passed = 2 * low * high
+        C = [[-passed]] if highpass else [[passed]]
+        found.append(([[-2 * low]], [[1]], C, [[high]] if highpass else [[low]]))
+    return found
+
+
 def _single(warped, highpass, library):
     """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
     gain = 1 / (1 + warped)

@@ -26,7 +26,7 @@ from wavesweep.engine._drawing.expressions import (
 )
 from wavesweep.engine._loops import dead_time, definitions
 from wavesweep.engine._loops.blocks import realisation
-from wavesweep.engine._loops.filters import sections
+from wavesweep.engine._loops.filters import sections, sections_of_angle
 from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine._loops.values import keys_with
 from wavesweep.engine._sets.taylor_models import (
@@ -90,12 +90,18 @@ class EnclosedLoop:
     """A drawn loop of which some numbers are anywhere in a cell.
 
     drawing, values: of one loop, flat; values have the whole ticks of dead times. sides: of the
-    cells.
+    cells. own_units: names of filters whose states may be in units that depend on the sides.
     """
 
     def __init__(
-        self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side], order: int
+        self,
+        drawing: Drawing,
+        values: Mapping[str, Any],
+        sides: Sequence[Side],
+        order: int,
+        own_units: Collection[str] = (),
     ) -> None:
+        self.own_units = own_units
         self.drawing, self.sides, self.order = drawing, tuple(sides), order
         numbers = {name: value for name, value in scalars(values).items() if value is not None}
         self.known = dead_time.built(drawing, numbers)
@@ -371,7 +377,7 @@ class _Evaluation:
         keys = self._keys(core)
         if core.type == "butterworth":
             highpass = keys["pass"] == "high"  # noqa: S105 - the side that passes
-            return self._filter(keys["order"], keys["cutoff_hz"], highpass, period)
+            return self._filter(block.name, keys["order"], keys["cutoff_hz"], highpass, period)
         if core.type == "tf" and keys["discrete"] is True:
             written: list[float | None] = []
             for tree in dict(core.keys)["den"]:
@@ -441,11 +447,18 @@ class _Evaluation:
         later = [coefficient / den[0] for coefficient in num[n + 1 :]]
         return self._arranged(definitions.with_delays(equations._replace(E=E), later))
 
-    def _filter(self, order, cutoff_hz, highpass, period):
+    def _filter(self, name, order, cutoff_hz, highpass, period):
         """A Butterworth filter: its sections in series, the first nearest to the input."""
         E, B, C, D = [], [], [], 1
-        warped = self.library.tan(self.library.pi * cutoff_hz * period) if order else None
-        for e, b, c, d in sections(order, warped, highpass, self.library) if order else ():
+        of_filter = []
+        if order:
+            angle = self.library.pi * cutoff_hz * period
+            if name in self.loop.own_units and isinstance(angle, TaylorModel):
+                parts = angle.sin(), angle.cos()
+                of_filter = sections_of_angle(order, *parts, highpass, self.library)
+            else:
+                of_filter = sections(order, self.library.tan(angle), highpass, self.library)
+        for e, b, c, d in of_filter:
             n = len(E)
             through = d[0][0]
             E = [[*row, *[0] * len(e)] for row in E]
