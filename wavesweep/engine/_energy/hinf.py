@@ -12,9 +12,8 @@ from wavesweep.engine._monodromy.unit_circle import inverse, solve
 # A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are
 # known to some 1e-6, and may miss its peak or take two crossings of a level for one at 0.
 SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
-CLIMB = np.concatenate(
-    [10.0 ** (np.linspace(-1, 1, 21) * width) for width in (0.5, 0.05, 0.005, 5e-4)]
-).reshape(4, -1)
+# factors of an angle about a low peak, each time ten times as near
+CLIMB = 10.0 ** (np.array([0.5, 0.05, 0.005, 5e-4])[:, None] * np.linspace(-1, 1, 21))
 START = np.pi * np.array([0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
 RAISES = 30  # of the level; it converges after a few
 
@@ -55,11 +54,14 @@ def hinf_norm(
     response is on one side of it, so their middle shows which, and the next level is the value
     found there. Quadratic convergence: 2 to 5 rounds.
     """
-    value, theta = np.full(loops, -np.inf), np.zeros(loops)
-    certified, active = np.zeros(loops, bool), np.arange(loops)
-    for grid in (START, further):
-        _raise(value, theta, value_at, active, np.broadcast_to(grid, (loops, np.shape(grid)[-1])))
-    soft = np.isfinite(np.broadcast_to(further, (loops, np.shape(further)[-1]))).any(-1)
+    value = np.full(loops, -np.inf)
+    theta = np.zeros(loops)
+    certified = np.zeros(loops, bool)
+    active = np.arange(loops)
+    further = np.broadcast_to(further, (loops, np.shape(further)[-1]))
+    for grid in (np.broadcast_to(START, (loops, START.size)), further):
+        _raise(value, theta, value_at, active, grid)
+    soft = np.isfinite(further).any(-1)
     if soft.any():
         for factors in CLIMB:
             slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
@@ -92,9 +94,11 @@ def _raise(value, theta, value_at, owners, candidates):
     sampled = value_at(owners[row], candidates[row, column], value[owners[row]])
     at[row, column] = np.where(np.isnan(sampled), -np.inf, sampled)
     best = np.argmax(at, axis=-1)[:, None]
-    sampled, where = (np.take_along_axis(values, best, -1)[:, 0] for values in (at, candidates))
-    better = sampled > value[owners]
-    value[owners[better]], theta[owners[better]] = sampled[better], where[better]
+    largest = np.take_along_axis(at, best, -1)[:, 0]
+    where = np.take_along_axis(candidates, best, -1)[:, 0]
+    better = largest > value[owners]
+    value[owners[better]] = largest[better]
+    theta[owners[better]] = where[better]
 
 
 # Distance from the unit circle up to which an eigenvalue counts as on it. Two crossings of a level
@@ -130,28 +134,24 @@ def tick(
     m)`, regular.
     """
     R = 1 / input_cost if input_cost.shape[-1] == 1 else inverse(input_cost)
-    turn = R @ np.swapaxes(cross_cost, -1, -2)
-    return Element(A - B @ turn, B @ R @ np.swapaxes(B, -1, -2), state_cost - cross_cost @ turn)
+    turn = R @ cross_cost.mT
+    return Element(A - B @ turn, B @ R @ B.mT, state_cost - cross_cost @ turn)
 
 
 def then(first: Element, second: Element) -> Element:
     """One element after the other (Redheffer's star product): no growing and decaying parts are
     ever multiplied out."""
     n = first.A.shape[-1]
-    with np.errstate(
-        over="ignore", invalid="ignore"
-    ):  # a loop whose tick is very unstable overflows: see `angles`
-        joint = solve(
-            np.eye(n) + first.G @ second.Q,
-            np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1),
-        )
-        carried, spread = joint[..., :n], joint[..., n:]
-        A_transposed = np.swapaxes(first.A, -1, -2)
-        return Element(
-            second.A @ carried,
-            _symmetric(second.G + second.A @ spread @ np.swapaxes(second.A, -1, -2)),
-            _symmetric(first.Q + A_transposed @ second.Q @ carried),
-        )
+    both = np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1)
+    # A loop whose tick is very unstable overflows: see `angles`.
+    with np.errstate(over="ignore", invalid="ignore"):
+        joint = solve(np.eye(n) + first.G @ second.Q, both)
+        carried = joint[..., :n]
+        spread = joint[..., n:]
+        A = second.A @ carried
+        G = second.G + second.A @ spread @ second.A.mT
+        Q = first.Q + first.A.mT @ second.Q @ carried
+        return Element(A, _symmetric(G), _symmetric(Q))
 
 
 def angles(frame: Element) -> np.ndarray:
@@ -164,12 +164,17 @@ def angles(frame: Element) -> np.ndarray:
     so the list has more, not fewer, than there are. A frame that overflowed gives NaN alone.
     """
     dggev = lapack().dggev
-    A, G, Q = np.asarray(frame.A), np.asarray(frame.G), np.asarray(frame.Q)
-    loops, n = A.shape[0], A.shape[-1]
+    A = np.asarray(frame.A)
+    loops, n, _ = A.shape
     result = np.full((loops, 2 * n), np.nan)
-    left, right = np.zeros((loops, 2 * n, 2 * n)), np.zeros((loops, 2 * n, 2 * n))
-    left[:, :n, :n], left[:, n:, :n], left[:, n:, n:] = A, -Q, np.eye(n)
-    right[:, :n, :n], right[:, :n, n:], right[:, n:, n:] = np.eye(n), G, np.swapaxes(A, -1, -2)
+    left = np.zeros((loops, 2 * n, 2 * n))
+    left[:, :n, :n] = A
+    left[:, n:, :n] = -frame.Q
+    left[:, n:, n:] = np.eye(n)
+    right = np.zeros((loops, 2 * n, 2 * n))
+    right[:, :n, :n] = np.eye(n)
+    right[:, :n, n:] = frame.G
+    right[:, n:, n:] = A.mT
     if not n:
         return result
     for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
@@ -181,4 +186,4 @@ def angles(frame: Element) -> np.ndarray:
 
 
 def _symmetric(matrix):
-    return (matrix + np.swapaxes(matrix, -1, -2)) / 2
+    return (matrix + matrix.mT) / 2

@@ -33,9 +33,10 @@ class TickMaps:
         maps: Sequence[Sequence[np.ndarray]], kind: np.ndarray, batch: tuple[int, ...]
     ) -> "TickMaps":
         """Return the ticks with their batch, broadcast to `batch`, in one axis."""
-        return TickMaps(
-            tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind
-        )
+        flat = []
+        for matrices in maps:
+            flat.append(StateSpace(*(_flat(matrix, batch) for matrix in matrices)))
+        return TickMaps(tuple(flat), kind)
 
     @property
     def loops(self) -> int:
@@ -44,9 +45,10 @@ class TickMaps:
 
     def at(self, loops: np.ndarray | slice) -> "TickMaps":
         """Return some of the loops."""
-        return TickMaps(
-            tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind
-        )
+        maps = []
+        for matrices in self.maps:
+            maps.append(StateSpace(*(matrix[loops] for matrix in matrices)))
+        return TickMaps(tuple(maps), self.kind)
 
     def in_even_units(self) -> "TickMaps":
         """Return the ticks with states in units that give their entries similar sizes.
@@ -62,21 +64,17 @@ class TickMaps:
             sizes[:, n, :n] += np.abs(C).sum(-2)
         units = balance(np.where(np.isfinite(sizes), sizes, 0.0), thorough=True)[1]
         u = (units[:, :n] / units[:, n:])[:, None, :]
-        v = np.swapaxes(u, -1, -2)
-        return TickMaps(
-            tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind
-        )
+        maps = []
+        for E, B, C, D in self.maps:
+            maps.append(StateSpace(E * (u / u.mT), B / u.mT, C * u, D))
+        return TickMaps(tuple(maps), self.kind)
 
     def pencil(self, owner: np.ndarray, level: np.ndarray) -> Element:
         """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see
         `hinf`."""
 
         def costs(C, D):
-            return (
-                0.0,
-                np.swapaxes(C, -1, -2),
-                D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1]),
-            )
+            return 0.0, C.mT, D + D.mT - 2 * level[:, None, None] * np.eye(D.shape[-1])
 
         return self._frame(owner, costs)
 
@@ -85,15 +83,16 @@ class TickMaps:
         `hinf`."""
 
         def costs(C, D):
-            of_C, of_D = np.swapaxes(C, -1, -2), np.swapaxes(D, -1, -2)
-            return -of_C @ C, -of_C @ D, square[:, None, None] * np.eye(D.shape[-1]) - of_D @ D
+            of_inputs = square[:, None, None] * np.eye(D.shape[-1]) - D.mT @ D
+            return -C.mT @ C, -C.mT @ D, of_inputs
 
         return self._frame(owner, costs)
 
     def _frame(self, owner, costs):
         with np.errstate(all="ignore"):
-            maps = self.at(owner).maps
-            elements = [tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)) for E, B, C, D in maps]
+            elements = []
+            for E, B, C, D in self.at(owner).maps:
+                elements.append(tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)))
             return in_a_row(self.kind.tolist(), elements, then)
 
     def frame(self, *, measured: bool = True) -> np.ndarray:
@@ -104,32 +103,34 @@ class TickMaps:
             E, growth = measured_frame(self.kind, changes)
             return known_frames(E, growth)
         with np.errstate(all="ignore"):
-            return in_a_row(
-                self.kind.tolist(), [Change.of(change) for change in changes], Change.then
-            ).E
+            return in_a_row(self.kind.tolist(), [*map(Change.of, changes)], Change.then).E
 
     def lifted(self, *, measured: bool = True) -> "LiftedMap":
         """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
-        n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
-        height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
-        number = np.result_type(*(matrix for ticks in self.maps for matrix in ticks))
-        O, T, drive = (
-            np.zeros((loops, *shape), number)
-            for shape in ((height, n), (height, width), (n, width))
-        )
-        state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
+        n = self.maps[0][0].shape[-1]
+        loops = self.loops
+        ticks = [self.maps[kind] for kind in self.kind.tolist()]
+        height = sum(D.shape[-2] for *_, D in ticks)
+        width = sum(D.shape[-1] for *_, D in ticks)
+        number = np.result_type(*(matrix for matrices in self.maps for matrix in matrices))
+        O = np.zeros((loops, height, n), number)
+        T = np.zeros((loops, height, width), number)
+        drive = np.zeros((loops, n, width), number)
+        state = np.broadcast_to(np.eye(n), (loops, n, n))
+        row = 0
+        column = 0
         with np.errstate(all="ignore"):
-            for E, B, C, D in (self.maps[kind] for kind in kinds):
-                rows, new = slice(row, row + C.shape[-2]), slice(column, column + B.shape[-1])
-                O[:, rows], T[:, rows, :column], T[:, rows, new] = (
-                    C @ state,
-                    C @ drive[..., :column],
-                    D,
-                )
+            for E, B, C, D in ticks:
+                rows = slice(row, row + C.shape[-2])
+                new = slice(column, column + B.shape[-1])
+                O[:, rows] = C @ state
+                T[:, rows, :column] = C @ drive[..., :column]
+                T[:, rows, new] = D
                 state = state + E @ state
                 drive[..., :column] += E @ drive[..., :column]
                 drive[..., new] = B
-                row, column = rows.stop, new.stop
+                row = rows.stop
+                column = new.stop
         return LiftedMap(self.frame(measured=measured), T, O, drive)
 
 
@@ -141,15 +142,14 @@ def _flat(matrix, batch):
 def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see
     `TickMaps`."""
-    return closure(
-        [E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps])
-    )
+    at_once = np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps])
+    return closure([E for E, *_ in maps], at_once)
 
 
 def reached(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether each state depends on the inputs of some tick, `(n,)`."""
-    transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
-    return closure(transposed, np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps]))
+    at_once = np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps])
+    return closure([E.mT for E, *_ in maps], at_once)
 
 
 def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:
@@ -196,12 +196,10 @@ class LiftedMap:
         """
 
         def eigenvalue(H):
-            eigenvalues = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
-            return (
-                eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1)
-                if noise
-                else eigenvalues[:, 0]
-            )
+            eigenvalues = np.linalg.eigvalsh((H + H.conj().mT) / 2)
+            if not noise:
+                return eigenvalues[:, 0]
+            return eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1)
 
         return self._measured(owner, theta, eigenvalue)
 
@@ -209,10 +207,10 @@ class LiftedMap:
         """Return the square of the largest singular value, in the same way."""
 
         def square(H):
-            H = H if H.shape[-2] <= H.shape[-1] else np.swapaxes(H.conj(), -1, -2)
+            H = H if H.shape[-2] <= H.shape[-1] else H.conj().mT
             if H.shape[-2] <= 1:
                 return (np.abs(H) ** 2).sum((-1, -2))
-            return np.linalg.eigvalsh(H @ np.swapaxes(H.conj(), -1, -2))[:, -1]
+            return np.linalg.eigvalsh(H @ H.conj().mT)[:, -1]
 
         return self._measured(owner, theta, square)
 
@@ -224,11 +222,10 @@ class LiftedMap:
 
     def _measured(self, owner, theta, measure):
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
-        measures, step = (
-            np.full(owner.size, np.nan),
-            max(1, NUMBERS_AT_ONCE // max(1, self.T[0].size)),
-        )
-        for index in (slice(first, first + step) for first in range(0, owner.size, step)):
+        measures = np.full(owner.size, np.nan)
+        step = max(1, NUMBERS_AT_ONCE // max(1, self.T[0].size))
+        for first in range(0, owner.size, step):
+            index = slice(first, first + step)
             H = self.response(owner[index], theta[index])
             good = np.isfinite(H).all((-1, -2))
             measures[index][good] = measure(H[good])
@@ -242,12 +239,15 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
     period: of a tick, s; least: angle from which on frequencies are examined, rad per frame;
     `(loops,)` each.
     """
-    return hinf_norm(
-        lambda owner, theta, _: np.nan_to_num(
-            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
-        ),
-        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
-        ticks.loops,
-        lambda _, level: DAMPING_SLACK * (1 + np.abs(level)),
-        SOFT,
-    )
+
+    def needed(owner, theta, _):
+        smallest = lifted.smallest(owner, np.maximum(theta, least[owner]))
+        return np.nan_to_num(-period[owner] * smallest, nan=-np.inf)
+
+    def angles_at(owner, level):
+        return angles(ticks.pencil(owner, -level / period[owner]))
+
+    def slack(_, level):
+        return DAMPING_SLACK * (1 + np.abs(level))
+
+    return hinf_norm(needed, angles_at, ticks.loops, slack, SOFT)

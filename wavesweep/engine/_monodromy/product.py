@@ -42,25 +42,35 @@ def product_with_errors(
     alike. Accuracy: to first order in a rounding.
     """
     over = np.asarray if per_loop else lambda size: size.max(tuple(range(size.ndim - 2)))
-    kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
-
-    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
+    kinds = kind.tolist()
+    still = ~pattern_of(kind, changes, ramp=ramp)
+    batch = _batch_of(changes, sizes)
 
     def of_loops(index):
         ticks = []
-        for tick in zip(changes, sizes, strict=True):
-            E, size = (
-                np.broadcast_to(M, (*batch, *M.shape[-2:]))[index] if M.ndim > 2 else M
-                for M in tick
-            )
-            ticks.append(((E, 1), *_largest(over, E), ENTRY_ROUNDING * over(size)))
+        for change, size_of_terms in zip(changes, sizes, strict=True):
+            E = _of_loops(change, batch, index)
+            error = ENTRY_ROUNDING * over(_of_loops(size_of_terms, batch, index))
+            ticks.append(((E, 1), *_largest(over, E), error))
         (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
     with np.errstate(all="ignore"):
         pair = in_parts(of_loops, batch, changes[0].shape[-1], np.result_type(*changes))
-    E, dE = pair[..., 0, :, :], pair[..., 1, :, :]
-    return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
+    E = np.where(still, -np.eye(*still.shape), pair[..., 0, :, :])
+    return E, np.where(still, 0.0, pair[..., 1, :, :])
+
+
+def _batch_of(changes, sizes):
+    """The shape of the batch that matrices are of together."""
+    return np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
+
+
+def _of_loops(matrix, batch, index):
+    """Some of the matrices of a batch; one matrix if it is that of all."""
+    if matrix.ndim == 2:
+        return matrix
+    return np.broadcast_to(matrix, (*batch, *matrix.shape[-2:]))[index]
 
 
 def product_with_norm_of_errors(
@@ -75,7 +85,7 @@ def product_with_norm_of_errors(
     """
     kinds = kind.tolist()
     still = ~pattern_of(kind, changes)
-    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
+    batch = _batch_of(changes, sizes)
     n = len(units)
     in_units = units / units[:, None]
     bound = np.empty(batch)
@@ -93,10 +103,10 @@ def product_with_norm_of_errors(
 
     def of_loops(index):
         ticks = []
-        for E, size in zip(changes, sizes, strict=True):
-            part = np.broadcast_to(E, (*batch, n, n))[index] if E.ndim > 2 else E
-            terms = np.broadcast_to(size, (*batch, n, n))[index] if size.ndim > 2 else size
-            ticks.append((part, norm(part), norm(part + np.eye(n)), ENTRY_ROUNDING * norm(terms)))
+        for change, size_of_terms in zip(changes, sizes, strict=True):
+            E = _of_loops(change, batch, index)
+            error = ENTRY_ROUNDING * norm(_of_loops(size_of_terms, batch, index))
+            ticks.append((E, norm(E), norm(E + np.eye(n)), error))
         E, _, _, bound[index] = in_a_row(kinds, ticks, joined)
         return E
 
@@ -117,25 +127,23 @@ def product_with_tight_errors(
     joined. A longer row than SUMMED_STRETCHES is one of stretches, of which those that repeat are
     multiplied once.
     """
-    kinds, still = tuple(kind.tolist()), ~pattern_of(kind, changes)
-    batch, n = (
-        np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes))),
-        changes[0].shape[-1],
-    )
+    kinds = tuple(kind.tolist())
+    still = ~pattern_of(kind, changes)
+    batch = _batch_of(changes, sizes)
+    n = changes[0].shape[-1]
 
     def of_loops(index):
-        ticks, errors = (
-            [np.broadcast_to(M, (*batch, n, n))[index] if M.ndim > 2 else M for M in matrices]
-            for matrices in (changes, sizes)
-        )
+        ticks = [_of_loops(change, batch, index) for change in changes]
+        errors = [ENTRY_ROUNDING * _of_loops(size, batch, index) for size in sizes]
         E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
-        once = dict(enumerate(zip(ticks, (ENTRY_ROUNDING * size for size in errors), strict=True)))
+        once = dict(enumerate(zip(ticks, errors, strict=True)))
         again, dE = _of_steps(_steps_of(kinds), once)
         return np.stack(np.broadcast_arrays(E, dE + np.abs(E - again)), axis=-3)
 
     with np.errstate(all="ignore"):
         pair = in_parts(of_loops, batch, n, np.result_type(*changes))
-    return np.where(still, -np.eye(n), pair[..., 0, :, :]), np.where(still, 0.0, pair[..., 1, :, :])
+    E = np.where(still, -np.eye(n), pair[..., 0, :, :])
+    return E, np.where(still, 0.0, pair[..., 1, :, :])
 
 
 @lru_cache(maxsize=64)
@@ -149,10 +157,8 @@ def _steps_of(kinds):
 
 def _narrowed(steps):
     while len(steps) > SUMMED_STRETCHES:
-        steps = tuple(
-            steps[first : first + SUMMED_STRETCHES]
-            for first in range(0, len(steps), SUMMED_STRETCHES)
-        )
+        first_of_each = range(0, len(steps), SUMMED_STRETCHES)
+        steps = tuple(steps[first : first + SUMMED_STRETCHES] for first in first_of_each)
     return steps
 
 
@@ -174,9 +180,8 @@ def _in_sequence(factors):
     behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
-        own = (error + SHORT_SUM_ROUNDING * size) @ np.abs(eye + ahead) + SHORT_SUM_ROUNDING * (
-            2 * size + np.abs(ahead)
-        )
+        of_E = error + SHORT_SUM_ROUNDING * size
+        own = of_E @ np.abs(eye + ahead) + SHORT_SUM_ROUNDING * (2 * size + np.abs(ahead))
         total = total + np.abs(eye + behind) @ own
         behind = behind + E + behind @ E
     return before[-1], total
@@ -187,7 +192,8 @@ def pattern_of(
 ) -> np.ndarray:
     """Return which entries of the product of ticks, identity included, may be other than 0 in a
     loop, `(n, n + inputs)`."""
-    patterns, (n, width) = [], changes[0].shape[-2:]
+    patterns = []
+    n, width = changes[0].shape[-2:]
     for change in changes:
         pattern = (change != -np.eye(n, width)).any(tuple(range(change.ndim - 2)))
         if ramp:
@@ -198,10 +204,10 @@ def pattern_of(
 
 @lru_cache(maxsize=256)
 def _pattern(patterns, kinds, n, width):
-    maps = [
-        np.vstack([np.frombuffer(pattern, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]])
-        for pattern in patterns
-    ]
+    of_inputs = np.eye(width, dtype=bool)[n:]
+    maps = []
+    for pattern in patterns:
+        maps.append(np.vstack([np.frombuffer(pattern, bool).reshape(n, width), of_inputs]))
     kinds = np.frombuffer(kinds, np.int64).tolist()
     entries = in_a_row(kinds, maps, lambda first, second: (second.astype(float) @ first) > 0)
     entries = np.ascontiguousarray(entries[:n])
@@ -213,10 +219,8 @@ def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
     """Return the strongly connected components of a pattern `(n, n)`, each as indices in order;
     what acts comes before what is acted on. In this order a matrix with the pattern is
     block-triangular, and its eigenvalues are those of the blocks."""
-    return [
-        np.array(block)
-        for block in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))
-    ]
+    components = _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))
+    return [np.array(block) for block in components]
 
 
 @lru_cache(maxsize=256)
@@ -238,7 +242,8 @@ def _components(pattern, n):
 
 def _after(ramp, first, second):
     """One stretch of ticks after another, each as its change and its ticks."""
-    (P, ticks), (Q, more_ticks) = first, second
+    P, ticks = first
+    Q, more_ticks = second
     E = P + Q
     E += Q[..., : P.shape[-2]] @ P
     if ramp:
@@ -249,7 +254,8 @@ def _after(ramp, first, second):
 def _after_with_errors(ramp, over, first, second):
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound
     on their errors."""
-    (P, size_P, whole_P, dP), (Q, size_Q, whole_Q, dQ) = first, second
+    P, size_P, whole_P, dP = first
+    Q, size_Q, whole_Q, dQ = second
     both = _after(ramp, P, Q)
     n = size_P.shape[-2]
     rounding = SHORT_SUM_ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)

@@ -39,11 +39,9 @@ class DelayLines:
         and so on; then those that several states take over from.
         """
         passed = (E + np.eye(E.shape[-1])).reshape(-1, *E.shape[-2:])
-        entries, passed_on, delayed = (
-            (passed != 0).any(0),
-            (passed == 1).all(0),
-            (passed.diagonal(axis1=1, axis2=2) == 0).all(0),
-        )
+        entries = (passed != 0).any(0)
+        passed_on = (passed == 1).all(0)
+        delayed = (passed.diagonal(axis1=1, axis2=2) == 0).all(0)
         for branches in (False, True):
             while True:
                 links = entries & delayed & delayed[:, None]
@@ -55,12 +53,13 @@ class DelayLines:
         after = np.where(links.any(0), links.argmax(0), -1)
         lines = []
         for first in np.flatnonzero(delayed & ~links.any(1)).tolist():
-            lines.append([first])
-            while after[lines[-1][-1]] >= 0:
-                lines[-1].append(after[lines[-1][-1]])
+            line = [first]
+            while after[line[-1]] >= 0:
+                line.append(after[line[-1]])
+            lines.append(np.array(line))
         # States in a ring are not reached, and are solved for.
-        lines = tuple(map(np.array, lines))
-        return DelayLines(np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []])), lines)
+        solved = np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []]))
+        return DelayLines(solved, tuple(lines))
 
     @property
     def delayed(self) -> np.ndarray:
@@ -106,33 +105,33 @@ class DelayLines:
     def reached(self, E, B, theta):
         """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B:
         `(..., n, 1)`, theta: `(...)`."""
-        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
+        k = self.solved
+        d = self.delayed
+        w = on_circle(theta)[..., None, None]
         into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
-        solved = solve(
-            w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1],
-            B[..., k, :] + gained[..., -1:],
-        )
+        A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1]
+        solved = solve(A, B[..., k, :] + gained[..., -1:])
+        delayed = into[..., :-1] @ solved + into[..., -1:]
         states = np.empty((*theta.shape, E.shape[-1]), complex)
-        states[..., k], states[..., d] = (
-            solved[..., 0],
-            (into[..., :-1] @ solved + into[..., -1:])[..., 0],
-        )
+        states[..., k] = solved[..., 0]
+        states[..., d] = delayed[..., 0]
         return states
 
     def row(self, E, C, theta):
         """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and
         theta as for `reached`."""
-        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
+        k = self.solved
+        d = self.delayed
+        w = on_circle(theta)[..., None, None]
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
         A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
         solved = solve(A.mT, (C[..., k] + gained[..., -1:, :]).mT).mT
+        delayed = solved @ out[..., :-1, :] + out[..., -1:, :]
         states = np.empty((*theta.shape, E.shape[-1]), complex)
-        states[..., k], states[..., d] = (
-            solved[..., 0, :],
-            (solved @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :],
-        )
+        states[..., k] = solved[..., 0, :]
+        states[..., d] = delayed[..., 0, :]
         return states
 
 
@@ -232,9 +231,12 @@ def _forward(T, right, w):
 
 @np.errstate(all="ignore")
 def _with_error(E, T, V, Z):
+    """T, V and Z, and the error of the form that they are of E, see `TriangularForm.of`."""
     identity = np.eye(E.shape[-1])
     rounding = 2 * (len(identity) + 8) * EPS
-    of_T, of_V, of_Z = _norm(T), _norm(V), _norm(Z)
+    of_T = _norm(T)
+    of_V = _norm(V)
+    of_Z = _norm(Z)
     off = _norm(identity - Z @ V) + rounding * of_Z * of_V
     missed = _norm(E @ V - V @ T) + rounding * of_V * (_norm(E) + of_T)
     error = 2 * of_Z * missed + 2 * (off + rounding * (1 + of_Z * of_V)) * (2 + of_T)
@@ -297,14 +299,17 @@ class InLines:
     @staticmethod
     def at(lines: DelayLines, E, w) -> "InLines":
         """E `(n, n)`; w `(points,)`."""
-        k, d, w = lines.solved, lines.delayed, w[:, None, None]
+        k = lines.solved
+        d = lines.delayed
+        w = w[:, None, None]
         into = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w)
         out = lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
         back = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
         return InLines(lines, E, 1 + w, into, out, back)
 
     def reached(self, columns):
-        k, d = self.lines.solved, self.lines.delayed
+        k = self.lines.solved
+        d = self.lines.delayed
         alone = self.lines.along(columns[..., d, :] + 0 * self.z, self.z)
         states = np.empty((len(self.z), len(self.E), 1), complex)
         states[:, k] = self.back @ (columns[..., k, :] + self.E[np.ix_(k, d)] @ alone)
@@ -312,7 +317,8 @@ class InLines:
         return states
 
     def row(self, rows):
-        k, d = self.lines.solved, self.lines.delayed
+        k = self.lines.solved
+        d = self.lines.delayed
         alone = self.lines.read(rows[..., None, d] + 0 * self.z, self.z)
         read = np.empty((len(self.z), 1, len(self.E)), complex)
         read[..., k] = (rows[..., None, k] + alone @ self.E[np.ix_(d, k)]) @ self.back
@@ -329,13 +335,17 @@ class InForm:
     w: np.ndarray
 
     def reached(self, columns):
-        V, Z, units = self.form.V[0], self.form.Z[0], self.form.units[0]
-        states = self.form.solved(self.form.frames, (columns[..., 0] / units) @ Z.T, self.w)
-        return (units * (states @ V.T))[..., None]
+        form = self.form
+        units = form.units[0]
+        right = (columns[..., 0] / units) @ form.Z[0].T
+        states = form.solved(form.frames, right, self.w)
+        return (units * (states @ form.V[0].T))[..., None]
 
     def row(self, rows):
-        V, Z, units = self.form.V[0], self.form.Z[0], self.form.units[0]
-        return (self.form.read(self.form.frames, (rows * units) @ V, self.w) @ Z) / units
+        form = self.form
+        units = form.units[0]
+        read = form.read(form.frames, (rows * units) @ form.V[0], self.w)
+        return (read @ form.Z[0]) / units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -352,9 +362,8 @@ class ManyStates:
         """E: `(n, n)`, B: `(n, 1)`, C: `(outputs, n)`."""
         lines = DelayLines.of(E)
         if lines.solved.size <= FEW_SOLVED:
-            return ManyStates(
-                E, lines, max(1, NUMBERS_AT_ONCE // (len(E) * (1 + lines.solved.size)))
-            )
+            numbers = len(E) * (1 + lines.solved.size)  # at a point
+            return ManyStates(E, lines, max(1, NUMBERS_AT_ONCE // numbers))
         form = TriangularForm.of(E[None], B[None], C[None])
         return ManyStates(E, form, max(1, NUMBERS_AT_ONCE // len(E)))
 

@@ -22,35 +22,39 @@ def with_displacements(
     x[k-1])`, is one with the state `c (x[k] - x[k-1])`, which no drift moves. All runs in every
     tick. The states keep their names.
     """
-    placed, sums = {scheduled.block.name: scheduled for scheduled in drawn.placed}, dict(drawn.sums)
-    leads, gone = {drift.states[lead] for lead in drift.leads}, set()
+    placed = {scheduled.block.name: scheduled for scheduled in drawn.placed}
+    sums = dict(drawn.sums)
+    leads = {drift.states[lead] for lead in drift.leads}
+    gone = set()
     for name, scheduled in list(placed.items()):
-        source = sums.get(f"{name}.u", {})
-        mass, _, port = next(iter(source), "").rpartition(".")
+        read = sums.get(f"{name}.u", {})
         state = f"{name}.u1"
-        of_mass = (
-            mass in placed
-            and placed[mass].every == 1
-            and placed[mass].block.states == ("v", "x")
-            and port == "x"
-        )
-        if not (of_mass and _is_difference(scheduled) and len(source) == 1 and state not in leads):
+        if not _is_difference(scheduled) or len(read) != 1 or state in leads:
+            continue
+        ((signal, gain),) = read.items()
+        mass, _, port = signal.rpartition(".")
+        if port != "x" or mass not in placed or not _is_mass(placed[mass]):
             continue
         placed[mass] = replace(placed[mass], block=_with_displacement(placed[mass].block))
         block = scheduled.block
-        E, B, C, D = np.array([[-1.0]]), block.D, np.ones((1, 1)), np.zeros((1, 1))
-        placed[name] = replace(
-            scheduled, block=Block(name, block.inputs, block.outputs, block.states, E, B, C, D)
-        )
-        sums[f"{name}.u"] = {f"{mass}.{DISPLACEMENT}": next(iter(source.values()))}
+        delay = Block(name, block.inputs, block.outputs, block.states, *_delay(block.D))
+        placed[name] = replace(scheduled, block=delay)
+        sums[f"{name}.u"] = {f"{mass}.{DISPLACEMENT}": gain}
         gone.add(drift.states.index(state))
-    constant = tuple(
-        (lead, tuple(pair for pair in followers if pair[0] not in gone))
-        for lead, followers in drift.constant
-    )
-    return replace(drawn, placed=tuple(placed.values()), sums=sums), replace(
-        drift, constant=constant
-    )
+    constant = []
+    for lead, followers in drift.constant:
+        constant.append((lead, tuple(pair for pair in followers if pair[0] not in gone)))
+    drawn = replace(drawn, placed=tuple(placed.values()), sums=sums)
+    return drawn, replace(drift, constant=tuple(constant))
+
+
+def _delay(gain):
+    """E, B, C, D of a delay of a tick whose state is the input times a gain."""
+    return np.array([[-1.0]]), gain, np.ones((1, 1)), np.zeros((1, 1))
+
+
+def _is_mass(scheduled):
+    return scheduled.every == 1 and scheduled.block.states == ("v", "x")
 
 
 def _is_difference(scheduled):
@@ -76,8 +80,9 @@ def _with_displacement(block):
 
 def _rows(E, B, C, D):
     """C and D with the change of the position as a further output."""
-    steps = (C, E[..., 1:2, :]), (D, B[..., 1:2, :])
-    return [
-        np.concatenate([np.broadcast_to(rows, (*step.shape[:-2], *rows.shape[-2:])), step], -2)
-        for rows, step in steps
-    ]
+    return _with_row(C, E[..., 1:2, :]), _with_row(D, B[..., 1:2, :])
+
+
+def _with_row(matrix, row):
+    matrix = np.broadcast_to(matrix, (*row.shape[:-2], *matrix.shape[-2:]))
+    return np.concatenate([matrix, row], -2)

@@ -39,10 +39,11 @@ class AtPort:
 def buildable(loops: Loops, along: str) -> Loops:
     """The loops at any value of the number: without the whole numbers of ticks of dead times,
     which follow from it."""
-    building = loops.drawing.building if name_of(along) in loops.drawing.timing else ()
-    return Loops(
-        loops.drawing, {path: v for path, v in loops.values.items() if path not in building}
-    )
+    if name_of(along) not in loops.drawing.timing:
+        return loops
+    building = loops.drawing.building
+    values = {path: value for path, value in loops.values.items() if path not in building}
+    return Loops(loops.drawing, values)
 
 
 def lines_at_ends(
@@ -53,28 +54,30 @@ def lines_at_ends(
 
     Ends that a gain sets have an omega with a minus. opened: the loops without the number.
     """
-    bound, lines = question.bound, np.full(p.shape, np.nan)
+    bound = question.bound
+    lines = np.full(p.shape, np.nan)
     end, row = np.nonzero(~np.isnan(omega) & ~np.signbit(omega))
-    p, omega, place = p[end, row], omega[end, row], place[row]
+    p = p[end, row]
+    omega = omega[end, row]
+    place = place[row]
     if opened and opened.loops.cut and (bound is None or bound.on_circle):
         lines[end, row] = strongest_in_cut(loops.drawing, opened, place, omega, bound)
         return lines
-    strongest, few = (
-        omega / (2 * np.pi),
-        1 if name_of(question.along) in loops.drawing.timing else MODES_AT_ONCE,
-    )
-    for batch in (slice(first, first + few) for first in range(0, place.size, few)):
+    strongest = omega / (2 * np.pi)
+    few = 1 if name_of(question.along) in loops.drawing.timing else MODES_AT_ONCE
+    p = np.where(p == 0, NEXT_TO_ZERO, p)
+    for first in range(0, place.size, few):
+        batch = slice(first, first + few)
         varied = buildable(loops, question.along).some(place[batch])
-        varied = varied.changed({question.along: np.where(p[batch] == 0, NEXT_TO_ZERO, p[batch])})
+        varied = varied.changed({question.along: p[batch]})
         with suppress(IllPosedLoopError):
             drawn = varied.drawn()
+            if drawn.ticks == 1:
+                continue
             period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), p[batch].shape)
-            if drawn.ticks > 1:
-                s = (
-                    bound.logarithms(period, omega[batch])
-                    if bound
-                    else 1j * (omega[batch] * period)[:, None]
-                )
-                strongest[batch] = lines_in_loops(varied, s)[:, 0]
+            s = 1j * (omega[batch] * period)[:, None]
+            if bound:
+                s = bound.logarithms(period, omega[batch])
+            strongest[batch] = lines_in_loops(varied, s)[:, 0]
     lines[end, row] = strongest
     return lines
