@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._drawing.mass_matrix import at_axes
-from wavesweep.engine._loops.values import keys_with, numbers_of, values_of
+from wavesweep.engine._loops.values import keys_with, numbers_of
 from wavesweep.program.spec import load
 
 STEP = 1e-5  # m, of central differences of second order: a relative error of about 1e-7
@@ -25,7 +25,7 @@ def at_hand(kind, axes, numbers):
     )
     known = numbers_of(spec.values)
     (block,) = spec.drawing.blocks
-    keys = keys_with(block, lambda tree: values_of(tree, known))
+    keys = keys_with(block, lambda tree: tree.values(known))
     return [np.array(at_axes(keys, name), float) for name in ("mass", "damping", "stiffness")]
 
 

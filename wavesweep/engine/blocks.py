@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         Ports,
     )
     from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
-    from wavesweep.engine._loops.values import values_of
     from wavesweep.engine._monodromy.interconnect import all_sums, connect
 else:
     __getattr__ = on_demand(
@@ -36,7 +35,6 @@ else:
                 "REACTION",
             ),
             "_loops.multirate": ("MultirateLoop", "ScheduledBlock"),
-            "_loops.values": ("values_of",),
             "_monodromy.interconnect": ("all_sums", "connect"),
         }
     )

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
         TYPES,
         without_rule,
     )
-    from wavesweep.engine._drawing.complex_gain import TWIN, with_complex_factor
-    from wavesweep.engine._drawing.conditions import OF_PLANT, faults, finite_value
+    from wavesweep.engine._drawing.conditions import OF_PLANT
     from wavesweep.engine._drawing.drawing import (
         AT,
         ENVIRONMENT,
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
         read_drawing,
     )
     from wavesweep.engine._drawing.drawn_block import DELTA, PORT, DrawnBlock, Plant, keys_of_block
-    from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN, with_late_signal
-    from wavesweep.engine._drawing.scalar_place import decides
+    from wavesweep.engine._drawing.gain_at_signal import BLOCK, GAIN
 else:
     __getattr__ = on_demand(
         {
@@ -48,8 +46,7 @@ else:
                 "TYPES",
                 "without_rule",
             ),
-            "_drawing.complex_gain": ("TWIN", "with_complex_factor"),
-            "_drawing.conditions": ("OF_PLANT", "faults", "finite_value"),
+            "_drawing.conditions": ("OF_PLANT",),
             "_drawing.drawing": (
                 "AT",
                 "Drawing",
@@ -65,7 +62,6 @@ else:
             "_drawing.drawing_ports": ("NAMED", "PORTS"),
             "_drawing.drawing_tables": ("NUMBER_PARTS", "Surroundings", "TABLES", "read_drawing"),
             "_drawing.drawn_block": ("DELTA", "DrawnBlock", "PORT", "Plant", "keys_of_block"),
-            "_drawing.gain_at_signal": ("BLOCK", "GAIN", "with_late_signal"),
-            "_drawing.scalar_place": ("decides",),
+            "_drawing.gain_at_signal": ("BLOCK", "GAIN"),
         }
     )

@@ -6,7 +6,7 @@ from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
     from wavesweep.engine._loops.resolution import Resolution, Side
-    from wavesweep.engine._search.at_ends import AtPort, buildable
+    from wavesweep.engine._search.at_ends import AtPort
     from wavesweep.engine._search.interval_records import (
         FAILURES,
         blank_records,
@@ -25,7 +25,7 @@ else:
     __getattr__ = on_demand(
         {
             "_loops.resolution": ("Resolution", "Side"),
-            "_search.at_ends": ("AtPort", "buildable"),
+            "_search.at_ends": ("AtPort",),
             "_search.interval_records": ("FAILURES", "blank_records", "record_type", "unanswered"),
             "_search.interval_search": ("Search", "Searches"),
             "_search.question": ("Prover", "Question"),

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from wavesweep.engine._drawing import gain_at_signal
-from wavesweep.engine._drawing.drawing import Drawing, path_of
+from wavesweep.engine._drawing import complex_gain, gain_at_signal
+from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
+from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops import dead_time, domain, from_drawing
 from wavesweep.engine._loops.common_tick import with_common_tick
 from wavesweep.engine._loops.from_drawing import Ports
@@ -52,10 +53,31 @@ class Loops(NamedTuple):
             {path: value for path, value in self.values.items() if path not in building},
         )
 
+    def at_any_value_of(self, path: str) -> Self:
+        """The loops at any value of a number: `unbuilt` if dead times follow from it."""
+        return self.unbuilt if name_of(path) in self.drawing.timing else self
+
     def with_gain_at(self, signal: str) -> "Loops":
-        """The loops with a gain behind a signal, the number GAIN, with the value 1: with it they are cut there."""
+        """The loops with a gain behind a signal, the number GAIN, with the value 1: with it they
+        are cut there."""
         drawing = gain_at_signal.with_gain(self.drawing, signal)
         return Loops(drawing, {**self.values, path_of(gain_at_signal.GAIN): 1.0})
+
+    def later_at_gain(self, runs: int) -> "Loops":
+        """These loops, cut by `with_gain_at`, in which all wires read the signal behind the gain so
+        many runs of its block later."""
+        if not runs:
+            return self
+        return Loops(gain_at_signal.with_late_signal(self.drawing, runs), self.values)
+
+    def with_complex_factor(self, re: Tree, im: Tree) -> "Loops":
+        """These loops, cut by `with_gain_at`, with the factor `re + j im` in place of the gain, as
+        real loops of twice the size, see `complex_gain`."""
+        drawing = complex_gain.with_complex_factor(self.drawing, re, im)
+        values = dict(self.values)
+        for path in drawing.building:  # of both parts dead times have the same whole ticks
+            values[path] = self.values[path.replace(complex_gain.TWIN, "")]
+        return Loops(drawing, values)
 
     @property
     def items(self) -> tuple[tuple[str, Any], ...]:

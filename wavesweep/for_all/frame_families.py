@@ -15,7 +15,6 @@ from itertools import combinations, product
 from wavesweep.engine.drawing import (
     Drawing,
     DrawnBlock,
-    finite_value,
     name_of,
     scalars,
     without_rule,
@@ -116,7 +115,7 @@ class SlowFrames:
 def _whole_ticks(block: DrawnBlock, numbers: Mapping[str, float], name: str) -> int:
     """The ticks in which a block runs once, with these numbers; name: of the one that varies, or
     empty."""
-    ticks = finite_value(block.every, numbers)
+    ticks = block.every.finite_value(numbers)
     if ticks is None or ticks < 1 or ticks % 1:
         found = "none" if ticks is None else f"{ticks:g}"
         at = f" with {name} = {numbers[name]}" if name else ""
@@ -193,7 +192,7 @@ def _at_phases(
     for block in drawing.blocks:
         if block.name not in names:
             continue
-        phase = int(finite_value(block.phase, known))
+        phase = int(block.phase.finite_value(known))
         if phase >= shortest:
             expected = f"phases below the shortest frame, {shortest}"
             refuse(f"block.{block.name}.phase", expected, f"{phase} of {block.name}")

@@ -23,7 +23,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
-from wavesweep.engine.blocks import values_of
 from wavesweep.engine.doubles import EPS
 from wavesweep.engine.drawing import Drawing, name_of, scalars
 from wavesweep.engine.errors import UsageError
@@ -336,7 +335,7 @@ def _probabilities(drawing):
 def _losses(trees, numbers) -> dict[str, Losses]:
     """How each channel loses messages, by the expressions of its probabilities."""
     return {
-        channel: Losses(*(float(values_of(tree, numbers)) for tree in channel_trees))
+        channel: Losses(*(float(tree.values(numbers)) for tree in channel_trees))
         for channel, channel_trees in trees.items()
     }
 

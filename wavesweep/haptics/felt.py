@@ -14,7 +14,7 @@ from wavesweep.engine.blocks import (
 from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.frames import Opened, by_zeros
-from wavesweep.engine.intervals import AtPort, Question, buildable, record_type
+from wavesweep.engine.intervals import AtPort, Question, record_type
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.rows import different, distinct_rows
 from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
@@ -113,7 +113,7 @@ def stiffness_at_ends(
     if not unknown.size:
         return felt
     in_pieces = name_of(question.along) in loops.drawing.timing
-    at_any_value = buildable(loops, question.along)
+    at_any_value = loops.at_any_value_of(question.along)
     place = place[unknown]
 
     def stiffness(rows, values):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.blocks import MultirateLoop, Ports, values_of
+from wavesweep.engine.blocks import MultirateLoop, Ports
 from wavesweep.engine.drawing import AT, Drawing, scalars
 from wavesweep.engine.expressions import Tree
 from wavesweep.engine.loop import Loops
@@ -105,7 +105,7 @@ def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
     """Return mass (kg), damping (N*s/m) and stiffness (N/m) of the device without a hand."""
     keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
     numbers = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
-    return tuple(values_of(keys[path.partition(".")[2]], numbers) for path in HAND)
+    return tuple(keys[path.partition(".")[2]].values(numbers) for path in HAND)
 
 
 @lru_cache(maxsize=64)

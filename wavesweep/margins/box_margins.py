@@ -21,11 +21,8 @@ import numpy as np
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import (
     GAIN,
-    TWIN,
     name_of,
     path_of,
-    with_complex_factor,
-    with_late_signal,
 )
 from wavesweep.engine.expressions import Tree, parse
 from wavesweep.engine.frames import Frames
@@ -370,13 +367,10 @@ class _Case:
         rest = self.ranged, self.box, name != "gain_down"
         if name in TURNED:
             re, im, sides = TURNED[name]
-            drawing = with_complex_factor(self.loop.drawing, re, im)
-            built = {path: self.loop.values[path.replace(TWIN, "")] for path in drawing.building}
+            loops = Loops(*self.loop).with_complex_factor(re, im)
             ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
             ends[0, 0] = size if name != "phase" and self._delayed else 0.0
-            return self.boxes.proved_stable(
-                Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest
-            )
+            return self.boxes.proved_stable(loops, sides, ends, *rest)
         ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
         return self.boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
@@ -384,13 +378,9 @@ class _Case:
         """What is proved of delays of fewer whole frames than `size`, see `_proved`: that many, if
         all are."""
         for frames in range(min(int(np.ceil(size)), MOST_FRAMES)):
-            drawing = self.loop.drawing
-            if frames:
-                drawing = with_late_signal(drawing, frames)
+            loops = Loops(*self.loop).later_at_gain(frames)
             none = np.zeros((2, 0))
-            found = self.boxes.proved_stable(
-                Loops(drawing, self.loop.values), [], none, self.ranged, self.box, up=True
-            )
+            found = self.boxes.proved_stable(loops, [], none, self.ranged, self.box, up=True)
             if not found.whole:
                 return float(frames), [found.met]
         return min(size, float(MOST_FRAMES)), []

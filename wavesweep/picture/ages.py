@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.blocks import Block, values_of
+from wavesweep.engine.blocks import Block
 from wavesweep.engine.drawing import Drawing, DrawnBlock, scalars
 from wavesweep.engine.loop import Loops
 
@@ -107,7 +107,7 @@ class DataFlow:
             dead[name] = dead_time.ticks - float(dead_time.share)
         wires = {}
         for port, terms in drawing.wires:
-            wires[port] = tuple(signal for signal, gain in terms if values_of(gain, numbers))
+            wires[port] = tuple(signal for signal, gain in terms if gain.values(numbers))
         drawn = {block.name: block for block in drawing.blocks if not block.plant}
         carriers = {}
         for scheduled in compiled.placed:
@@ -191,8 +191,8 @@ def _messages(block: DrawnBlock, numbers: Mapping[str, object]) -> tuple[int, in
     keys = dict(block.keys)
     if block.type != "channel":
         return 0, 0
-    lost = 0 if keys["missing"] == "zero" else int(values_of(keys["lost"], numbers))
-    return int(values_of(keys["late"], numbers)), lost
+    lost = 0 if keys["missing"] == "zero" else int(keys["lost"].values(numbers))
+    return int(keys["late"].values(numbers)), lost
 
 
 class Ages:

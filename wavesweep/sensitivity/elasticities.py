@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.engine.drawing import decides, path_of
+from wavesweep.engine.drawing import path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
@@ -200,9 +200,7 @@ def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
     deciding = {"rates.ratio"}
     if not spec.drawing and spec.builds(FAST, swept):
         deciding.add(FAST)
-    deciding |= {
-        path_of(name) for path, tree in drawing.trees() if decides(path) for name in tree.names
-    }
+    deciding |= {path_of(name) for name in drawing.shaping}
     return [
         path for path, value in values.items() if isinstance(value, float) and path not in deciding
     ]

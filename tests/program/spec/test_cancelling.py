@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from wavesweep.engine._drawing.parsing import parse
-from wavesweep.engine._loops.values import values_of
 
 mp = mpmath.mp.clone()
 mp.dps = 80
@@ -50,12 +49,12 @@ def test_a_sum_that_cancels_keeps_its_digits(text, turn):
     numbers = {"a": a, "b": a * (1 + 1e-9), "c": 1 + a * (1 + 1e-7)}
     rows = [dict(zip(numbers, row, strict=True)) for row in zip(*(each.tolist() for each in numbers.values()), strict=True)]
     wanted = np.array([complex(reference(tree, row)) for row in rows])
-    found = values_of(tree, numbers)
+    found = tree.values(numbers)
     np.testing.assert_allclose(found, wanted, rtol=1e-14)
     assert found.dtype == a.dtype
     if turn == 1:
         assert [tree.value(row) for row in rows] == found.tolist()
-    alone = [values_of(tree, {name: np.array([value]) for name, value in row.items()})[0] for row in rows]
+    alone = [tree.values({name: np.array([value]) for name, value in row.items()})[0] for row in rows]
     assert alone == found.tolist()
 
 
@@ -77,7 +76,7 @@ def test_large_powers_and_tiny_products_keep_their_digits(text):
     numbers = {"a": a, "b": 1.5 * a, "c": 1 + a, "n": np.full(20, 1e7)}
     rows = [dict(zip(numbers, row, strict=True)) for row in zip(*(each.tolist() for each in numbers.values()), strict=True)]
     wanted = np.array([float(reference(tree, row)) for row in rows])
-    found = values_of(tree, numbers)
+    found = tree.values(numbers)
     np.testing.assert_allclose(found, wanted, rtol=2e-15)
     assert [tree.value(row) for row in rows] == found.tolist()
     rough = np.array([tree.evaluate(row) for row in rows])
@@ -122,6 +121,6 @@ def test_a_thousand_random_expressions_are_right_to_a_few_roundings():
 def test_what_has_no_value_is_not_made_one():
     a = np.array([-1e-9, 0.0, 1e-9])
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = values_of(parse("sqrt((1 + a) - 1)/((1 + a) - 1)"), {"a": a})
+        found = parse("sqrt((1 + a) - 1)/((1 + a) - 1)").values({"a": a})
     assert np.isnan(found[:2]).all()
     assert found[2] == pytest.approx(1e-9**-0.5, rel=1e-14)

@@ -10,7 +10,6 @@ import pytest
 
 from wavesweep.engine._drawing.expressions import FUNCTIONS, Fault
 from wavesweep.engine._drawing.parsing import MOST_TOKENS, parse
-from wavesweep.engine._loops.values import values_of
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "pi": math.pi} | {name: getattr(math, name) for name in FUNCTIONS}
@@ -189,7 +188,7 @@ def test_functions_are_right_to_a_few_roundings_where_doubles_lose_digits(text, 
     names = {name: getattr(mpmath, name) for name in FUNCTIONS}
     with mpmath.workdps(80):
         wanted = eval(text, names, {"p": mpmath.mpf(p)})  # noqa: S307 - the test's own text
-        found = [parse(text).value({"p": p}), values_of(parse(text), {"p": np.array([p])})[0]]
+        found = [parse(text).value({"p": p}), parse(text).values({"p": np.array([p])})[0]]
         assert [float(abs(each / wanted - 1)) < 1e-15 for each in found] == [True, True]
         wanted = eval(text, names, {"p": mpmath.mpc(p, 0.4)})  # noqa: S307 - the test's own text
         assert abs(parse(text).exactly({"p": p + 0.4j}) / complex(wanted) - 1) < 1e-15

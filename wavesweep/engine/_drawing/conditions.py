@@ -170,25 +170,25 @@ def _within(key: Key, value):
     return above & (value <= high) & ((value % 1 == 0) if key.type == "integer" else True)
 
 
-def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-    """Yield path, expected and found text for each key that these values do not suit; keys
-    without values are left out."""
-    numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
+def faults(drawing: Drawing, numbers: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
+    """Yield what `Drawing.faults` does. numbers: by the names that trees have for them."""
+    shared = SharedParts()
+    wrong: set[str] = set()
+    every: dict[str, int] = {}
     for condition in conditions(drawing):
         path = condition.path
-        if not condition.names <= numbers.keys() or wrong & {
-            read_path for read_path, _ in condition.reads
-        }:
+        read = {read_path for read_path, _ in condition.reads}
+        if not condition.names <= numbers.keys() or not wrong.isdisjoint(read):
             continue  # a number that has a mistake itself
-        read_values = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
-        if fault := _fault(condition, read_values):
+        values = [tree.finite_value(numbers, shared) for _, tree in condition.reads]
+        fault = _fault(condition, values)
+        if fault:
             wrong.add(path)
             yield path, *fault
         elif path.startswith("block.") and path.endswith(".every"):
-            every[path] = int(read_values[0])
-    yield from _size_faults(
-        drawing, numbers, {path: ticks for path, ticks in every.items() if path not in wrong}
-    )
+            every[path] = int(values[0])
+    runs = {path: ticks for path, ticks in every.items() if path not in wrong}
+    yield from _size_faults(drawing, numbers, runs)
 
 
 def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] | None:
@@ -230,7 +230,7 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     steps, ticks."""
     keys = dict(block.core(ONE).keys)
     counts = (
-        finite_value(keys.get(name, Tree.number(0.0)), numbers) or 0.0
+        keys.get(name, Tree.number(0.0)).finite_value(numbers) or 0.0
         for name in ("steps", "late", "order")
     )
     return len(keys.get("den", keys.get("A", ()))) + sum(counts)
@@ -244,9 +244,9 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
     velocities = _velocities(drawing)
     for side, force, signal, gain in _displacements(drawing):
         period = every.get(signal.rpartition(".")[0] or signal, ONE)
-        runs = finite_value(period, numbers) or 1
+        runs = period.finite_value(numbers) or 1
         reason = _no_position(signal, force, velocities, runs)
-        if reason and finite_value(gain, numbers):
+        if reason and gain.finite_value(numbers):
             yield f"ports.{side}.displacement", OF_PLANT, reason
 
 
@@ -280,23 +280,3 @@ def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
     for side, port in ports:
         if port:
             yield from ((side, port[0], signal, gain) for signal, gain in port[1])
-
-
-def finite_value(
-    tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None
-) -> float | None:
-    """Return the value of a tree, None if there is no finite one or one of its numbers has none,
-    after a mistake in that.
-
-    shared: of trees at the same numbers.
-    """
-    try:
-        value = tree.value(numbers, shared)
-        return value if not isinstance(value, complex) and math.isfinite(value) else None
-    except (
-        ArithmeticError,
-        KeyError,
-        ValueError,
-        TypeError,
-    ):  # a KeyError is that of a number without a value, a TypeError that of the root of a complex number
-        return None

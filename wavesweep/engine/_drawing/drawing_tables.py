@@ -7,9 +7,9 @@ from functools import partial
 from typing import NamedTuple
 
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
-from wavesweep.engine._drawing.conditions import displaced, faults
+from wavesweep.engine._drawing.conditions import displaced
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
-from wavesweep.engine._drawing.drawing import RATE, Drawing, path_of
+from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.engine._drawing.drawing_ports import TURNS, PortReader
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
@@ -21,7 +21,6 @@ from wavesweep.engine._drawing.expressions import (
     Tree,
 )
 from wavesweep.engine._drawing.parsing import parse
-from wavesweep.engine._drawing.scalar_place import decides
 from wavesweep.engine._keys.checking import Mistakes, nearest, show
 from wavesweep.engine._keys.key import Key, Leaf, Names, Place
 
@@ -75,7 +74,7 @@ def read_drawing(
     reader.taken = surroundings.taken
     reader.free = surroundings.free
     drawing, values = reader.drawing(grouped)
-    for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
+    for path, expected, reason in (*drawing.faults(values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {reason}" if isinstance(leaf.value, str) else reason
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
@@ -134,13 +133,13 @@ def with_whole_numbers(
 ) -> tuple[Drawing, dict[str, float]]:
     """Return the drawing and the values with whole numbers where these decide how the loop is
     built."""
-    deciding = {name for path, tree in drawing.trees() if decides(path) for name in tree.names}
-    integers = frozenset(
-        name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer()
-    )
-    return replace(drawing, whole=integers), values | {
-        path_of(name): int(values[path_of(name)]) for name in integers
-    }
+    integers = {}
+    for name in drawing.shaping:
+        path = path_of(name)
+        if float(values.get(path, 0.5)).is_integer():
+            integers[path] = int(values[path])
+    whole = frozenset(map(name_of, integers))
+    return replace(drawing, whole=whole), values | integers
 
 
 class _TableReader(PortReader):

@@ -37,6 +37,7 @@ BITS_TRIED = (256, 1024, 4096)  # bits, each tried if the one before leaves the 
 # bits of the value, so that its rounding to a double is the only one but once in 2^57 times
 BITS_OF_VALUE = 110
 LEAST_PART = 1e-320  # below it a part is 0
+ROUNDED = "(rounded)"  # no number of a spec can have this name
 _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 
 
@@ -530,6 +531,69 @@ class Tree:
         if not shared.lost_in(self):
             return rough
         return self.exactly({name: numbers[name] for name in self.names})
+
+    def finite_value(
+        self, numbers: Mapping[str, float], shared: SharedParts | None = None
+    ) -> float | None:
+        """Return the value, None if there is no finite one or one of its numbers has none, as
+        after a mistake."""
+        # A KeyError is that of a number without a value, a TypeError that of the root of a complex
+        # number.
+        try:
+            value = self.value(numbers, shared)
+            return value if not isinstance(value, complex) and math.isfinite(value) else None
+        except (ArithmeticError, KeyError, ValueError, TypeError):
+            return None
+
+    def values(self, numbers: Mapping[str, Any], shared: SharedParts | None = None) -> Any:
+        """Return what `value` does, for numbers or arrays of these: each element from its own
+        numbers alone. A missing value is NaN or infinite."""
+        import numpy as np
+
+        if self.is_leaf:
+            return self.evaluate(numbers)
+        shared = SharedParts() if shared is None else shared
+
+        def watch(part: Tree, *values: Any) -> None:
+            lost = np.asarray(part.lost_digits(*values))
+            if lost.any():
+                shared.lost[id(part)] = lost
+
+        with np.errstate(all="ignore"):
+            rough = self.evaluate(numbers, np, watch, shared)
+        without = shared.lost_in(self)
+        if not without:
+            return rough
+        lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)
+        return self._again(numbers, np.array(rough, order="C"), lost)
+
+    def _again(self, numbers: Mapping[str, Any], values: Any, lost: Any) -> Any:
+        """The values, those that have lost digits from ball arithmetic."""
+        import numpy as np
+
+        at = np.flatnonzero(np.broadcast_to(lost, values.shape))
+        columns = {}
+        for name in self.names:
+            columns[name] = np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist()
+        exact_values = []
+        for row in range(at.size):
+            exact_values.append(
+                self.exactly({name: column[row] for name, column in columns.items()})
+            )
+        exact = np.array(exact_values)
+        if values.dtype.kind != "c" and exact.dtype.kind == "c":
+            exact = np.where(exact.imag == 0, exact.real, np.nan)
+        values.reshape(-1)[at] = exact
+        return values if values.shape else values.item()
+
+    def rest(self, value: Any, numbers: Mapping[str, Any]) -> Any:
+        """Return the part of a value of the tree that rounding has taken; 0 for a number itself,
+        and for complex values."""
+        import numpy as np
+
+        if self.is_given or np.iscomplexobj(value):
+            return 0.0
+        return (self - Tree.name(ROUNDED)).values({**numbers, ROUNDED: value})
 
     def exactly(self, numbers: Mapping[str, float | complex]) -> float | complex:
         """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN

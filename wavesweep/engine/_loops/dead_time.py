@@ -27,7 +27,6 @@ from wavesweep.engine._drawing.drawn_block import Plant
 from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops.block import Block, concatenated
 from wavesweep.engine._loops.blocks import Rates
-from wavesweep.engine._loops.values import values_of
 
 # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 SENSED = "sensed"
@@ -48,9 +47,9 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
     exact = {}
     ticks = {}
     with np.errstate(all="ignore"):
-        rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
+        rate = np.asarray(drawing.tick_hz.values(numbers)).real
         for name, tree in drawing.dead_times.items():
-            exact[name] = np.asarray(values_of(tree, numbers)).real * rate
+            exact[name] = np.asarray(tree.values(numbers)).real * rate
             ticks[name] = np.ceil(exact[name] * (1 - WHOLE_TICK))
     whole = {}
     for path, names in drawing.building.items():
@@ -144,7 +143,7 @@ class DeadTime(NamedTuple):
 def of_loops(drawing: Drawing, values: Mapping[str, object]) -> dict[str, DeadTime]:
     """Return the dead times of loops by the names of their blocks; values: flat."""
     known = built(drawing, scalars(values))
-    rate = values_of(drawing.tick_hz, known)
+    rate = drawing.tick_hz.values(known)
     dead_times = {}
     for name, share in shares(drawing, known, rate).items():
         dead_times[name] = DeadTime(known[f"block.{name}.ticks"], share)
@@ -157,7 +156,7 @@ def shares(
     """Return `s = m - tau/T` of each dead time; known: with `structure`; rate: 1/T, of the tick
     (Hz)."""
     return {
-        name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate
+        name: known[f"block.{name}.ticks"] - tree.values(known) * rate
         for name, tree in drawing.dead_times.items()
     }
 
@@ -288,8 +287,8 @@ def _ticks(drawing, values, path, p):
     """Dead times in ticks, and sums of two of which the order matters, at values of a number:
     `(sums, points)`."""
     numbers = scalars({**values, path: p})
-    rate = values_of(drawing.tick_hz, numbers)
-    ticks = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
+    rate = drawing.tick_hz.values(numbers)
+    ticks = {name: tree.values(numbers) * rate for name, tree in drawing.dead_times.items()}
     rows = [sum(ticks[name] for name in names) + 0 * p for names in drawing.building.values()]
     return np.stack(rows)
 

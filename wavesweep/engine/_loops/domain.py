@@ -11,7 +11,7 @@ from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.engine._drawing.expressions import SharedParts, Tree
 from wavesweep.engine._keys.checking import computable
-from wavesweep.engine._loops.values import numbers_of, values_of
+from wavesweep.engine._loops.values import numbers_of
 from wavesweep.engine.errors import UsageError
 
 
@@ -68,7 +68,7 @@ def _known_guards(drawing, values, path):
     numbers = scalars({**values, path: 0.0})
     unused = set()
     for block in drawing.blocks:
-        if block.type == "butterworth" and not int(values_of(dict(block.keys)["order"], numbers)):
+        if block.type == "butterworth" and not int(dict(block.keys)["order"].values(numbers)):
             unused.add(f"block.{block.name}.cutoff_hz")
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
         if key not in unused:
@@ -85,7 +85,7 @@ def _limits(key, guard, root, known, name, span):
 
     def values_at(tree, points):
         with np.errstate(all="ignore"):
-            return np.asarray(values_of(tree, {**known, name: points})).reshape(-1, points.size)
+            return np.asarray(tree.values({**known, name: points})).reshape(-1, points.size)
 
     value = values_at(guard, within)
     from_root = False
@@ -142,7 +142,7 @@ def guards_at(
     shared = SharedParts()
     guard_values = []
     for _, guard, _, root in _guards_of(drawing, name_of(path)):
-        value = np.broadcast_to(values_of(guard, numbers, shared), shape)
+        value = np.broadcast_to(guard.values(numbers, shared), shape)
         if root:  # of 0 everywhere is 0
             value = np.where(value == 0, 1.0, value)
         guard_values.append(value)
@@ -168,7 +168,7 @@ VANISHED = 0.1  # a least size below this share of the size ten steps away count
 def _touches_zero(guard, known, name, points):
     """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
     with np.errstate(all="ignore"):
-        size = np.abs(values_of(guard, {**known, name: points})).reshape(-1, points.size)
+        size = np.abs(guard.values({**known, name: points})).reshape(-1, points.size)
         loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
         if not at.size:
             return False
@@ -182,7 +182,7 @@ def _touches_zero(guard, known, name, points):
             narrowest = NARROWEST_CELL * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             wide = high - low > narrowest
             among = np.linspace(low, high, 21, axis=-1)
-            size = np.abs(values_of(guard, {**numbers_at, name: among}))
+            size = np.abs(guard.values({**numbers_at, name: among}))
             flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
             best = np.clip(size.argmin(-1), 1, 19)[:, None]
             low = np.take_along_axis(among, best - 1, -1)[:, 0]
@@ -252,7 +252,6 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     wrong = unsuitable(drawing, values)
     if not wrong.any():
         return
-    from wavesweep.engine._drawing.conditions import faults
 
     first = int(np.flatnonzero(wrong)[0])
     loop = dict(values)
@@ -261,7 +260,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
         if np.ndim(value):
             loop[path] = float(np.broadcast_to(value, wrong.shape)[first])
             texts.append(f"{name_of(path)} = {loop[path]:g}")
-    path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
+    path, expected, reason = next(drawing.faults(loop), ("a key", "another value", "none"))
     raise UsageError(
         f"{', '.join(texts)} makes no loop: {path}: expected {expected}, found {reason}"
     )
@@ -305,5 +304,5 @@ def _unsuitable_alone(drawing, items, others):
 
 def _broken(condition, known, shared):
     """Whether numbers break a condition, of each loop."""
-    values = [values_of(tree, known, shared) for _, tree in condition.reads]
+    values = [tree.values(known, shared) for _, tree in condition.reads]
     return np.logical_not(computable(values[0]) & condition.holds(*values))

@@ -19,7 +19,7 @@ from wavesweep.engine._loops.block import numbers
 from wavesweep.engine._loops.integrator_modes import equations_of
 from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine._loops.plant import plant_of
-from wavesweep.engine._loops.values import keys_with, numbers_of, rest_of, values_of
+from wavesweep.engine._loops.values import keys_with, numbers_of
 from wavesweep.engine._state_space import StateSpace
 
 # the junctions at the hand's port
@@ -44,7 +44,7 @@ def assembled(
     """
     known_values = dead_time.built(drawing, numbers_of(values))
     with np.errstate(all="ignore"):
-        rate = values_of(drawing.tick_hz, known_values)
+        rate = drawing.tick_hz.values(known_values)
         tick = 1 / numbers(rate)
         placed = _blocks(drawing, known_values, rate, tick)
         sums = {port: _gains(terms, known_values) for port, terms in drawing.wires}
@@ -108,12 +108,12 @@ def _dead_time(drawing, name, known):
 def rate_of(drawing: Drawing, values: Mapping[str, object]):
     """Return the rate of the tick (Hz); values: as for `assembled`."""
     with np.errstate(all="ignore"):
-        return values_of(drawing.tick_hz, numbers_of(values))
+        return drawing.tick_hz.values(numbers_of(values))
 
 
 def _gains(terms, known):
     """The gains of terms; known: numbers by name."""
-    return {signal: values_of(gain, known) for signal, gain in terms}
+    return {signal: gain.values(known) for signal, gain in terms}
 
 
 def _placed(block, known, tick):
@@ -138,8 +138,8 @@ def _placed_alone(block, read, tick):
 
 def _with_numbers(block, known, tick):
     """The block with its numbers; its period is that between its runs."""
-    every = int(values_of(block.every, known))
-    phase = int(values_of(block.phase, known))
+    every = int(block.every.values(known))
+    phase = int(block.phase.values(known))
     period = every * tick
     if block.phases:
         period = period / len(block.phases)
@@ -175,7 +175,7 @@ def _keys(block, known):
     """The keys of a block with their values, by the names that functions of `blocks` have for
     them."""
     shared = SharedParts()
-    keys = keys_with(block, lambda tree: values_of(tree, known, shared))
+    keys = keys_with(block, lambda tree: tree.values(known, shared))
     if block.type == "butterworth":
         keys["passes"] = keys.pop("pass")
     if block.type == "ss" and not keys["D"]:
@@ -185,7 +185,7 @@ def _keys(block, known):
 
 def _rests(trees, values, known):
     """What rounding has taken from the values of trees."""
-    return [rest_of(tree, value, known) for tree, value in zip(trees, values, strict=True)]
+    return [tree.rest(value, known) for tree, value in zip(trees, values, strict=True)]
 
 
 def _take_out(drawing, placed, sums, known, out):
@@ -211,7 +211,7 @@ def _take_out(drawing, placed, sums, known, out):
         opened = blocks.ss(block, 1.0, [], [], [], D, ("u", PRODUCT), ("y",), discrete=True)
     else:
         constants, slopes = zip(*(_parts(tree, known, out) for tree in keys["num"]), strict=True)
-        den = [values_of(tree, known) for tree in keys["den"]]
+        den = [tree.values(known) for tree in keys["den"]]
         constant = blocks.tf(block, 1.0, list(constants), den, keys["discrete"])
         slope = blocks.tf(block, 1.0, list(slopes), den, keys["discrete"])
         sums[FACTOR] = {f"{block}.factor": 1.0}
@@ -259,7 +259,7 @@ def _parts(gain, known, out):
     g(1) - g(0)."""
     constant = gain.with_number(out, 0.0)
     total = gain.with_number(out, 1.0)
-    return values_of(constant, known), values_of(total - constant, known)
+    return constant.values(known), (total - constant).values(known)
 
 
 def twins(

@@ -36,16 +36,6 @@ class AtPort:
     values: Callable[..., np.ndarray]
 
 
-def buildable(loops: Loops, along: str) -> Loops:
-    """The loops at any value of the number: without the whole numbers of ticks of dead times,
-    which follow from it."""
-    if name_of(along) not in loops.drawing.timing:
-        return loops
-    building = loops.drawing.building
-    values = {path: value for path, value in loops.values.items() if path not in building}
-    return Loops(loops.drawing, values)
-
-
 def lines_at_ends(
     question: Question, loops: Loops, opened: Opened | None, place, p, omega
 ) -> np.ndarray:
@@ -68,7 +58,7 @@ def lines_at_ends(
     p = np.where(p == 0, NEXT_TO_ZERO, p)
     for first in range(0, place.size, few):
         batch = slice(first, first + few)
-        varied = buildable(loops, question.along).some(place[batch])
+        varied = loops.at_any_value_of(question.along).some(place[batch])
         varied = varied.changed({question.along: p[batch]})
         with suppress(IllPosedLoopError):
             drawn = varied.drawn()

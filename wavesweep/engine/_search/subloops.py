@@ -16,7 +16,7 @@ import numpy as np
 from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine._drawing.drawing import Drawing
 from wavesweep.engine._loops.domain import domains
-from wavesweep.engine._loops.values import numbers_of, values_of
+from wavesweep.engine._loops.values import numbers_of
 from wavesweep.engine._search.open_loops import Opened
 from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, common
@@ -135,7 +135,7 @@ def silent(
     zero = set()
     with np.errstate(all="ignore"):
         for place, gain in others:
-            if np.any(values_of(gain, numbers)):
+            if np.any(gain.values(numbers)):
                 acting = acting | {place}
             else:
                 zero.add(place)

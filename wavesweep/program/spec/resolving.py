@@ -137,14 +137,13 @@ def resolve_drawn(
     drawing: Drawing, before: Mapping[str, float], given: Given
 ) -> tuple[dict[str, float], Mistakes]:
     """Return the values of a drawing's numbers as they are given now, and all mistakes."""
-    from wavesweep.engine.drawing import faults
 
     values = dict(before)
     mistakes = Mistakes()
     for path, key in drawing.names.keys.items():
         if leaf := given.leaves.get(path):
             values[path] = mistakes.check(key, leaf, path)
-    for path, expected, value in () if mistakes else faults(drawing, values):
+    for path, expected, value in () if mistakes else drawing.faults(values):
         mistakes.refuse(given.leaf(path), path, expected, value, of_key=False)
     return values, mistakes
 
