@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         TYPES,
         without_rule,
     )
-    from wavesweep.engine._drawing.conditions import OF_PLANT
+    from wavesweep.engine._drawing.conditions import OF_PLANT, faults
     from wavesweep.engine._drawing.drawing import (
         AT,
         ENVIRONMENT,
@@ -46,7 +46,7 @@ else:
                 "TYPES",
                 "without_rule",
             ),
-            "_drawing.conditions": ("OF_PLANT",),
+            "_drawing.conditions": ("OF_PLANT", "faults"),
             "_drawing.drawing": (
                 "AT",
                 "Drawing",

@@ -9,7 +9,7 @@ from textwrap import shorten
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing import SHARES, name_of, path_of
+from wavesweep.engine.drawing import SHARES, faults, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
@@ -266,7 +266,7 @@ def _refuse_faults(rules, values, fixed) -> None:
     if not rules.drawing or not fixed:
         return
     numbers = {path: number for path, number in values.items() if not np.ndim(number)}
-    for path, expected, found in rules.drawing.faults(numbers | fixed):
+    for path, expected, found in faults(rules.drawing, numbers | fixed):
         at = ", ".join(f"{name_of(name)} = {number:g}" for name, number in fixed.items())
         refuse(path, expected, f"{found} with {at} of [for_all]")
 

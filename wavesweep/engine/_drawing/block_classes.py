@@ -30,12 +30,8 @@ def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
     placed = {path: leaf for path, leaf in leaves.items() if path[0] != "type"}
     used = set()
     for path, leaf in leaves.items():
-        if (
-            path[0] == "block"
-            and path[2:] == ("type",)
-            and isinstance(leaf.value, str)
-            and leaf.value in classes
-        ):
+        is_type = path[0] == "block" and path[2:] == ("type",)
+        if is_type and isinstance(leaf.value, str) and leaf.value in classes:
             used.add(leaf.value)
             placed = _Instance(path[1], classes[leaf.value], placed, mistakes).expanded(leaf)
     for path, leaf in list(placed.items()):
@@ -82,30 +78,26 @@ def _refuse_part(of_class: str, path: Path, leaf: Leaf, mistakes: Mistakes) -> N
     elif not path or path in {(table,) for table in PARTS} or path == ("ports", "outputs"):
         if leaf.value != {}:
             mistakes.refuse(leaf, key, "a table", show(leaf.value), of_key=False)
+    elif path[0] == "ports":
+        mistakes.is_known(path[1], PORTS, leaf, key)
     else:
-        names, name = (PORTS, path[1]) if path[0] == "ports" else (PARTS, path[0])
-        mistakes.is_known(name, names, leaf, key)
+        mistakes.is_known(path[0], PARTS, leaf, key)
 
 
 def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
     """Return the path at which a block gives each number of its class, by the name that the
     number has in the block."""
-    numbers = [
-        (path[1], path[3])
-        for path in leaves
-        if path[0] == "type" and path[2:3] == ("numbers",) and len(path) > 3
-    ]
-    blocks = [
-        (path[1], leaf.value)
-        for path, leaf in leaves.items()
-        if path[0] == "block" and path[2:] == ("type",)
-    ]
-    return {
-        f"{block}_{name}": f"block.{block}.{name}"
-        for block, kind in blocks
-        for of_type, name in numbers
-        if of_type == kind
-    }
+    numbers_of_class: dict[str, list[str]] = {}
+    for path in leaves:
+        if path[0] == "type" and path[2:3] == ("numbers",) and len(path) > 3:
+            numbers_of_class.setdefault(path[1], []).append(path[3])
+    paths = {}
+    for path, leaf in leaves.items():
+        if path[0] == "block" and path[2:] == ("type",) and isinstance(leaf.value, str):
+            block = path[1]
+            for name in numbers_of_class.get(leaf.value, ()):
+                paths[f"{block}_{name}"] = f"block.{block}.{name}"
+    return paths
 
 
 def _ascending(runs: list[Any]) -> bool:
@@ -119,38 +111,47 @@ def _in_series(
 ) -> dict[Path, Leaf]:
     """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay
     that has taps."""
-    keys_of_delay = {
-        path[2:]: leaf
-        for path, leaf in leaves.items()
-        if path[:2] == ("block", name) and path[2:] not in (("type",), ("taps",))
-    }
-    placed = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
-    runs, place = taps.value if isinstance(taps.value, list) else [], taps.place
-    if wrong := not _ascending(runs):
-        expected, text = (
-            "a list of runs of the block in ascending order, such as [2, 5]",
-            ", ".join(map(str, runs)),
-        )
-        mistakes.refuse(
-            taps, f"block.{name}.taps", expected, text or show(taps.value), of_key=False
-        )
+    own, placed = _parted(leaves, name)
+    keys_of_delay = {path: leaf for path, leaf in own.items() if path not in (("type",), ("taps",))}
+    runs = taps.value if isinstance(taps.value, list) else []
+    place = taps.place
+    ascending = _ascending(runs)
+    if not ascending:
+        expected = "a list of runs of the block in ascending order, such as [2, 5]"
+        found = ", ".join(map(str, runs)) or show(taps.value)
+        mistakes.refuse(taps, f"block.{name}.taps", expected, found, of_key=False)
     for key in keys_of_delay.keys() & {("steps",), ("seconds",)}:
-        mistakes.refuse(
-            keys_of_delay.pop(key),
-            f"block.{name}.{key[0]}",
-            "either steps, seconds or taps",
-            f"taps and {key[0]}",
-        )
+        path_of_key = f"block.{name}.{key[0]}"
+        found = f"taps and {key[0]}"
+        leaf = keys_of_delay.pop(key)
+        mistakes.refuse(leaf, path_of_key, "either steps, seconds or taps", found)
     series: dict[Path, Leaf] = {("ports", "inputs"): Leaf(["u"], place)}
-    before, last = "u", 0
+    before = "u"
+    last = 0
     for i, run in enumerate(runs, 1):
-        tap, steps = f"tap{i}", run if wrong or i == 1 else f"({run}) - ({last})"
+        tap = f"tap{i}"
+        steps = f"({run}) - ({last})" if ascending and i > 1 else run
         keys = keys_of_delay | {("steps",): Leaf(steps, replace(place, exact=False))}
-        placed |= {("block", name, tap, *path): leaf for path, leaf in keys.items()}
-        series |= {("block", tap, "type"): kind, ("wire", f"{tap}.u"): Leaf(before, place)}
+        for path, leaf in keys.items():
+            placed["block", name, tap, *path] = leaf
+        series["block", tap, "type"] = kind
+        series["wire", f"{tap}.u"] = Leaf(before, place)
         series["ports", "outputs", f"y{i}"] = Leaf(f"{tap}.y", place)
-        before, last = f"{tap}.y", run
+        before = f"{tap}.y"
+        last = run
     return _Instance(name, series, placed, mistakes).expanded(kind)
+
+
+def _parted(leaves: Mapping[Path, Leaf], name: str) -> tuple[dict[Path, Leaf], dict[Path, Leaf]]:
+    """The leaves of a block by their paths in it, and all others."""
+    own = {}
+    others = {}
+    for path, leaf in leaves.items():
+        if path[:2] == ("block", name):
+            own[path[2:]] = leaf
+        else:
+            others[path] = leaf
+    return own, others
 
 
 class _Instance:
@@ -160,14 +161,17 @@ class _Instance:
     def __init__(
         self, name: str, parts: Mapping[Path, Leaf], leaves: dict[Path, Leaf], mistakes: Mistakes
     ) -> None:
-        self.name, self.parts, self.mistakes = name, parts, mistakes
-        self.own = {path[2:]: leaf for path, leaf in leaves.items() if path[:2] == ("block", name)}
-        self.rest = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
-        named = {
-            table: {path[1] for path in parts if path[:1] == (table,) and len(path) > 1}
-            for table in PARTS
-        }
-        self.numbers, self.blocks, self.signals = named["numbers"], named["block"], named["signals"]
+        self.name = name
+        self.parts = parts
+        self.mistakes = mistakes
+        self.own, self.rest = _parted(leaves, name)
+        named: dict[str, set[str]] = {table: set() for table in PARTS}
+        for path in parts:
+            if path and path[0] in named:
+                named[path[0]].update(path[1:2])
+        self.numbers = named["numbers"]
+        self.blocks = named["block"]
+        self.signals = named["signals"]
         inputs = parts.get(("ports", "inputs"))
         self.inputs = inputs.value if inputs and isinstance(inputs.value, list) else []
 
@@ -176,36 +180,26 @@ class _Instance:
             expected = f"at most {MOST_PLACED} keys with those of all classes"
             self.mistakes.refuse(kind, f"block.{self.name}.type", expected, "more", of_key=False)
             return self.rest
-        placed = {
-            new: own_leaf
-            for path, leaf in self.parts.items()
-            for new, own_leaf in self.placed(path, leaf)
-        }
+        placed: dict[Path, Leaf] = {}
+        for path, leaf in self.parts.items():
+            placed.update(self.placed(path, leaf))
         for port in map(str, self.inputs):
             wire = self.rest.pop(("wire", self.name, port), None)
             if wire is None:
                 expected = f'a wire to this input, "{self.name}.{port}" = "..." in [wire]'
-                self.mistakes.refuse(
-                    kind,
-                    f"block.{self.name}.{port}",
-                    expected,
-                    "none (0 leaves it at rest)",
-                    of_key=False,
-                )
+                found = "none (0 leaves it at rest)"
+                path_of_port = f"block.{self.name}.{port}"
+                self.mistakes.refuse(kind, path_of_port, expected, found, of_key=False)
             placed["signals", f"{self.name}.{port}"] = wire or Leaf("0", kind.place)
         keys = ("type", *sorted(self.numbers), *sorted(self.blocks))
         for path, leaf in self.own.items():
             if path[0] in self.blocks and len(path) > 1:  # a key that the class does not write
                 placed["block", f"{self.name}.{path[0]}", *path[1:]] = leaf
             elif path != ("type",):
-                expected, suggestion = "one of " + ", ".join(keys), nearest(path[0], keys)
-                self.mistakes.refuse(
-                    leaf,
-                    ".".join(("block", self.name, *path)),
-                    expected,
-                    "an unknown key",
-                    suggestion,
-                )
+                expected = "one of " + ", ".join(keys)
+                near = nearest(path[0], keys)
+                path_of_key = ".".join(("block", self.name, *path))
+                self.mistakes.refuse(leaf, path_of_key, expected, "an unknown key", near)
         for path in placed.keys() & self.rest.keys():
             expected = f"another name than that of a part of {self.name}"
             self.mistakes.refuse(self.rest[path], ".".join(path), expected, show(path[1]))
@@ -242,21 +236,14 @@ class _Instance:
     def _renamed(self, value: object) -> object:
         if isinstance(value, list):
             return [self._renamed(item) for item in value]
-        return (
-            re.sub(r"(?<![\w.])[A-Za-z_][\w.]*", self._name, value)
-            if isinstance(value, str)
-            else value
-        )
+        if isinstance(value, str):
+            return re.sub(r"(?<![\w.])[A-Za-z_][\w.]*", self._name, value)
+        return value
 
     def _name(self, match: re.Match[str]) -> str:
         name: str = match[0]
-        inside = (
-            name.partition(".")[0] in self.blocks or name in self.signals or name in self.inputs
-        )
-        return (
-            f"{self.name}_{name}"
-            if name in self.numbers
-            else f"{self.name}.{name}"
-            if inside
-            else name
-        )
+        if name in self.numbers:
+            return f"{self.name}_{name}"
+        if name.partition(".")[0] in self.blocks or name in (*self.signals, *self.inputs):
+            return f"{self.name}.{name}"
+        return name

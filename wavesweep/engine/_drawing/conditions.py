@@ -58,23 +58,17 @@ def conditions(drawing: Drawing) -> tuple[Condition, ...]:
 def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Condition]:
     """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the
     tick's rate."""
-    kind, start, tick, keys = (
-        TYPES[block.type],
-        f"block.{block.name}.",
-        (rate, tick_hz),
-        keys_of_block(block.type),
-    )
-    numbers = [
-        (name, (start + name, tree)) for name, tree in (*block.trees(), *block.limit_trees())
-    ]
-    by_name = dict(reversed(numbers))  # of a list the first number
-    for name, number in numbers:
+    tick = rate, tick_hz
+    keys = keys_of_block(block.type)
+    by_name: dict[str, tuple[str, Tree]] = {}  # of a list the first number
+    for name, tree in (*block.trees(), *block.limit_trees()):
+        number = f"block.{block.name}.{name}", tree
+        by_name.setdefault(name, number)
         yield Condition(partial(_within, keys[name]), partial(expectation, keys[name]), number)
     if block.plant or block.dead_time:
         noun = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
-        yield Condition(
-            lambda ticks: ticks == 1, f"1, since {noun} runs in every tick", by_name["every"]
-        )
+        expected = f"1, since {noun} runs in every tick"
+        yield Condition(lambda ticks: ticks == 1, expected, by_name["every"])
     else:
         yield Condition(
             operator.lt,
@@ -82,7 +76,7 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
             by_name["phase"],
             by_name["every"],
         )
-    for name in kind.below_half:
+    for name in TYPES[block.type].below_half:
         reads = by_name[name], tick, by_name["every"], by_name.get("order", ("", ONE))
         yield Condition(
             lambda hz, rate, every, order: (hz < rate / every / 2) | (order == 0),
@@ -107,11 +101,12 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
             tick,
             by_name["every"],
         )
-    for name in ("late", "lost") if block.loses_at_random else ():
+    if block.loses_at_random:
         expected = (
             "0 beside loss or burst, since messages are lost either at random or by any pattern"
         )
-        yield Condition(lambda number: number == 0, expected, by_name[name])
+        for name in ("late", "lost"):
+            yield Condition(lambda number: number == 0, expected, by_name[name])
     yield from _conditions_of_type(block, by_name, tick)
 
 
@@ -123,9 +118,10 @@ def _conditions_of_type(
     start = f"block.{block.name}."
     if block.type == "mass_matrix":
         block_keys = dict(block.keys)
-        reads = [
-            (f"{start}{name}", tree) for name in MASS for row in block_keys[name] for tree in row
-        ]
+        reads = []
+        for name in MASS:
+            for row in block_keys[name]:
+                reads += [(f"{start}{name}", tree) for tree in row]
         yield Condition(
             partial(is_mass, block_keys),
             "a mass matrix that is symmetric and positive definite",
@@ -136,23 +132,24 @@ def _conditions_of_type(
             lambda first: first != 0, "a first coefficient other than 0", by_name["den"]
         )
     if block.dead_time:
-        expected = f"at most {LONGEST_DELAY} ticks of the loop, {{:g}} s".format
-        longest = lambda _, hz: expected(LONGEST_DELAY / hz)  # noqa: E731 - beside its text
         yield Condition(
-            lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, by_name["seconds"], tick
+            lambda seconds, hz: seconds * hz <= LONGEST_DELAY,
+            lambda _, hz: f"at most {LONGEST_DELAY} ticks of the loop, {LONGEST_DELAY / hz:g} s",
+            by_name["seconds"],
+            tick,
         )
     if block.type == "local_model":
-        explicit = dict(block.keys)["integration"] == "explicit"
-        total = (
-            "b + B is not 0"
-            if explicit
-            else "b + B + K h is not 0, h the time that its spring reads ahead"
-        )
-        reads = by_name["B" if explicit else "K"], ("", block.divisor(tick[1])), by_name["b"]
+        changed = "K"
+        divisor = "b + B + K h is not 0, h the time that its spring reads ahead"
+        if dict(block.keys)["integration"] == "explicit":
+            changed = "B"
+            divisor = "b + B is not 0"
         yield Condition(
             lambda _, total, b: abs(total) > LEAST_DIVISOR * abs(b),
-            f"a number with which {total}",
-            *reads,
+            f"a number with which {divisor}",
+            by_name[changed],
+            ("", block.divisor(tick[1])),
+            by_name["b"],
         )
 
 
@@ -162,16 +159,17 @@ def _below_half(_, rate, every, __):
 
 def _within(key: Key, value):
     """Whether a value, or each of an array, is one that the key of a number accepts."""
-    low, high = (
-        (-math.inf if key.low is None else key.low),
-        (math.inf if key.high is None else key.high),
-    )
+    low = -math.inf if key.low is None else key.low
+    high = math.inf if key.high is None else key.high
     above = value > low if key.above_low else value >= low
-    return above & (value <= high) & ((value % 1 == 0) if key.type == "integer" else True)
+    is_kind = (value % 1 == 0) if key.type == "integer" else True
+    return above & (value <= high) & is_kind
 
 
-def faults(drawing: Drawing, numbers: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-    """Yield what `Drawing.faults` does. numbers: by the names that trees have for them."""
+def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
+    """Yield path, expected and found text for each key that these values do not suit; keys
+    without values are left out."""
+    numbers = scalars(values)
     shared = SharedParts()
     wrong: set[str] = set()
     every: dict[str, int] = {}
@@ -194,17 +192,16 @@ def faults(drawing: Drawing, numbers: Mapping[str, float]) -> Iterator[tuple[str
 def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] | None:
     """Return expected and found text if a condition does not hold for these values of what it
     reads."""
-    number, expected = values[0], condition.expected
+    number = values[0]
     if number is None:
-        return (
-            "a finite number",
-            "a division by zero, a root or logarithm of a negative number or an overflow",
-        )
+        found = "a division by zero, a root or logarithm of a negative number or an overflow"
+        return "a finite number", found
     if not computable(number):
         return SIZES, f"{number:g}"
-    if None not in values and not condition.holds(*values):
-        return expected if isinstance(expected, str) else expected(*values), f"{number:g}"
-    return None
+    if None in values or condition.holds(*values):
+        return None
+    expected = condition.expected
+    return expected if isinstance(expected, str) else expected(*values), f"{number:g}"
 
 
 def _size_faults(
@@ -213,13 +210,12 @@ def _size_faults(
     """Yield the `faults` of too many states, and of a frame that is too long. runs: path of
     `every` of blocks -> ticks."""
     states = {block.name: _states(block, numbers) for block in drawing.blocks}
-    if (total := sum(states.values())) > MOST_STATES:
-        yield (
-            f"block.{max(states, key=states.get)}",
-            f"at most {MOST_STATES} states in all blocks",
-            f"{total:g}",
-        )
-    if (frame := math.lcm(*runs.values())) > LONGEST_FRAME:
+    total = sum(states.values())
+    if total > MOST_STATES:
+        largest = max(states, key=states.get)
+        yield f"block.{largest}", f"at most {MOST_STATES} states in all blocks", f"{total:g}"
+    frame = math.lcm(*runs.values())
+    if frame > LONGEST_FRAME:
         expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
         listed = ", ".join(map(str, sorted(set(runs.values()))))
         yield max(runs, key=runs.get), expected, f"{frame} (the least common multiple of {listed})"
@@ -229,11 +225,11 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     """The states of a block as far as its keys say how many there are: coefficients, rows,
     steps, ticks."""
     keys = dict(block.core(ONE).keys)
-    counts = (
-        keys.get(name, Tree.number(0.0)).finite_value(numbers) or 0.0
-        for name in ("steps", "late", "order")
-    )
-    return len(keys.get("den", keys.get("A", ()))) + sum(counts)
+    states = len(keys.get("den", keys.get("A", ())))
+    for name in ("steps", "late", "order"):
+        if name in keys:
+            states += keys[name].finite_value(numbers) or 0.0
+    return states
 
 
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
@@ -262,14 +258,13 @@ def _no_position(signal: str, force: str, velocities: list[str], runs: float) ->
 
 def _velocities(drawing: Drawing) -> list[str]:
     """The outputs of bodies that are velocities: the second half of them."""
-    bodies = [
-        block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"
-    ]
-    return [
-        f"{block.name}.{port}"
-        for block in bodies
-        for port in block.ports[1][len(block.ports[1]) // 2 :]
-    ]
+    velocities = []
+    for block in drawing.blocks:
+        if TYPES[block.type].body or block.type == "mass_matrix":
+            _, outputs = block.ports
+            half = len(outputs) // 2
+            velocities += [f"{block.name}.{port}" for port in outputs[half:]]
+    return velocities
 
 
 def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:

@@ -115,13 +115,6 @@ class Drawing:
         """Return the rate of the tick in Hz."""
         return self.tick_hz.value(scalars(values))
 
-    def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
-        """Yield path, expected and found text for each key that these values do not suit; keys
-        without values are left out."""
-        from wavesweep.engine._drawing.conditions import faults
-
-        return faults(self, scalars(values))
-
     @property
     def has_waves(self) -> bool:
         """Whether the loop has ends of a wave line."""

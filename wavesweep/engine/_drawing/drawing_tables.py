@@ -7,7 +7,7 @@ from functools import partial
 from typing import NamedTuple
 
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
-from wavesweep.engine._drawing.conditions import displaced
+from wavesweep.engine._drawing.conditions import displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
@@ -74,7 +74,7 @@ def read_drawing(
     reader.taken = surroundings.taken
     reader.free = surroundings.free
     drawing, values = reader.drawing(grouped)
-    for path, expected, reason in (*drawing.faults(values), *displaced(drawing, values)):
+    for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
         text = f"{show(leaf.value)}: {reason}" if isinstance(leaf.value, str) else reason
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)

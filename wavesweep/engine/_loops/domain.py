@@ -252,6 +252,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     wrong = unsuitable(drawing, values)
     if not wrong.any():
         return
+    from wavesweep.engine._drawing.conditions import faults
 
     first = int(np.flatnonzero(wrong)[0])
     loop = dict(values)
@@ -260,7 +261,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
         if np.ndim(value):
             loop[path] = float(np.broadcast_to(value, wrong.shape)[first])
             texts.append(f"{name_of(path)} = {loop[path]:g}")
-    path, expected, reason = next(drawing.faults(loop), ("a key", "another value", "none"))
+    path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
     raise UsageError(
         f"{', '.join(texts)} makes no loop: {path}: expected {expected}, found {reason}"
     )

@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from wavesweep.engine.drawing import LONGEST_DELAY, Drawing
+from wavesweep.engine.drawing import LONGEST_DELAY, Drawing, faults
 from wavesweep.engine.keys import (
     HIGHEST_ORDER,
     LONGEST_FRAME,
@@ -143,7 +143,7 @@ def resolve_drawn(
     for path, key in drawing.names.keys.items():
         if leaf := given.leaves.get(path):
             values[path] = mistakes.check(key, leaf, path)
-    for path, expected, value in () if mistakes else drawing.faults(values):
+    for path, expected, value in () if mistakes else faults(drawing, values):
         mistakes.refuse(given.leaf(path), path, expected, value, of_key=False)
     return values, mistakes
 
