@@ -130,43 +130,39 @@ class Drawing:
     @property
     def environment(self) -> tuple[str, Terms, None] | None:
         """The port of the environment, in the form of that of the hand."""
-        force = [signal for name, signal, _ in self.inputs if name == ENVIRONMENT[0]]
-        return next(
-            (
-                (force[0], terms, None)
-                for name, terms, _ in self.outputs
-                if force and name == ENVIRONMENT[1]
-            ),
-            None,
-        )
+        forces = {name: signal for name, signal, _ in self.inputs}
+        displacements = {name: terms for name, terms, _ in self.outputs}
+        force, displacement = ENVIRONMENT
+        if force in forces and displacement in displacements:
+            return forces[force], displacements[displacement], None
+        return None
 
     @property
     def further(self) -> tuple[tuple[str, str, Terms], ...]:
         """The further axes of the hand: name of the output, signal of the force, and
         displacement of each."""
-        displacements = {
-            name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])
-        }
-        forces = {
-            name.replace(*FURTHER): signal
-            for name, signal, _ in self.inputs
-            if name.startswith(FURTHER[0])
-        }
-        return tuple(
-            (name, forces[name], terms) for name, terms in displacements.items() if name in forces
-        )
+        force, displacement = FURTHER
+        forces = {}  # by the name of the displacement beside it
+        for name, signal, _ in self.inputs:
+            if name.startswith(force):
+                forces[name.replace(force, displacement)] = signal
+        axes = []
+        for name, terms, _ in self.outputs:
+            if name.startswith(displacement) and name in forces:
+                axes.append((name, forces[name], terms))
+        return tuple(axes)
 
     @property
     def signals(self) -> list[str]:
         """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and
         the names in [signals]."""
-        ports = (
-            f"{block.name}.{port}"
-            for side in (1, 0)
-            for block in self.blocks
-            for port in block.ports[side]
-        )
-        return [*ports, *(name for name, _ in self.named)]
+        inputs = []
+        outputs = []
+        for block in self.blocks:
+            into, out_of = block.ports
+            inputs += [f"{block.name}.{port}" for port in into]
+            outputs += [f"{block.name}.{port}" for port in out_of]
+        return [*outputs, *inputs, *(name for name, _ in self.named)]
 
     @_remembered
     def plants(self) -> tuple[Plant, ...]:
@@ -174,9 +170,8 @@ class Drawing:
         dead time acts on or reads."""
         arriving, sensed = _between_ticks(self)
         plants: list[set[str]] = []
-        for coupled in (
-            {_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings
-        ):
+        for port, terms in self.couplings:
+            coupled = {_block_of(name) for name in (port, *dict(terms))}
             joined = coupled.union(*(names for names in plants if names & coupled))
             plants = [names for names in plants if not names & joined] + [joined]
         for name in dict.fromkeys(_block_of(name) for name, _ in (*arriving, *sensed)):
@@ -208,16 +203,16 @@ class Drawing:
         a plant has arrived before the second one, or the same, reads the plant; see
         `wavesweep.engine._loops.dead_time`.
         """
-        pairs = {
-            (early, late)
-            for plant in self.plants
-            for _, early in plant.arriving
-            for _, late in plant.sensed
-        }
-        ticks = {f"block.{name}.ticks": (name,) for name in self.dead_times}
-        return ticks | {
-            f"block.{early}.before.{late}": (early, late) for early, late in sorted(pairs)
-        }
+        pairs = set()
+        for plant in self.plants:
+            for _, early in plant.arriving:
+                pairs |= {(early, late) for _, late in plant.sensed}
+        building: dict[str, tuple[str, ...]] = {}
+        for name in self.dead_times:
+            building[f"block.{name}.ticks"] = (name,)
+        for early, late in sorted(pairs):
+            building[f"block.{early}.before.{late}"] = early, late
+        return building
 
     @property
     def channels(self) -> tuple[DrawnBlock, ...]:
@@ -360,23 +355,19 @@ def _with_tree(part: object, meanings: Mapping[str, Tree]) -> object:
 def _between_ticks(drawing):
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead
     times that read them."""
-    plants, delays, arriving, sensed = (
-        {block.name for block in drawing.blocks if block.plant},
-        drawing.dead_times,
-        {},
-        {},
-    )
+    plants = {block.name for block in drawing.blocks if block.plant}
+    delays = drawing.dead_times
+    arriving = []
+    sensed = []
     for port, terms in drawing.wires:
-        block = _block_of(port)
-        if block in plants:
-            arriving |= {
-                (port, source): None
-                for source in (_block_of(signal) for signal, _ in terms)
-                if source in delays
-            }
-        elif block in delays:
-            sensed |= {(signal, block): None for signal, _ in terms if _block_of(signal) in plants}
-    return tuple(arriving), tuple(sensed)
+        reader = _block_of(port)
+        for signal, _ in terms:
+            source = _block_of(signal)
+            if reader in plants and source in delays:
+                arriving.append((port, source))
+            elif reader in delays and source in plants:
+                sensed.append((signal, reader))
+    return tuple(dict.fromkeys(arriving)), tuple(dict.fromkeys(sensed))
 
 
 def _block_of(name):

@@ -121,7 +121,10 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", leaf.value))
             return self.fault(path, leaf, fault)
         self.read.update(tree.names)
-        names, meanings = {*self.numbers, *(self.signals if signals else ())}, self.meanings
+        names = {*self.numbers}
+        if signals:
+            names |= self.signals
+        meanings = self.meanings
         if self.period:
             meanings = meanings if PERIOD in names else {**meanings, PERIOD: self.period}
             names.add(PERIOD)
@@ -145,20 +148,13 @@ class KeyReader:
             block = name.rpartition(".")[0]
             if name in names or (signals and self.is_hidden(block)):
                 continue
-            outputs = [
-                signal
-                for signal in sorted(self.signals)
-                if block and signals and signal.startswith(f"{block}.")
-            ]
-            expected = (
-                f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
-            )
-            yield Fault(
-                at,
-                expected,
-                f"an unknown name {show(name)}",
-                nearest(name, outputs or sorted(names)),
-            )
+            expected = NAMES_OF[signals]
+            choices = sorted(names)
+            outputs = [signal for signal in sorted(self.signals) if signal.startswith(f"{block}.")]
+            if outputs and block and signals:
+                expected = f"an output of {block}: {' or '.join(outputs)}"
+                choices = outputs
+            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, choices))
 
     def is_hidden(self, block: str) -> bool:
         """Whether a block has mistakes that hide its ports."""
@@ -166,9 +162,8 @@ class KeyReader:
 
     def signals_of(self, tree: Tree) -> set[str]:
         """The signals, among them those in the tree of blocks whose ports are not known."""
-        return self.signals | {
-            name for name in tree.names if self.is_hidden(name.rpartition(".")[0])
-        }
+        hidden = {name for name in tree.names if self.is_hidden(name.rpartition(".")[0])}
+        return self.signals | hidden
 
     def _define_name(self, name: str, tree: Tree, text: tuple[str, Leaf], signals: bool) -> bool:
         """Read what one name stands for; False after a mistake in the extents of its expression."""
@@ -189,8 +184,12 @@ class KeyReader:
         texts: path and leaf of each name. signals: whether they are linear in signals; otherwise
         they are numbers.
         """
-        trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
-        rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
+        rest = {}
+        for name, (path, leaf) in texts.items():
+            tree = self.read_text(path, leaf, signals)
+            if tree is not None:
+                rest[name] = tree
+        beyond: set[str] = set()
         while ready := [name for name, tree in rest.items() if rest.keys().isdisjoint(tree.names)]:
             for name in ready:
                 tree = rest.pop(name)
@@ -277,20 +276,21 @@ class KeyReader:
     ) -> DrawnBlock | None:
         """Return a block of keys without mistakes; that they do not fit together is one. read:
         values of the other keys."""
-        path, phase = f"block.{name}", read.pop("phase")
+        phase = read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
-        written = [(key, value) for key, value in read.items() if value is not None]
-        linear_keys, limits = (
-            tuple(pair for pair in written if (pair[0] in TYPES[kind].limits) is beyond)
-            for beyond in (False, True)
-        )
-        block = DrawnBlock(name, kind, linear_keys, every, phase, limits=limits)
-        wrong = _limit_fault(dict(limits)) or _shape_fault(block)
+        keys = {}
+        limits = {}
+        for key, value in read.items():
+            if value is not None:
+                (limits if key in TYPES[kind].limits else keys)[key] = value
+        limit_items = tuple(limits.items())
+        block = DrawnBlock(name, kind, tuple(keys.items()), every, phase, limits=limit_items)
+        wrong = _limit_fault(limits) or _shape_fault(block)
         if wrong:
-            return self.refuse(
-                self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False
-            )
+            key, expected, found = wrong
+            path = f"block.{name}.{key}"
+            return self.refuse(self.leaf(path), path, expected, found, of_key=False)
         return block
 
     def with_corrected_names(
@@ -298,26 +298,20 @@ class KeyReader:
     ) -> dict[str, Leaf]:
         """Return the leaves; an unknown key is a mistake and stands for the key that is meant,
         which then is not missing."""
+        choices = "type", *keys
         meant = dict(given)
         for key, leaf in given.items():
-            if key not in keys and key not in ("", "type"):
-                choices, limits = ("type", *keys), any(word in key for word in LIMITS)
-                alike = (
-                    synonym
-                    for names in ALIKE
-                    if key in names
-                    for synonym in names
-                    if synonym in keys
-                )
-                strange = limits and "high" not in keys
-                near = (
-                    "" if strange else next(alike, "") or nearest(key, choices) or "high" * limits
-                )
-                told = (
-                    "a limit, which a block of type saturation has" if strange else "an unknown key"
-                )
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), told, near)
-                meant.setdefault(near, leaf)
+            if key in keys or key in ("", "type"):
+                continue
+            is_limit = any(word in key for word in LIMITS)
+            if is_limit and "high" not in keys:
+                near = ""
+                found = "a limit, which a block of type saturation has"
+            else:
+                near = _synonym(key, keys) or nearest(key, choices) or "high" * is_limit
+                found = "an unknown key"
+            self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), found, near)
+            meant.setdefault(near, leaf)
         return meant
 
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
@@ -325,7 +319,8 @@ class KeyReader:
         of ports."""
         if leaf is None:
             return self.default_of(path, key)
-        self.leaves[path], value = leaf, leaf.value
+        self.leaves[path] = leaf
+        value = leaf.value
         if key.numeric:
             return self.read_number(path, key, leaf)
         if key.type in ("list", "rows"):
@@ -341,17 +336,13 @@ class KeyReader:
         """Return the default of a key that is not given, as `read_key` does; if there has to be
         one, it is a mistake."""
         if key.required:
-            expected = {"list": "a list of numbers", "rows": "a list of rows"}.get(
-                key.type
-            ) or expectation(key)
-            self.refuse(
-                self.leaf(path.rpartition(".")[0]), path, expected, "nothing (it has no default)"
-            )
-        return (
-            self.number(path, key.default)
-            if key.numeric and key.default is not None
-            else key.default
-        )
+            lists = {"list": "a list of numbers", "rows": "a list of rows"}
+            expected = lists.get(key.type) or expectation(key)
+            block = self.leaf(path.rpartition(".")[0])
+            self.refuse(block, path, expected, "nothing (it has no default)")
+        if key.numeric and key.default is not None:
+            return self.number(path, key.default)
+        return key.default
 
     def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple | None:
         """Read a list of numbers, or of rows of them."""
@@ -363,15 +354,14 @@ class KeyReader:
         ):
             expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
             return self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
-        entry, trees = Key(path, "number", None, "", ""), []
+        entry = Key(path, "number", None, "", "")
+        trees = []
         for i, row in enumerate(rows):
             at = f"{path}[{i}]" if deep else path
-            trees.append(
-                tuple(
-                    self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number))
-                    for j, number in enumerate(row)
-                )
-            )
+            read = []
+            for j, number in enumerate(row):
+                read.append(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number)))
+            trees.append(tuple(read))
         self.leaves[path] = leaf
         return tuple(trees) if deep else trees[0]
 
@@ -392,32 +382,38 @@ def is_dotted(name: str) -> bool:
     return all(map(is_name, name.split(".")))
 
 
+def _synonym(key: str, keys: Mapping[str, Key]) -> str:
+    """A key that is called so elsewhere; empty if there is none."""
+    for names in ALIKE:
+        if key in names:
+            for name in names:
+                if name in keys:
+                    return name
+    return ""
+
+
 def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the limits of a block and what it does at them do
     not fit together."""
     acts = limits.get("anti_windup", "none")
-    need_high = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (
-        acts != "none"
-    )
+    need_high = [name for name in ("low", "tracking_s") if name in limits]
+    if acts != "none":
+        need_high.append("anti_windup")
     if need_high and "high" not in limits:
         return "high", "a number, the upper limit", f"{need_high[0]} without it"
-    if (acts == "back-calculation") != ("tracking_s" in limits):
-        reason = (
-            "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
-        )
-        return "tracking_s", "a time constant (s) with back-calculation, and none without", reason
-    return None
+    needs_time = acts == "back-calculation"
+    if needs_time == ("tracking_s" in limits):
+        return None
+    found = "no time constant" if needs_time else f"one with anti_windup = {acts!r}"
+    return "tracking_s", "a time constant (s) with back-calculation, and none without", found
 
 
 def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the matrices or coefficients do not fit together."""
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
-        return (
-            "num",
-            f"no more coefficients than den has ({len(keys['den'])})",
-            f"{len(keys['num'])}",
-        )
+        expected = f"no more coefficients than den has ({len(keys['den'])})"
+        return "num", expected, f"{len(keys['num'])}"
     if TYPES[block.type].either and len(keys) != 1:
         first, second = TYPES[block.type].either
         return second, f"either {first} or {second}", "both" if keys else "neither"

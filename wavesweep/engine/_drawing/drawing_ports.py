@@ -69,25 +69,20 @@ class PortReader(KeyReader):
                 expected = f"both {' and '.join(needed)}{WITHOUT * (missing == ['damping'])}"
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
-        complete = {
-            side: self.named(side, keys) if side in NAMED else keys for side, keys in ports.items()
-        }
-        return self.with_further(self.with_environment(complete))
+        for side in NAMED:
+            ports[side] = self.named(side, ports[side])
+        return self.with_further(self.with_environment(ports))
 
     def sorted_ports(self, table: Mapping[Path, Leaf]) -> Ports:
         """Sort the leaves of [ports]; unknown ports and keys are mistakes."""
         ports: Ports = {side: {} for side in PORTS}
         for (side, *rest), leaf in table.items():
-            path, named = f"ports.{side}", side in NAMED
+            path = f"ports.{side}"
+            named = side in NAMED
             if side not in PORTS:
                 place = leaf.place.under(leaf.place.path[:2])
-                self.refuse(
-                    place,
-                    path,
-                    "hand, environment, wall, inputs or outputs",
-                    "an unknown port",
-                    nearest(side, PORTS),
-                )
+                expected = "hand, environment, wall, inputs or outputs"
+                self.refuse(place, path, expected, "an unknown port", nearest(side, PORTS))
             elif not rest:
                 if leaf.value != {} or not named:
                     self.refuse(leaf, path, expected_table(side), show(leaf.value))
@@ -102,25 +97,18 @@ class PortReader(KeyReader):
     def _refuse_unpaired(self, listed: list[tuple[str, Leaf]], ports: Ports) -> None:
         """Refuse lists of the hand that do not pair forces and displacements, or that stand
         beside other ports."""
-        texts = [
-            leaf.value
-            for _, leaf in listed
-            if leaf.value and all(isinstance(text, str) for text in leaf.value)
-        ]
-        if (
-            len(texts) < 2
-            or len(texts[0]) != len(texts[1])
-            or ports["environment"]
-            or "reaction" in ports["hand"]
-        ):
-            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
-            self.refuse(
-                listed[0][1],
-                f"ports.hand.{listed[0][0]}",
-                expected,
-                show(listed[0][1].value),
-                of_key=False,
+        counts = []  # of texts, of each list that has texts alone
+        for _, leaf in listed:
+            if leaf.value and all(isinstance(text, str) for text in leaf.value):
+                counts.append(len(leaf.value))
+        alone = not ports["environment"] and "reaction" not in ports["hand"]
+        if len(counts) != 2 or counts[0] != counts[1] or not alone:
+            key, leaf = listed[0]
+            expected = (
+                "as many names of forces as displacements, in two lists, "
+                "without reaction and environment"
             )
+            self.refuse(leaf, f"ports.hand.{key}", expected, show(leaf.value), of_key=False)
 
     def with_further(self, ports: Ports) -> Ports:
         """Add the axes of the hand but the first, of lists of forces and displacements, to the
@@ -145,24 +133,23 @@ class PortReader(KeyReader):
     def with_environment(self, ports: Ports) -> Ports:
         """Add the environment's force to the inputs and its displacement to the outputs."""
         for side, name in zip(NAMED, ENVIRONMENT, strict=True):
-            if leaf := ports["environment"].get(name.partition(".")[2]):
-                ports[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
+            leaf = ports["environment"].get(name.partition(".")[2])
+            if leaf:
+                ports[side][name] = {"signal": leaf}
+                self.leaves[f"ports.{name}"] = leaf
         return ports
 
     def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
         """Check the names of inputs or outputs; return those that have a signal."""
         for name, keys in ports.items():
-            path, first = f"ports.{side}.{name}", next(iter(keys.values()))
-            self.leaves |= {
-                path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()
-            }
-            if not (is_dotted if side == "outputs" else is_name)(name) or name in (
-                *RESERVED,
-                *self.numbers,
-            ):
-                self.refuse(
-                    first, path, f"{NAME}, and neither pi nor a function nor a number", show(name)
-                )
+            path = f"ports.{side}.{name}"
+            first = next(iter(keys.values()))
+            for key, leaf in keys.items():
+                self.leaves[path if key == "signal" else f"{path}.unit"] = leaf
+            fits = is_dotted(name) if side == "outputs" else is_name(name)
+            if not fits or name in (*RESERVED, *self.numbers):
+                expected = f"{NAME}, and neither pi nor a function nor a number"
+                self.refuse(first, path, expected, show(name))
             if "signal" not in keys:
                 self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
         return {name: keys for name, keys in ports.items() if "signal" in keys}
@@ -171,17 +158,15 @@ class PortReader(KeyReader):
         """Read the name, signal and unit of each input."""
         inputs: list[tuple[str, str, str]] = []
         for name, keys in ports["inputs"].items():
-            path, leaf = path_of_port("inputs", name), keys["signal"]
+            path = path_of_port("inputs", name)
+            leaf = keys["signal"]
             fault = self.fault_from_outside(leaf.value)
             if fault and name in self.read:
                 fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
-            if fault or leaf.value in [signal for _, signal, _ in inputs]:
-                self.refuse(
-                    leaf,
-                    path,
-                    *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")),
-                    of_key=False,
-                )
+            if not fault and leaf.value in [signal for _, signal, _ in inputs]:
+                fault = "a signal that no other port has", f"{show(leaf.value)} again"
+            if fault:
+                self.refuse(leaf, path, *fault, of_key=False)
             else:
                 inputs.append((name, leaf.value, self.word(f"{path}.unit", keys.get("unit"))))
         return tuple(inputs)
@@ -208,18 +193,14 @@ class PortReader(KeyReader):
     ) -> None:
         """Add the mistakes of inputs and outputs that have the name of another signal, of which
         a table would show one."""
-        owners = {
-            f"{block.name}.{port}": block
-            for block in blocks
-            for side in block.ports
-            for port in side
-        }
+        owners = _owners(blocks)
         found = [("inputs", name, None) for name in ports["inputs"]]
-        found += [
-            ("outputs", name, terms) for name, terms, _ in outputs if name in ports["outputs"]
-        ]
+        for name, terms, _ in outputs:
+            if name in ports["outputs"]:
+                found.append(("outputs", name, terms))
         for side, name, terms in found:
-            leaf, path = ports[side][name]["signal"], path_of_port(side, name)
+            leaf = ports[side][name]["signal"]
+            path = path_of_port(side, name)
             meant = self.terms_of_signal(name, leaf, owners.get(name), wires)
             if meant is not None and (terms is None or _texts(terms) != _texts(meant)):
                 itself = ", or the signal itself" * (terms is not None)
@@ -237,11 +218,9 @@ class PortReader(KeyReader):
             return f"{NAME}, for {what}", show(signal)
         if signal in self.numbers:
             return "a name that is no number", show(signal)
-        return (
-            None
-            if signal in self.read
-            else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
-        )
+        if signal not in self.read:
+            return "a signal that a wire reads", f"{show(signal)}, which no wire reads"
+        return None
 
     def read_asked(
         self,
@@ -256,20 +235,17 @@ class PortReader(KeyReader):
         Its unit is that of a port with the same signal. Names of no signal are left to
         `Request.refuse_unknown_ends`.
         """
-        ports = {
-            f"{block.name}.{port}": block
-            for block in blocks
-            for side in block.ports
-            for port in side
-        }
+        owners = _owners(blocks)
         units = {name: unit for name, unit, _ in numbers}
-        declared = (keys for side in NAMED for keys in given[side].values() if "unit" in keys)
-        units |= {str(keys["signal"].value): str(keys["unit"].value) for keys in declared}
+        for side in NAMED:
+            for keys in given[side].values():
+                if "unit" in keys:
+                    units[str(keys["signal"].value)] = str(keys["unit"].value)
         for name, leaf in self.asked.items():
-            block = ports.get(name)
-            terms = (
-                None if name in given["outputs"] else self.terms_of_signal(name, leaf, block, wires)
-            )
+            if name in given["outputs"]:
+                continue
+            block = owners.get(name)
+            terms = self.terms_of_signal(name, leaf, block, wires)
             if terms is not None:
                 yield name, terms, units.get(name) or _unit_of(name, block, units)
 
@@ -294,32 +270,34 @@ class PortReader(KeyReader):
         force = keys.get("force")
         if force:
             self.leaves["ports.hand.force"] = force
-            if fault := self.fault_from_outside(force.value, "the hand's force"):
+            fault = self.fault_from_outside(force.value, "the hand's force")
+            if fault:
                 self.refuse(force, "ports.hand.force", *fault, of_key=False)
-        position, reaction = (
-            self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None
-            for key in ("displacement", "reaction")
-        )
-        return (
-            (force.value, position, reaction)
-            if force and isinstance(force.value, str) and position is not None
-            else None
-        )
+        terms: dict[str, Terms | None] = {"displacement": None, "reaction": None}
+        for key in terms:
+            if key in keys:
+                terms[key] = self.read_terms(f"ports.hand.{key}", keys[key])
+        position = terms["displacement"]
+        if force and isinstance(force.value, str) and position is not None:
+            return force.value, position, terms["reaction"]
+        return None
 
     def read_wall(self, keys: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         numbers = []
-        for key, leaf in ((key, keys[key]) for key in PORTS["wall"] if key in keys):
-            path, name = f"ports.wall.{key}", leaf.value
+        for key in PORTS["wall"]:
+            if key not in keys:
+                continue
+            leaf = keys[key]
+            path = f"ports.wall.{key}"
+            name = leaf.value
             self.leaves[path] = leaf
             if name not in self.numbers or name in self.meanings:
+                expected = "the name of a number in [numbers]"
                 hint = nearest(name, self.numbers) if isinstance(name, str) else ""
-                self.refuse(
-                    leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False
-                )
+                self.refuse(leaf, path, expected, show(name), hint, of_key=False)
             elif name in numbers:
-                self.refuse(
-                    leaf, path, "another number than the stiffness", show(name), of_key=False
-                )
+                expected = "another number than the stiffness"
+                self.refuse(leaf, path, expected, show(name), of_key=False)
             numbers.append(str(name))
         return tuple(numbers) or None
 
@@ -330,19 +308,24 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
     if block is None:
         return ""
     mass = dict(block.keys).get("mass", ONE)
-    unit_of_mass = (
-        "kg*m^2"
-        if block.type == "inertia"
-        else units.get(mass.leaf)
-        if mass.operation == "name"
-        else ""
-    )
-    unit = (
-        {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "")
-        if unit_of_mass in ("kg", "kg*m^2")
-        else ""
-    )
-    return TURNED[unit] if unit and unit_of_mass == "kg*m^2" else unit
+    turns = block.type == "inertia"
+    moves = False
+    if not turns and mass.operation == "name":
+        turns = units.get(mass.leaf) == "kg*m^2"
+        moves = units.get(mass.leaf) == "kg"
+    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "")
+    if turns and unit:
+        return TURNED[unit]
+    return unit if moves else ""
+
+
+def _owners(blocks: Iterable[DrawnBlock]) -> dict[str, DrawnBlock]:
+    """The block of each port."""
+    owners = {}
+    for block in blocks:
+        for port in (*block.ports[0], *block.ports[1]):
+            owners[f"{block.name}.{port}"] = block
+    return owners
 
 
 def expected_table(side: str) -> str:

@@ -168,33 +168,38 @@ class Plant:
     @property
     def drawn_ports(self) -> tuple[list[str], list[str]]:
         """The input and output ports of its members, as they are drawn."""
-        return tuple(
-            [f"{block.name}.{port}" for block in self.members for port in block.ports[side]]
-            for side in (0, 1)
-        )
+        inputs = []
+        outputs = []
+        for block in self.members:
+            into, out_of = block.ports
+            inputs += [f"{block.name}.{port}" for port in into]
+            outputs += [f"{block.name}.{port}" for port in out_of]
+        return inputs, outputs
 
     @property
     def ports(self) -> tuple[list[str], list[str]]:
         """The same as ports of the plant."""
-        return tuple([*map(self.own, side)] for side in self.drawn_ports)
+        inputs, outputs = self.drawn_ports
+        return [*map(self.own, inputs)], [*map(self.own, outputs)]
 
     @property
     def signals(self) -> dict[str, str]:
         """The signal of the plant for each port of its members."""
-        start = f"{self.name}."
-        return {name: start + self.own(name) for side in self.drawn_ports for name in side}
+        inputs, outputs = self.drawn_ports
+        return {name: f"{self.name}.{self.own(name)}" for name in (*inputs, *outputs)}
 
     @property
     def acts_on_itself(self) -> bool:
         """Whether its couplings form a loop."""
-        feeds = {
-            (name.rpartition(".")[0], port.rpartition(".")[0])
-            for port, terms in self.couplings
-            for name, _ in terms
-        }
-        names, before = {reader for _, reader in feeds}, None
+        feeds = set()
+        for port, terms in self.couplings:
+            for name, _ in terms:
+                feeds.add((name.rpartition(".")[0], port.rpartition(".")[0]))
+        names = {reader for _, reader in feeds}
+        before = None
         while names != before:
-            before, names = names, {source for source, reader in feeds if reader in names}
+            before = names
+            names = {source for source, reader in feeds if reader in names}
         return bool(names)
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
@@ -215,9 +220,7 @@ def transfer_function(
     """Return the keys of the block of type `tf` that a block of firmware is; keys: its own;
     period: of the block, s."""
     meanings = _meanings(keys, period)
-    num, den = (
-        tuple(parse(text).with_trees(meanings) for text in texts) for texts in TYPES[kind].formula
-    )
+    num, den = (_in_full(texts, meanings) for texts in TYPES[kind].formula)
     return ("num", num), ("den", den), ("discrete", True if kind == "biquad" else DELTA)
 
 
@@ -234,31 +237,29 @@ def stepwise(
     A trapezium over a step of its own needs the last velocity, which the one state of steps that
     are all alike has in it.
     """
-    words, (inputs, outputs) = dict(keys), ports
-    if not TYPES[kind].stepwise or not (TYPES[kind].formula or TRAPEZIA in words.values()):
+    inputs, outputs = ports
+    by_trapezia = TRAPEZIA in dict(keys).values()
+    if not TYPES[kind].stepwise or not (TYPES[kind].formula or by_trapezia):
         return ()
-    meanings = (
-        _ABSENT
-        | _meanings(keys, period)
-        | {"late": Tree.number(0.5 * (TRAPEZIA in words.values()))}
-    )
-    rows = [
-        tuple(parse(text).with_trees(meanings) for text in row.split(";"))
-        for row in TYPES[kind].stepwise
-    ]
+    meanings = _ABSENT | _meanings(keys, period) | {"late": Tree.number(0.5 * by_trapezia)}
+    rows = [_in_full(row.split(";"), meanings) for row in TYPES[kind].stepwise]
     n = len(rows) - len(outputs)
-    matrices = (
-        tuple(row[columns] for row in half)
-        for half in (rows[:n], rows[n:])
-        for columns in (slice(n), slice(n, None))
+    of_states = rows[:n]
+    of_outputs = rows[n:]
+    return (
+        ("A", tuple(row[:n] for row in of_states)),
+        ("B", tuple(row[n:] for row in of_states)),
+        ("C", tuple(row[:n] for row in of_outputs)),
+        ("D", tuple(row[n:] for row in of_outputs)),
+        ("inputs", inputs),
+        ("outputs", outputs),
+        ("discrete", True),
     )
-    model = {
-        **dict(zip("ABCD", matrices, strict=True)),
-        "inputs": inputs,
-        "outputs": outputs,
-        "discrete": True,
-    }
-    return tuple(model.items())
+
+
+def _in_full(texts, meanings):
+    """The trees of formulas with what their names stand for."""
+    return tuple(parse(text).with_trees(meanings) for text in texts)
 
 
 def _meanings(keys, period):

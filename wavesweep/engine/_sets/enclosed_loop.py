@@ -101,8 +101,10 @@ class EnclosedLoop:
         order: int,
         own_units: Collection[str] = (),
     ) -> None:
+        self.drawing = drawing
+        self.sides = tuple(sides)
+        self.order = order
         self.own_units = own_units
-        self.drawing, self.sides, self.order = drawing, tuple(sides), order
         numbers = {name: value for name, value in scalars(values).items() if value is not None}
         self.known = dead_time.built(drawing, numbers)
         self.names = tuple(name_of(side.path) for side in sides)
@@ -207,9 +209,8 @@ class LoopModel:
 
     def _wires(self, loop, ports, made):
         """The gains from outputs to ports, those of other junctions put in."""
-        traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made} | {
-            signal: {} for signal in loop.inputs
-        }
+        traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made}
+        traced |= {signal: {} for signal in loop.inputs}
 
         def trace(signal):
             if signal not in traced:
@@ -228,9 +229,11 @@ class LoopModel:
     def _closed(self, L, R):
         """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
         acts = (L.whole > 0).reshape(-1, *L.rest.shape[-2:]).any(0)
-        steps, reached = 0, np.eye(len(acts), dtype=bool)
+        steps = 0
+        reached = np.eye(len(acts), dtype=bool)
         while reached.any() and steps <= len(acts):
-            steps, reached = steps + 1, (reached.astype(float) @ acts) > 0
+            steps += 1
+            reached = (reached.astype(float) @ acts) > 0
         if steps <= len(acts):
             found = R
             for _ in range(steps - 1):
@@ -240,21 +243,19 @@ class LoopModel:
         own = L.at(ring, ring)
         solved = (own.identity() - own).inverse() @ R.at(ring, range(R.rest.shape[-1]))
         found = Polynomials(R.terms.copy(), R.rest.copy(), self.numbers, self.order)
-        found.terms[..., ring, :], found.rest[..., ring, :] = solved.terms, solved.rest
+        found.terms[..., ring, :] = solved.terms
+        found.rest[..., ring, :] = solved.rest
         return found
 
 
 def exactly(block: Any, numbers: int, order: int, axes: int) -> BlockModel:
     """Return a block whose entries in doubles are what they are, the same in all cells. axes: of
     the cells."""
-    first = (1,) * axes
-    matrices = (getattr(block, name) for name in "EBCD")
-    return BlockModel(
-        *(
-            Polynomials.constant(each.reshape(*first, *each.shape), numbers, order)
-            for each in matrices
-        )
-    )
+    matrices = []
+    for matrix in (block.E, block.B, block.C, block.D):
+        in_cells = matrix.reshape(*(1,) * axes, *matrix.shape)
+        matrices.append(Polynomials.constant(in_cells, numbers, order))
+    return BlockModel(*matrices)
 
 
 class _Evaluation:
@@ -263,15 +264,18 @@ class _Evaluation:
     def __init__(self, loop: EnclosedLoop, cells: np.ndarray, known: dict[Any, BlockModel]) -> None:
         one = cells.reshape(-1, *cells.shape[-2:])[0]
         wide = np.flatnonzero(one[0] < one[1])
-        self.loop, self.numbers, self.order, self.known = loop, wide.size, loop.order, known
+        self.loop = loop
+        self.numbers = wide.size
+        self.order = loop.order
+        self.known = known
         self.cells = cells.shape[:-2]
         self.values = {}
         for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
-            low, high = cells[..., 0, at], cells[..., 1, at]
+            low = cells[..., 0, at]
+            high = cells[..., 1, at]
             if at in wide:
-                value = TaylorModel.side(
-                    int(np.searchsorted(wide, at)), low, high, wide.size, loop.order
-                )
+                number = int(np.searchsorted(wide, at))
+                value = TaylorModel.side(number, low, high, wide.size, loop.order)
             else:
                 value = arb(float(low.flat[0]))
             self.values[name] = side.model(value)
@@ -285,24 +289,20 @@ class _Evaluation:
         drawing = self.loop.drawing
         rate = self.value(drawing.tick_hz)
         tick = 1 / rate
-        blocks = {
-            block.name: self._once(block, self._block, block, tick)
-            for block in drawing.alone
-            if not block.dead_time
-        }
-        blocks |= {name: self._dead_time(name) for name in drawing.dead_times}
+        blocks = {}
+        for block in drawing.alone:
+            if not block.dead_time:
+                blocks[block.name] = self._once(block, self._block, block, tick)
+        for name in drawing.dead_times:
+            blocks[name] = self._dead_time(name)
         shares = self._shares(rate)
-        blocks |= {
-            plant.name: self._once(plant, self._plant, plant, tick, shares)
-            for plant in drawing.plants
-        }
+        for plant in drawing.plants:
+            blocks[plant.name] = self._once(plant, self._plant, plant, tick, shares)
         inside = drawing.inside
-        sums = {
-            inside.get(port, port): {
-                inside.get(signal, signal): self.value(gain) for signal, gain in terms
-            }
-            for port, terms in drawing.wires
-        }
+        sums = {}
+        for port, terms in drawing.wires:
+            gains = {inside.get(signal, signal): self.value(gain) for signal, gain in terms}
+            sums[inside.get(port, port)] = gains
         if drawing.dead_times:
             sums = dead_time.joined(sums, drawing.plants, inside, "", "")
         return LoopModel(blocks, sums, self.numbers, self.order, self.cells)
@@ -313,16 +313,16 @@ class _Evaluation:
         Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if
         another one may come before it.
         """
-        drawing, known = self.loop.drawing, self.loop.known
-        shares = {
-            name: known[f"block.{name}.ticks"] - self.value(tree) * rate
-            for name, tree in drawing.dead_times.items()
-        }
+        drawing = self.loop.drawing
+        known = self.loop.known
+        shares = {}
+        for name, tree in drawing.dead_times.items():
+            shares[name] = known[f"block.{name}.ticks"] - self.value(tree) * rate
         for path, names in drawing.building.items():
             total = sum(shares[name] for name in names)
-            low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
-            for beyond in (low - total, total - high):
-                most = dead_time.WHOLE_TICK * (1 + known[f"block.{names[0]}.ticks"])
+            low = 1 if len(names) == 2 and known[path] else 0  # ticks
+            most = dead_time.WHOLE_TICK * (1 + known[f"block.{names[0]}.ticks"])
+            for beyond in (low - total, total - (low + 1)):
                 if isinstance(beyond, TaylorModel):
                     late = beyond.ends()[1] > most
                     number = beyond.widest()
@@ -340,10 +340,11 @@ class _Evaluation:
         if isinstance(block, Plant):
             timed = {name for _, name in (*block.arriving, *block.sensed)}
             trees += [tree for name, tree in self.loop.drawing.dead_times.items() if name in timed]
+        kept: dict[Any, Any] = self.loop.kept
+        key: Any = block.name, self.numbers, len(self.cells)
         if any(self.reads(tree) for tree in trees):
-            kept, key = self.known, block
-        else:
-            kept, key = self.loop.kept, (block.name, self.numbers, len(self.cells))
+            kept = self.known
+            key = block
         if key not in kept:
             kept[key] = make(*arguments)
         return kept[key]
@@ -423,9 +424,11 @@ class _Evaluation:
         """The matrices of equations whose entries are models or numbers."""
         n, p = len(equations.states), len(equations.D)
         m = len(equations.D[0]) if p else 0
-        shapes = (n, n), (n, m), (p, n), (p, m)
         return BlockModel(
-            *(self._matrix(rows, shape) for rows, shape in zip(equations[1:], shapes, strict=True))
+            self._matrix(equations.E, (n, n)),
+            self._matrix(equations.B, (n, m)),
+            self._matrix(equations.C, (p, n)),
+            self._matrix(equations.D, (p, m)),
         )
 
     def _matrix(self, rows, shape):
@@ -438,36 +441,36 @@ class _Evaluation:
         delays, centre = realisation(written)
         n = len(den) - 1 - delays
         num = [0] * (len(den) - len(num)) + list(num)
-        shifted = [_recentred(centre, row[: n + 1]) for row in (num, den)]
-        equations = definitions.controllable(*shifted)
-        E = [
-            [entry + (centre - 1) * int(i == j) for j, entry in enumerate(row)]
-            for i, row in enumerate(equations.E)
-        ]
+        equations = definitions.controllable(
+            _recentred(centre, num[: n + 1]), _recentred(centre, den[: n + 1])
+        )
+        E = []
+        for i, row in enumerate(equations.E):
+            E.append([entry + (centre - 1) * int(i == j) for j, entry in enumerate(row)])
         later = [coefficient / den[0] for coefficient in num[n + 1 :]]
         return self._arranged(definitions.with_delays(equations._replace(E=E), later))
 
     def _filter(self, name, order, cutoff_hz, highpass, period):
         """A Butterworth filter: its sections in series, the first nearest to the input."""
-        E, B, C, D = [], [], [], 1
-        of_filter = []
+        E: list[list[Any]] = []
+        B: list[list[Any]] = []
+        C: list[Any] = []
+        D = 1
+        in_series = []
         if order:
             angle = self.library.pi * cutoff_hz * period
             if name in self.loop.own_units and isinstance(angle, TaylorModel):
                 parts = angle.sin(), angle.cos()
-                of_filter = sections_of_angle(order, *parts, highpass, self.library)
+                in_series = sections_of_angle(order, *parts, highpass, self.library)
             else:
-                of_filter = sections(order, self.library.tan(angle), highpass, self.library)
-        for e, b, c, d in of_filter:
-            n = len(E)
+                in_series = sections(order, self.library.tan(angle), highpass, self.library)
+        for e, b, c, d in in_series:
             through = d[0][0]
             E = [[*row, *[0] * len(e)] for row in E]
-            E += [
-                [*(b_row[0] * entry for entry in C), *e_row]
-                for b_row, e_row in zip(b, e, strict=True)
-            ]
-            B += [[b_row[0] * D] for b_row in b]
-            C = [*(through * entry for entry in C[:n]), *c[0]]
+            for (input_gain,), row in zip(b, e, strict=True):
+                E.append([*(input_gain * entry for entry in C), *row])
+                B.append([input_gain * D])
+            C = [*(through * entry for entry in C), *c[0]]
             D = through * D
         return self._arranged(definitions.Equations(tuple(range(len(E))), E, B, [C], [[D]]))
 
@@ -488,32 +491,35 @@ class _Evaluation:
         """Blocks that act on each other by `u = K y + e`, e held over the period; see
         `_loops.plant.plant_of`."""
         inputs, outputs = plant.drawn_ports
-        members = [
-            self._arranged(definitions.continuous(block.type, self._keys(block)))
-            for block in plant.members
-        ]
-        A, B, C, D = (_diagonal([member[i] for member in members]) for i in range(4))
+        members = []
+        for block in plant.members:
+            members.append(self._arranged(definitions.continuous(block.type, self._keys(block))))
+        A, B, C, D = (_diagonal(matrices) for matrices in zip(*members, strict=True))
         gains = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
             for signal, gain in terms:
                 gains[inputs.index(port)][outputs.index(signal)] = self.value(gain)
         K = self._matrix(gains, (len(inputs), len(outputs)))
         L = D @ K
-        back, shown, through = B @ K, C, D
+        back = B @ K
+        shown = C
+        through = D
         if L.whole.any():
             M = (L.identity() - L).inverse()
-            shown, through = M @ C, M @ D
-        A, B = A + back @ shown, B + back @ through
+            shown = M @ C
+            through = M @ D
+        A = A + back @ shown
+        B = B + back @ through
         E, G = self._held(A, B, period)
         states = range(A.rest.shape[-1])
-        columns, rows_of_C, rows_of_D = [G], [shown], []
+        columns = [G]
         for port, name in plant.arriving:
-            columns.append(
-                self._held(A, B.at(states, [inputs.index(port)]), shares[name] * period)[1]
-            )
+            column = B.at(states, [inputs.index(port)])
+            columns.append(self._held(A, column, shares[name] * period)[1])
         shape = *(1,) * len(self.cells), len(outputs), len(plant.arriving)
         nothing = Polynomials.constant(np.zeros(shape), self.numbers, self.order)
-        rows_of_D.append(_joined([through, nothing], -1))
+        rows_of_C = [shown]
+        rows_of_D = [_joined([through, nothing], -1)]
         for signal, name in plant.sensed:
             i = [outputs.index(signal)]
             row = shown.at(i, states)
@@ -533,11 +539,13 @@ class _Evaluation:
     def _dead_time(self, name):
         """The block of a dead time, whose entries are whole numbers."""
         drawing = self.loop.drawing
-        sensed = {
-            signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name
-        }
-        arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
-        others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
+        sensed = set()
+        arriving = False
+        for plant in drawing.plants:
+            sensed |= {signal for signal, delay in plant.sensed if delay == name}
+            arriving |= name in [delay for _, delay in plant.arriving]
+        read = [signal for signal, _ in dict(drawing.wires).get(f"{name}.u", ())]
+        others = not sensed.issuperset(read)
         ticks = self.loop.known[f"block.{name}.ticks"]
         block = dead_time.block_of(
             name, ticks, sensed=bool(sensed), others=others, arriving=arriving
@@ -566,16 +574,19 @@ def _recentred(at, coefficients):
 
 def _diagonal(parts):
     """Matrices along a diagonal."""
-    height, width = (sum(part.rest.shape[axis] for part in parts) for axis in (-2, -1))
+    height = sum(part.rest.shape[-2] for part in parts)
+    width = sum(part.rest.shape[-1] for part in parts)
     cells = np.broadcast_shapes(*(part.rest.shape[:-2] for part in parts))
     zeros = np.zeros((*cells, height, width))
     whole = Polynomials.constant(zeros, parts[0].numbers, parts[0].order)
     row = column = 0
     for part in parts:
-        below, right = row + part.rest.shape[-2], column + part.rest.shape[-1]
+        below = row + part.rest.shape[-2]
+        right = column + part.rest.shape[-1]
         whole.terms[..., row:below, column:right] = part.terms
         whole.rest[..., row:below, column:right] = part.rest
-        row, column = below, right
+        row = below
+        column = right
     return whole
 
 
