@@ -73,7 +73,8 @@ def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, lo
 def test_friction_within_a_tick_is_that_of_a_fine_march():
     """Of ticks in which the device turns round and the force changes: the mean of sgn v, and that of (1/2 - t) sgn v.
 
-    The march has 1000 steps a tick. On straight lines from tick to tick it turns round elsewhere.
+    The march has 1000 steps a tick. On straight lines from tick to tick it turns round elsewhere. Where friction holds the
+    device for a part of a tick, the march turns round at every step.
     """
     ticks, steps, part, friction = 150, 1000, 0.375, 0.25
     force = np.random.default_rng(5).standard_normal(ticks)
@@ -95,6 +96,10 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     assert once.size > 8
     known = replace(log, speeds=speeds, path=path).side(1e-6)
     assert known[:, once] == pytest.approx(sides[once].T, abs=4e-3)
+    rests = np.isfinite(path.held).any(axis=0)
+    assert rests.sum() >= 3
+    assert (turns[rests] > 20).all()
+    assert known[:, rests] == pytest.approx(sides[rests].T, abs=4e-3)
     assert np.abs(replace(log, speeds=speeds).side(1e-6)[0, once] - sides[once, 0]).max() > 0.2
 
 
@@ -176,4 +181,4 @@ def test_friction_that_does_not_fall_is_no_curve(caplog):
     assert predicted(Model(friction=True), log.force, log.reading, log.period, log.step).static is None
     said = [record.getMessage() for record in caplog.records]
     assert said[0].startswith("a first look at 1 of ")
-    assert any("round 2 of at most 2" in line for line in said)
+    assert any("round 2 of at most 6" in line for line in said)

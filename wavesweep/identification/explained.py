@@ -111,13 +111,14 @@ class Effect(NamedTuple):
     moved: np.ndarray | float = 0.0
 
 
-def _strongest_part(force):
-    """The first and the last row of at most SAMPLES_TRIED in which a force changes most."""
-    if len(force) <= SAMPLES_TRIED:
-        return 0, len(force)
-    parts = len(force) // SAMPLES_TRIED
-    sizes = force[: parts * SAMPLES_TRIED].reshape(-1, SAMPLES_TRIED).std(axis=1)
-    first = SAMPLES_TRIED * int(np.argmax(sizes))
+def _least_explained_part(found, rows):
+    """The first and the last row of at most SAMPLES_TRIED, those of which a fit explains least."""
+    if rows - found.skip <= SAMPLES_TRIED:
+        return 0, rows
+    left = np.where(found.used, found.left, 0.0)
+    parts = len(left) // SAMPLES_TRIED
+    sizes = left[: parts * SAMPLES_TRIED].reshape(-1, SAMPLES_TRIED).std(axis=1)
+    first = found.skip + SAMPLES_TRIED * int(np.argmax(sizes))
     return first, first + SAMPLES_TRIED
 
 
@@ -129,7 +130,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     of the fit with it.
     """
     rows = fit.rows
-    first, end = _strongest_part(rows.force)
+    first, end = _least_explained_part(found, len(rows.force))
     part = (rows.force[first:end], rows.reading[first:end], rows.period, rows.resolution)
     force, effects = _with_models(replace(fit.model, without=()), found, part)
     seen = True  # whether a force beside that of the log is seen at all
@@ -138,7 +139,10 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         force = bare.force
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
-        curves = CURVES if seen and not fit.model.load else ()
+        curves = list(CURVES) if seen and not fit.model.load else []
+        # Beside friction that which depends on direction is a constant force, which the walk has.
+        if fit.model.friction and curves:
+            curves.remove("sided friction")
         for number, name in enumerate(curves, 1):
             FIT_LOGGER.info(LACKING, name, number, len(curves))
             beside = with_curve(name, bare.place)

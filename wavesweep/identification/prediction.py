@@ -51,16 +51,23 @@ TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
 WHITE = (-8.0, -4.0, 0.0, 4.0)
 DRIFT = (-14.0, -10.0, -7.0, -4.0, -1.0)
 HIGHEST_DECADE = 8.0  # decade of a variance
+TETHER = 1e-2  # standard deviations by which a size of a number costs errors as it moves
 SPARE_ROWS = 4  # rows that are left out beyond the delay
 BEHIND_KINK = (-0.5, -0.25, -0.1, 0.1, 0.25, 0.5)  # ticks of delay from a minimum, tried as well
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
-SMOOTHER_PASSES = 2  # of the smoother
+LEAST_PASSES = 2  # of the smoother
+SHORTEST_MOTION = 0.05  # of a tick, below which a device rests in all of it
+SMOOTHER_PASSES = 6  # at most
+# share by which the mean square of the innovations has to fall in a pass, so that another follows
+FALLING = 0.1
 TURNS_TRIED = 12  # of the moment in a tick at which a device turns round
+TURNING_TRIED = (0.1, 0.3, 1.0, 3.0)  # speeds at which friction turns round, over the slowest
 FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
 FALLS = 0.1  # share of the friction by which it has to fall with speed
 # times the slowest speed at which friction turns round: the least speed at which it fades
 LEAST_FADING = 10.0
 BLOCKS = (10, 20)
+LARGE = 3.0  # standard deviations beyond which an innovation is large
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 # decades by which the variances are changed
 OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))
@@ -161,6 +168,7 @@ class ScaledLog:
             return self.moving * np.stack([means, np.zeros(len(means))])
         ends = self.path.speeds
         means = _mean_side(ends[:-1], ends[1:], turning, fading)
+        means = np.where(np.isnan(self.path.held), means, self.path.held)
         return self.moving * self.path.over_tick(means, 0.0)
 
 
@@ -189,13 +197,15 @@ class Path(NamedTuple):
 
     lengths: of the parts, in ticks, `(3, rows)`. speeds: at their ends, `(4, rows)`. late: by how
     many ticks the force of the log is late in a part, `(3, rows)`. decay: by how much of itself the
-    acceleration falls in a tick, as damping has it, `(rows,)`.
+    acceleration falls in a tick, as damping has it, `(rows,)`. held: the share of its largest that
+    friction bears in a part in which it holds the device, NaN in others, `(3, rows)`.
     """
 
     lengths: np.ndarray
     speeds: np.ndarray
     late: np.ndarray
     decay: np.ndarray
+    held: np.ndarray
 
     @property
     def middles(self) -> np.ndarray:
@@ -403,7 +413,7 @@ class Search:
             entries["turning"] = (
                 np.log(begun["turning"]),
                 0.7,
-                np.log(log.slowest / 10),
+                np.log(log.slowest / 100),
                 np.log(usual),
             )
             if "fading" in begun:
@@ -495,24 +505,42 @@ def _smoothing(rounds, search, skip):
     """Rounds of a smoother that gives the velocity, and of a search with the friction at this
     velocity."""
     log, point, before, moved = rounds
+    square = np.inf
+    passed = log, point
     for number in range(1, 1 + SMOOTHER_PASSES):
         FIT_LOGGER.info(
             "friction along the motion, round %d of at most %d", number, SMOOTHER_PASSES
         )
         predictor, errors, effects = errors_of(log, search.found(point), skip)
-        gains, _ = projected(errors, effects)
+        gains, left = projected(errors, effects)
         if not gains[0] > 0:
             break
         now = theta_of(log, search.found(point), gains)
         if before is not None:
             moved = np.abs(now - before)
         before = now
+        previous = square
+        square = float(np.mean(left**2))
+        if number > LEAST_PASSES and square > (1 - FALLING) * previous:
+            if square > previous:
+                log, point = passed
+            break
+        passed = log, point
         found = search.found(point)
-        speeds = smoothed_states(log, predictor, found, gains, skip)[predictor.tick.speed]
+        states = smoothed_states(log, predictor, found, gains, skip)
+        speeds = states[predictor.tick.speed]
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
-        path = path_within_ticks(log, found, gains, speeds)
+        path = path_within_ticks(log, found, gains, speeds, walk=states[-1])
         log = replace(log, speeds=speeds, path=path)
+        # A search from far above the speed at which friction turns round does not get there.
+        at = search.names.index("turning")
+        tried = [point]
+        for ratio in TURNING_TRIED:
+            other = point.copy()
+            other[at] = np.log(ratio * log.slowest)
+            tried.append(other)
+        point = min(tried, key=lambda each: _square(log, search, each, skip))
         point = least_of(log, search, point, skip, 8)
     return _Rounds(log, point, before, moved)
 
@@ -684,7 +712,7 @@ def smoothed_states(log, predictor, found, gains, skip):
     return predictor.smoothed(log.reading, push, skip)
 
 
-def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0) -> Path:
+def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0) -> Path:
     """The velocity within each tick between those at its ends, v_0 and v_1.
 
     With D = n + p the force of the log is that of the tick before for p of a tick, and v' is by
@@ -735,14 +763,49 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0) -> Path:
     upper = np.maximum(moment, part)
     at_turn = np.where(turns, 0.0, there)
     before = moment < part
-    return Path(
+    path = Path(
         np.stack([lower, upper - lower, 1 - upper]),
         np.stack(
             [speeds, np.where(before, at_turn, there), np.where(before, there, at_turn), then]
         ),
         whole_ticks + np.stack([np.ones(len(speeds)), before, np.zeros(len(speeds))]),
         decay,
+        np.full((3, len(speeds)), np.nan),
     )
+    if log.model.friction:
+        forces = [gains[0] * late(log.force, whole_ticks + tick) + walk for tick in (1, 0)]
+        _stop(path, part, forces, float(np.sum(gains[1 : 3 if "fading" in found else 2])))
+    return path
+
+
+def _stop(path, part, forces, friction):
+    """Have the path rest where friction stops the device and is larger than the force.
+
+    forces: before the force of the log changes and after it.
+    """
+    speeds = path.speeds[0]
+    early, after = forces
+    way = np.sign(speeds)
+    slowing = friction - way * early
+    stops_early = (np.abs(early) < friction) & (np.abs(speeds) < slowing * part)
+    there = speeds + (early - way * friction - path.decay * speeds) * part
+    there = np.where((path.late[1] > path.late[2]) & (path.lengths[1] > 0), path.speeds[2], there)
+    there = np.where(stops_early, 0.0, there)
+    slowing_after = friction - np.sign(there) * after
+    stops_after = (np.abs(after) < friction) & (np.abs(there) < slowing_after * (1 - part))
+    with np.errstate(all="ignore"):
+        first = np.where(stops_early, np.abs(speeds) / slowing, part)
+        second = np.where(stops_early, part, part + np.abs(there) / slowing_after)
+    # A device that rests all of a tick is left out as a whole, see `ScaledLog`.
+    moves = np.where(stops_early, first, second) > SHORTEST_MOTION
+    rests = (stops_early | stops_after) & (moves | ~stops_after)
+    zero = np.zeros(len(speeds))
+    last = np.where(stops_after, 0.0, path.speeds[3])
+    path.lengths[:, rests] = np.stack([first, second - first, 1 - second])[:, rests]
+    path.speeds[:, rests] = np.stack([speeds, there, zero, last])[:, rests]
+    path.late[1, rests] = path.late[2, rests] + stops_early[rests]
+    path.held[1] = np.where(rests & stops_early, early / friction, np.nan)
+    path.held[2] = np.where(rests & stops_after, after / friction, np.nan)
 
 
 def force_beside(log, search, point, skip):
@@ -859,7 +922,15 @@ def least_of(log, search, point, skip, most):
     limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
 
     def searched(start):
-        return least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x
+        # A number without any effect, as the variance of a walk that is not there, would take a step
+        # to its bound, and cut those of all others.
+        def tethered(part):
+            return np.append(left(part), TETHER * (part - start))
+
+        found = least_squares(
+            tethered, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits
+        )
+        return found.x
 
     best = searched(start)
     # At a whole number of ticks the errors have a kink, behind which there may be a lower minimum.
@@ -913,6 +984,7 @@ def estimated_at(log, search, point, skip, before, moved):
         np.append(1e-3 * np.abs(gains), DIFFERENCE * search.size),
     )
     half = _half_widths(left, slopes, to_theta)
+    robust = _of_large(left, slopes, to_theta)
     few = log.part(0, CHANGED_OF_TWO if log.model.load else CHANGED)
     free = [
         at
@@ -945,7 +1017,7 @@ def estimated_at(log, search, point, skip, before, moved):
     return Prediction(
         replace(log.model, without=names),
         theta,
-        half + extra + moved,
+        half + extra + moved + robust,
         left * log.unit,
         np.ones(len(left), bool),
         skip,
@@ -999,6 +1071,19 @@ def _differences(function, point, steps):
         step[at] = size
         slopes.append((function(point + step) - function(point - step)) / (2 * size))
     return np.stack(slopes, axis=1)
+
+
+def _of_large(left, slopes, to_theta):
+    """By how much large innovations move the numbers: a step of Gauss and Newton to those of which
+    no innovation counts for more than `LARGE` standard deviations (Huber 1981).
+
+    Ticks in which friction holds the device for a moment leave such innovations, and they do not
+    have a mean of 0.
+    """
+    most = LARGE * np.median(np.abs(left)) / 0.6745
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    step = np.linalg.lstsq(slopes / size, left - np.clip(left, -most, most), rcond=1e-10)[0]
+    return np.abs(to_theta @ (step / size))
 
 
 def _half_widths(left, slopes, to_theta):
