@@ -16,8 +16,9 @@ from wavesweep.engine.keys import nearest
 from wavesweep.explain.words import MESSAGES, TERMS
 from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
+from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.spec import find_key
-from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
+from wavesweep.program.spec.describing import EVERY_KEY
 from wavesweep.program.tables.fields import DOUBTS, OF_ALONG, OF_WALL, Field, all_columns
 
 MOST_TABLES = 4  # tables that have a column
@@ -76,7 +77,7 @@ def explain(words: tuple[str, ...]) -> None:
     if not words:
         click.echo("\n".join(_list(matches)))
         return
-    lines = []
+    lines: list[str] = []
     for entry in matches:
         lines += _lines(entry)
     click.echo("\n".join(lines))

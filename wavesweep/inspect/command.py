@@ -33,7 +33,7 @@ def inspect(table: str) -> None:
     if verbosity().as_json:
         show_json({"command": "inspect", "tables": facts})
         return
-    lines = []
+    lines: list[str] = []
     for path, facts_of_table in facts.items():
         lines += _lines(path, facts_of_table)
     click.echo(printable("\n".join(lines)))
@@ -79,11 +79,7 @@ def _described(
     # The columns of a design study follow from its spec, and those of a missing command are not
     # known here.
     fields = fields_of(kind, columns, facts) if own_kind else described_fields(path)
-    table = {"kind": kind, "rows": len(next(iter(columns.values())))}
-    if "doubt" in columns:
-        table["doubts"] = counted_doubts(columns["doubt"])
-    table["facts"] = {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)}
-    table["columns"] = []
+    described = []
     for field in fields:
         said = {
             "name": field.name,
@@ -91,7 +87,12 @@ def _described(
             "kind": field.kind,
             "description": field.description,
         }
-        table["columns"].append(said | _extent(columns[field.name]))
+        described.append(said | _extent(columns[field.name]))
+    table: dict[str, Any] = {"kind": kind, "rows": len(next(iter(columns.values())))}
+    if "doubt" in columns:
+        table["doubts"] = counted_doubts(columns["doubt"])
+    table["facts"] = {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)}
+    table["columns"] = described
     return table
 
 

@@ -37,4 +37,4 @@ def poles(spec: str, options: Options, over: str) -> None:
     from wavesweep.poles import table
     from wavesweep.program.cli.output import produce
 
-    produce(["poles"], [spec], options, lambda specs, **_: [table.poles(*specs, over)])
+    produce(["poles"], [spec], options, lambda specs, **_: [table.poles(specs[0], over)])

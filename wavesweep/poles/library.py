@@ -80,6 +80,7 @@ class LoopPoles(api.Loop):
             values = np.linspace(span.start, span.stop, table.LOCUS)
         (axis,) = axes_asked(spec, {number: values})
         locus = table.over(spec, axis)
-        return drawn_into(
+        figure: Figure = drawn_into(
             ax, lambda: drawn(locus.columns, locus.facts), legend=legend, caption=caption
         )
+        return figure

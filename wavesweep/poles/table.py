@@ -97,15 +97,14 @@ def axis_over(spec: Spec, name: str) -> Axis:
     listed = of_sweep[0].values if of_sweep else ()
     if listed and of_sweep[0].structural:
         return of_sweep[0]
-    spaced = np.linspace
+    logarithmic = False
     if of_sweep and of_sweep[0].start < of_sweep[0].stop:
         start = of_sweep[0].start
         stop = of_sweep[0].stop
-        if of_sweep[0].scale == "log":
-            spaced = np.geomspace
+        logarithmic = of_sweep[0].scale == "log"
     else:
         start, stop = searched(spec, name, key.path)
-    values = spaced(start, stop, LOCUS)
+    values = np.geomspace(start, stop, LOCUS) if logarithmic else np.linspace(start, stop, LOCUS)
     if key.type == "integer":
         values = np.unique(values.round().astype(int))
     (axis,) = axes_asked(spec, {name: values})

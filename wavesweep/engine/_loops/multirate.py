@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import lcm
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 
@@ -62,7 +63,7 @@ class MultirateLoop:
     default 1/period. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
-    period: object
+    period: Any
     placed: tuple[ScheduledBlock, ...]
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()

@@ -50,7 +50,7 @@ def command(name: str | None, schema: bool) -> None:
         }
     elif not (descriptions := describing.named(name)):
         meant = describing.meant(name)
-        path = describing.SYMBOLS.get(meant, meant)
+        path = SYMBOLS.get(meant, meant)
         hint = (
             f"; did you mean {meant}{f' ({path})' * (path != meant)}?"
             if meant
