@@ -104,12 +104,16 @@ MOVED = MappingProxyType(
 def command_of(name: str) -> click.Command:
     """Import the command of that name."""
     function = name.replace("-", "_")
-    if capability := home_of(name):
-        return getattr(capability.module("command"), function)
-    home = import_module(
-        f"wavesweep.program.cli.{'study_commands' if name in STUDIES else function}"
-    )
-    return getattr(home, function if name in STUDIES else "command")
+    capability = home_of(name)
+    if capability:
+        home = capability.module("command")
+    elif name in STUDIES:
+        home = import_module("wavesweep.program.cli.study_commands")
+    else:
+        home = import_module(f"wavesweep.program.cli.{function}")
+        function = "command"
+    command: click.Command = getattr(home, function)
+    return command
 
 
 class LazyGroup(click.Group):
@@ -260,16 +264,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _exit_code(error: BaseException, as_json: bool) -> int:
     """Print a line about the error, and with --json an object as well, and return its exit code."""
-    if isinstance(
-        error, SystemExit
-    ):  # click's way to end, for a reader of stdout who has gone as well
+    # click's way to end, for a reader of stdout who has gone as well
+    if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else int(error.code is not None)
     from wavesweep.program.cli.messages import printable, show_json
 
     if isinstance(error, click.ClickException):
         if isinstance(error, click.NoSuchOption) and error.option_name in MOVED:
             error = click.UsageError(f"{error.option_name} {MOVED[error.option_name]}", error.ctx)
-        error.message = printable(error.message)
+        error.message = printable(error.message)  # type: ignore[misc] # click shows it
         code, line = error.exit_code, error.format_message()
         with suppress(OSError):
             error.show()
@@ -379,8 +382,8 @@ def _replace_closed_streams() -> None:
                 os.close(opened)
         if getattr(sys, name) is None:
             mode = "w" if number else "r"
-            opened = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 - open to the end
-            setattr(sys, name, opened)
+            stream = open(number, mode, encoding="utf-8", closefd=False)  # noqa: SIM115 - open to the end
+            setattr(sys, name, stream)
 
 
 def _flushed(code: int) -> int:

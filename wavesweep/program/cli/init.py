@@ -208,7 +208,7 @@ def _listed() -> Iterator[str]:
     yield from ("", f"Logs and measurements of the documents: {', '.join(logs_of_documents())}")
 
 
-def _named(name, meaning, width):
+def _named(name: str, meaning: str, width: int) -> list[str]:
     """A name and what it is, in lines as wide as a comment."""
     begun = f"  {name:{width}}  "
     return wrap(meaning, WIDTH, initial_indent=begun, subsequent_indent=" " * len(begun))
@@ -263,7 +263,8 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
     for name, typed in chosen.items():
         at = scan(text)[numbers[name]][1]
         value = json.dumps(read_override(typed)[1])
-        text = text[:at] + value + text[at + len(re.match(r'"[^"]*"|[^,}\]\s]+', text[at:])[0]) :]
+        rest = re.sub(r'^(?:"[^"]*"|[^,}\]\s]+)', "", text[at:], count=1)
+        text = text[:at] + value + rest
     return text
 
 
@@ -318,11 +319,10 @@ def _loop(
 ) -> Iterator[str]:
     """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
-    active = (
-        {path: value for path, value in CHOSEN.items() if path not in numbers}
-        | {"controller.kind": kind}
-        | given
-    )
+    active: dict[str, object] = {
+        path: value for path, value in CHOSEN.items() if path not in numbers
+    }
+    active |= {"controller.kind": kind, **given}
     rate, twin = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
     shown = read - {twin} | ({rate} if "rates.ratio" in read else set())
     notes = NOTES | _origins(device)
@@ -362,9 +362,8 @@ def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
         key = KEYS[SYMBOLS[symbol]]
         if key.path in read:
             yield from (*_prose(f"{key.unit}: {key.description}"), f"{symbol} = {axis}")
-    span = ", ".join(
-        f"{key} = {show(value)}" for key, value in DEFAULT_FREQUENCIES.written().items()
-    )
+    decades = dict(DEFAULT_FREQUENCIES.written())
+    span = ", ".join(f"{key} = {show(value)}" for key, value in decades.items())
     yield from (
         "",
         "[bode]",

@@ -165,7 +165,10 @@ class Watch:
         self._doing, self._less, self._bar = doing, less, bar
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
         self._reports: list[tuple[float, int]] = []  # (seconds, done) of this phase of the work
-        self._total, self._certified, self._estimated, self._ended = 0, None, False, False
+        self._total = 0
+        self._certified: int | None = None
+        self._estimated = False
+        self._ended = False
         self._begun = (
             False  # whether a report of this phase came from workers that were at work before
         )
@@ -187,7 +190,9 @@ class Watch:
             while len(self._reports) > 2 and (self._reports[1][0] < seconds / 6 or not self._begun):
                 del self._reports[0]
                 self._begun = True
-            self._total, self._certified, self._note = total, certified, ""
+            self._total = total
+            self._certified = certified
+            self._note = ""
         self.look()
 
     def _is_other(self, seconds: float, done: int) -> bool:
@@ -274,16 +279,20 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
         with suppress(OSError):
             # It would go to stdout.
             if not bars:
-                room = _columns() - len(
-                    f"{doing}  []  {total}/{total}  about 99 min left "
-                )  # a longer line would scroll
+                # A longer line would scroll.
+                room = _columns() - len(f"{doing}  []  {total}/{total}  about 99 min left ")
                 rates = len(f"  999,999/s  {total:,} certified")
-                shown = {"file": sys.stderr, "show_pos": True, "show_eta": False, "label": doing}
-                shown |= {"item_show_func": lambda text: text}
                 width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
-                bars.append(
-                    opened.enter_context(click.progressbar(length=total, width=width, **shown))
+                opening = click.progressbar(
+                    length=total,
+                    width=width,
+                    file=sys.stderr,
+                    show_pos=True,
+                    show_eta=False,
+                    label=doing,
+                    item_show_func=lambda text: text,
                 )
+                bars.append(opened.enter_context(opening))
                 bars.append((done, time.monotonic(), room > rates))
             bar, (first, started, shown) = bars
             seconds = time.monotonic() - started

@@ -174,7 +174,7 @@ def _uncovered(spec: Spec, claims: Sequence[Claim]) -> Iterator[str]:
     scopes = [claim.scope for claim in claims]
     beyond = [scope for scope in uncovered(spec, scopes) if scope.in_words()]
     for scope in beyond:
-        able = FOR_ALL_NUMBERS
+        able: Sequence[str] = FOR_ALL_NUMBERS
         if scope.walls != LINEAR:  # of blocks that saturate there are no rows, but a verdict
             able = THROUGH_CONTACT if spec.wall else ("check",)
         elif scope.messages or spec.changing or scope.tick:  # for which there are no margins
@@ -309,15 +309,12 @@ def produce_intervals(
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if hands and not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
+        (spec,) = specs
         loud = not (verbosity().quiet or verbosity().as_json)
-        if (
-            loud
-            and along is None
-            and specs[0].wall
-            and specs[0].names.find(specs[0].along).path == specs[0].wall[0]
-        ):
-            say(f"along {specs[0].along} this is the table of `wavesweep zwidth`")
-        return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
+        own_axis = spec.names.find(spec.along) if along is None and spec.wall else None
+        if loud and own_axis and own_axis.path == spec.wall[0]:
+            say(f"along {spec.along} this is the table of `wavesweep zwidth`")
+        return [replace(intervals(spec, along=along, hands=hands, **work), kind=kind)]
 
     produce([kind], [source], options, compute)
 

@@ -29,7 +29,8 @@ for_hands = click.option(
 
 def _of_intervals(body: Callable[..., Any]) -> Callable[..., Any]:
     """The options of the commands of stable intervals."""
-    return for_hands(run_options("workers", "long")(body))
+    with_options: Callable[..., Any] = for_hands(run_options("workers", "long")(body))
+    return with_options
 
 
 def refuse_equal_names(sources: tuple[str, ...]) -> None:
