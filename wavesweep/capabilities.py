@@ -290,16 +290,14 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
             return getattr(getattr(library, capability.class_for(kind)) if kind else library, last)
     from wavesweep.engine.keys import nearest
 
-    meant = (
-        nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"])
-        if last[0] != "_"
-        else ""
-    )
-    hint = (
-        f"did you mean {meant}?"
-        if meant
-        else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
-    )
+    if last[0] != "_":
+        meant = nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"])
+    else:
+        meant = ""
+    if meant:
+        hint = f"did you mean {meant}?"
+    else:
+        hint = f"dir({kind.lower() or 'wavesweep'}) lists what there is"
     raise AttributeError(
         f"wavesweep has no {name}; {hint}", name=last
     )  # with the name, Python adds none of its own

@@ -354,11 +354,10 @@ def _interval_steps(
         yield f"why {name}", "what sets each limit"
     if region:
         subject = "all stable walls" if region == "zwidth" else "all stable intervals"
-        members = (
-            "of [for_all]"
-            if not spec.drawing or (spec.for_all and spec.for_all.axes)
-            else "that messages may do"
-        )
+        if not spec.drawing or (spec.for_all and spec.for_all.axes):
+            members = "of [for_all]"
+        else:
+            members = "that messages may do"
         yield f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject
     elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
         axis = min(limits, key=distance)

@@ -88,11 +88,10 @@ def miss(
         wanted = "has a certified value for every wish"
     said = f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{_against(design, records)}"
     if missing:
-        loop = (
-            "that is unstable or not proved for all of [for_all]"
-            if spec.for_all
-            else "that is unstable"
-        )
+        if spec.for_all:
+            loop = "that is unstable or not proved for all of [for_all]"
+        else:
+            loop = "that is unstable"
         said += f"; a loop {loop} has no value, see `wavesweep check`, and what the search could not bound has none either"
     return said
 

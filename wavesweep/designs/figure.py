@@ -170,11 +170,9 @@ def _draw_few(
 def _listed(name: str, values: Iterable[float], facts: Mapping[str, Any]) -> str:
     """A number or a ratio of two with its values and unit."""
     numbers = ", ".join(f"{value:g}" for value in values)
-    return (
-        f"{name} = {numbers}"
-        if "/" in name
-        else f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
-    )
+    if "/" in name:
+        return f"{name} = {numbers}"
+    return f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
 
 
 def _studied(facts: Mapping[str, Any]) -> list[str]:
@@ -234,11 +232,10 @@ def _draw_values(
         axes.set_title(label(name, facts), fontsize=7)
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
         finite = value is not None and np.isfinite(value)
-        said = (
-            f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "")
-            if finite
-            else "not known"
-        )
+        if finite:
+            said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "")
+        else:
+            said = "not known"
         if finite:
             axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
         axes.annotate(

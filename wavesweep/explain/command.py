@@ -162,11 +162,10 @@ def explained(word: str) -> tuple[Entry, ...]:
     meant = nearest(
         word, [*(entry.word for entry in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES]
     )
-    hint = (
-        f"did you mean {meant}?"
-        if meant
-        else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
-    )
+    if meant:
+        hint = f"did you mean {meant}?"
+    else:
+        hint = "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
     raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
 
 

@@ -107,11 +107,10 @@ class ForAllRanges(TableValue):
         """Return the table as a spec could give it."""
         table: dict[str, object] = {}
         for axis in self.axes:
-            range_ = (
-                {"values": list(axis.values)}
-                if axis.scale is None
-                else {"start": axis.start, "stop": axis.stop}
-            )
+            if axis.scale is None:
+                range_ = {"values": list(axis.values)}
+            else:
+                range_ = {"start": axis.start, "stop": axis.stop}
             table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
             of_delay = axis.path == DELAY
             if rows := [

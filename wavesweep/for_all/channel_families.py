@@ -95,7 +95,12 @@ class Channel:
         sends = self.sends(tick)
         arrives = arriving[:1] == (0,)
         waiting = arriving[arrives:]
-        shows = 0 if arrives else NOTHING if sends and self.zero else KEPT
+        if arrives:
+            shows = 0
+        elif sends and self.zero:
+            shows = NOTHING
+        else:
+            shows = KEPT
         delivered = sends and late is not LOST
         if delivered:
             waiting = tuple(age for age in waiting if age < late)

@@ -62,14 +62,11 @@ class DesignRanking(DesignProof):
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
-        return (
-            "refuted"
-            if any(
-                seems_refuted(family, 0.0, self._known(family))
-                for family in self._families(spec, "")
-            )
-            else "proved"
-        )
+        if any(
+            seems_refuted(family, 0.0, self._known(family)) for family in self._families(spec, "")
+        ):
+            return "refuted"
+        return "proved"
 
     def stiffest(self, spec: Spec, path: str, stop: float) -> float:
         """The softest wall, at most `stop`, with which some short pattern of frames is unstable."""

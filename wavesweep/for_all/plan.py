@@ -264,11 +264,9 @@ class Plan:
     @property
     def steps(self) -> list[int]:
         """The periods of the slow blocks, in ticks."""
-        return (
-            sorted({symbol.ticks for symbol in self.symbols})
-            if self.schedule.elapsed
-            else [self.schedule.nominal]
-        )
+        if self.schedule.elapsed:
+            return sorted({symbol.ticks for symbol in self.symbols})
+        return [self.schedule.nominal]
 
     def _drift(self, varied) -> MarginalModes:
         both_loops = Loops(

@@ -516,20 +516,18 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
     random = rules.for_all.shares
-    at_random = (
-        ("both" if random else "mean_square")
-        if rules.messages
-        else "frames"
-        if random
-        else "results"
-    )
-    kind = (
-        at_random
-        if rules.at_random
-        else "messages"
-        if rules.messages and not rules.for_all.axes
-        else "for_all"
-    )
+    if rules.messages:
+        at_random = "both" if random else "mean_square"
+    elif random:
+        at_random = "frames"
+    else:
+        at_random = "results"
+    if rules.at_random:
+        kind = at_random
+    elif rules.messages and not rules.for_all.axes:
+        kind = "messages"
+    else:
+        kind = "for_all"
     return _verdict(spec, rules) | {"kind": kind}
 
 

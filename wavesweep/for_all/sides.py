@@ -66,17 +66,13 @@ def side_of(
 
 def as_sides(numbers: np.ndarray, sides: Sequence[Side]) -> np.ndarray:
     """Return places of sides at numbers `(..., sides)`."""
-    return (
-        np.stack([side.place(numbers[..., at]) for at, side in enumerate(sides)], -1)
-        if sides
-        else np.array(numbers)
-    )
+    if sides:
+        return np.stack([side.place(numbers[..., at]) for at, side in enumerate(sides)], -1)
+    return np.array(numbers)
 
 
 def as_numbers(places: np.ndarray, sides: Sequence[Side]) -> np.ndarray:
     """Return the numbers at places of sides `(..., sides)`."""
-    return (
-        np.stack([side.number(places[..., at]) for at, side in enumerate(sides)], -1)
-        if sides
-        else np.array(places)
-    )
+    if sides:
+        return np.stack([side.number(places[..., at]) for at, side in enumerate(sides)], -1)
+    return np.array(places)

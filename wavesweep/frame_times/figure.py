@@ -44,11 +44,10 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
             canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before")
         )
         unfit = facts["unfit"]["frames"]
-        counted = (
-            "whole ticks"
-            if facts["every"] == 1
-            else f"multiples of {facts['every']} ticks, and count as such"
-        )
+        if facts["every"] == 1:
+            counted = "whole ticks"
+        else:
+            counted = f"multiples of {facts['every']} ticks, and count as such"
         warn_above(
             canvas, f"{unfit} of {facts['frames']} frames do not last {counted}" if unfit else ""
         )

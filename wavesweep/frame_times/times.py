@@ -191,11 +191,10 @@ def _column(path, file, columns, options) -> FrameColumn:
         column for column in file.names if "time" in column.lower() or "stamp" in column.lower()
     ]
     meant = nearest("time", file.names) or (likely[0] if likely else "NAME")
-    hint = (
-        f"{option('time', meant)} names that of stamps"
-        if options
-        else "give the one of stamps (s) the name time"
-    )
+    if options:
+        hint = f"{option('time', meant)} names that of stamps"
+    else:
+        hint = "give the one of stamps (s) the name time"
     expected = " or ".join(columns.values() or ("time", "duration"))
     raise UsageError(f"{path}: expected a column {expected}, found {file.listed}; {hint}")
 

@@ -157,9 +157,10 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     frames = found["frames"]
     several = expected[-1] - expected[0] + 1 == len(expected) > 2
     words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
-    order = (
-        f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
-    )
+    if found["varying"]:
+        order = f"{words} ticks in any order"
+    else:
+        order = f"a constant length of {words} ticks"
     start = f"  measured frames ({found['file']}):"
     if not found["left"]:
         yield 1, f"{start} all {frames} are within {order}"

@@ -58,11 +58,9 @@ class BlockDiagram:
         """
         if not ticks and not dead_time:
             return self
-        late = (
-            {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"}
-            if dead_time
-            else {"steps": ticks}
-        )
+        late: dict[str, Any] = {"steps": ticks}
+        if dead_time:
+            late = {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"}
         blocks = {**self.blocks, "amplifier": {"type": "delay", **late}}
         wires = {**self.wires, "amplifier.u": self.reaction, "device.f": "f_h - amplifier.y"}
         if dead_time:  # which would read a position or velocity of the device between two ticks

@@ -175,9 +175,9 @@ def _known_at_ends(question, loops, opened, place, p):
     at_rest = opened and _frame_at_rest(opened)
     if not at_rest:
         of_tick = _tick_at_rest(question, loops)
-        return (
-            of_tick.stiffness(twice, ends).reshape(p.shape) if of_tick else np.full(p.shape, np.nan)
-        )
+        if of_tick:
+            return of_tick.stiffness(twice, ends).reshape(p.shape)
+        return np.full(p.shape, np.nan)
     felt = _of_slices(opened, at_rest, twice, ends)
     hidden = np.flatnonzero(np.isnan(felt) & ~np.isnan(ends))
     if hidden.size and opened.loops.second:

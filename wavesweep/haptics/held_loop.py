@@ -39,11 +39,10 @@ class HeldLoop(Loops):
         """Return the loops whose device has the mass, damping and stiffness of a hand as well,
         as the numbers `HAND`."""
         added = dict.fromkeys(HAND, 0.0)
-        drawing = (
-            self.drawing
-            if self.drawing.reads.issuperset(HAND)
-            else with_hand(self.drawing, self.device, HAND)
-        )
+        if self.drawing.reads.issuperset(HAND):
+            drawing = self.drawing
+        else:
+            drawing = with_hand(self.drawing, self.device, HAND)
         return HeldLoop(drawing, {**added, **self.values})
 
     @property

@@ -67,24 +67,20 @@ def whole(delay: Mapping[str, Any]) -> int | None:
     ticks = max(round(delay["value"]), 0)
     if delay["low"] is None:
         return ticks
-    return (
-        ticks
-        if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD
-        else None
-    )
+    if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD:
+        return ticks
+    return None
 
 
 def late(facts: Mapping[str, Any]) -> str:
     """The key of [device] that has the delay of a table: "delay" in whole ticks, "dead_time" in
     s, "" if there is none."""
     ticks = whole(facts["parameters"]["delay"])
-    return (
-        ""
-        if ticks == 0
-        else "dead_time"
-        if ticks is None or "analogue" in facts["asked"]
-        else "delay"
-    )
+    if ticks == 0:
+        return ""
+    if ticks is None or "analogue" in facts["asked"]:
+        return "dead_time"
+    return "delay"
 
 
 def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,11 +119,10 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     ranges = _set_delay(tables["device"], facts)
     if _of_positions(facts):
         tables["device"]["velocity"] = "difference"
-    effects = (
-        {"resolution": float(f"{facts['resolution']:.9g}")}
-        if facts["resolution"] and facts["measured"] == "position"
-        else {}
-    )
+    if facts["resolution"] and facts["measured"] == "position":
+        effects = {"resolution": float(f"{facts['resolution']:.9g}")}
+    else:
+        effects = {}
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
@@ -195,7 +190,12 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     millis = 1e3 * facts["period_s"]
     two = "load_mass" in facts["parameters"]
     withheld = facts["parameters"]["mass"]["low"] is None
-    place = "tau" if two else f"device.{late(facts)}" if late(facts) else "left out"
+    if two:
+        place = "tau"
+    elif late(facts):
+        place = f"device.{late(facts)}"
+    else:
+        place = "left out"
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Numbers without intervals:" if withheld else "# Intervals of 95 %, in [for_all]:",
@@ -215,8 +215,9 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        hint = (
-            "no number has an interval" if withheld else "the intervals are wider by what is left"
-        )
+        if withheld:
+            hint = "no number has an interval"
+        else:
+            hint = "the intervals are wider by what is left"
         lines.append(f"# The model does NOT explain the log; {hint}.")
     return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in negative(facts["parameters"]))]

@@ -133,11 +133,10 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
     not explain what was read."""
     from wavesweep.identification.device_spec import spoken
 
-    names = (
-        ("mass", "load_mass", "coupling_stiffness")
-        if "load_mass" in facts["parameters"]
-        else ("mass", "damping")
-    )
+    if "load_mass" in facts["parameters"]:
+        names = ("mass", "load_mass", "coupling_stiffness")
+    else:
+        names = ("mass", "damping")
     numbers = (
         f"{name} {spoken(estimate)}"
         for name, estimate in facts["parameters"].items()

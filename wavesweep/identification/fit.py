@@ -270,11 +270,9 @@ def _encoder_alone(model, theta, rows, noise):
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:
     """Readings as velocities, up to a factor; without those of an acceleration, which shows
     none."""
-    return (
-        np.diff(readings)
-        if model.measured == "position"
-        else readings * (model.measured == "velocity")
-    )
+    if model.measured == "position":
+        return np.diff(readings)
+    return readings * (model.measured == "velocity")
 
 
 def at_an_instant(fit: Fit) -> Fit:

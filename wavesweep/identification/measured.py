@@ -47,11 +47,10 @@ def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
     distances_found: dict[str, Any] = {}
     if walls is not None:
         columns = _stable_intervals(spec, walls)
-        distances_found = (
-            {"limits": _limits(walls, columns)}
-            if walls.stable is None
-            else {"tried": _tried(walls, columns)}
-        )
+        if walls.stable is None:
+            distances_found = {"limits": _limits(walls, columns)}
+        else:
+            distances_found = {"tried": _tried(walls, columns)}
         distances_found = {
             name: {"file": spec.measured["z_width"]} | comparison
             for name, comparison in distances_found.items()

@@ -348,11 +348,10 @@ def _sliding(found, push, parts, full, period, row):
         step(found, period)[:, 0],
     )
     # No force turns a faster device round within a tick, and none below friction moves one at rest.
-    safe = (
-        inf
-        if stiffness
-        else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), NEXT_TO_ZERO)
-    )
+    if stiffness:
+        safe = inf
+    else:
+        safe = float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), NEXT_TO_ZERO)
     v = found["velocity"]
     x = found["start"]
     moved = np.empty(len(now))

@@ -96,11 +96,10 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
 def _response(found: Facts, *_: str) -> Iterator[str]:
     start = f"measured response ({found['file']})"
     if not found["compared"]:
-        why = (
-            "no frequency can be compared"
-            if found["stable"]
-            else "not compared, since the model is not stable"
-        )
+        if found["stable"]:
+            why = "no frequency can be compared"
+        else:
+            why = "not compared, since the model is not stable"
         yield f"{start}: {why}"
         return
     worst, phase = found["worst"], found["worst_phase"]

@@ -295,11 +295,10 @@ def scaled(
     for width in WIDTHS:
         if 2 * width + 1 > len(force) // 20 and width > WIDTHS[0]:
             break
-        speeds = (
-            savgol_filter(log.reading, 2 * width + 1, 2, deriv=1 - order)
-            if order < 2
-            else np.cumsum(log.reading)
-        )
+        if order < 2:
+            speeds = savgol_filter(log.reading, 2 * width + 1, 2, deriv=1 - order)
+        else:
+            speeds = np.cumsum(log.reading)
         noise = 3 * np.sqrt(3 / (2 * width**3 + 3 * width**2 + width))
         used = width
         if CLEAR_OF_NOISE / 3 * noise < 0.05 * speeds.std():

@@ -96,8 +96,6 @@ def _known(model, log, resolution):
     half = dict(zip(found.model.names, found.half, strict=True))
     knows_delay = half.get("delay", 0.0) < KNOWN_DELAY
     with_damping = found.numbers["damping"] + half["damping"] > 0
-    return (
-        found
-        if 2 * half["log_mass"] < np.log(HELPING_RATIO) and knows_delay and with_damping
-        else None
-    )
+    if 2 * half["log_mass"] < np.log(HELPING_RATIO) and knows_delay and with_damping:
+        return found
+    return None

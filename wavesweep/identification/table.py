@@ -458,11 +458,10 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
     unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
     if resolution is None:
-        steps_text = (
-            f"the readings have steps of {step:.4g} {unit}"
-            if step
-            else "the readings show no steps"
-        )
+        if step:
+            steps_text = f"the readings have steps of {step:.4g} {unit}"
+        else:
+            steps_text = "the readings show no steps"
         yield f"{steps_text}; --resolution gives those of the encoder"
     if len(wild):
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {seconds(log.times[wild[0]])} s"

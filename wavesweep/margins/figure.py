@@ -70,20 +70,16 @@ class OpenLoop:
         """The frequency (Hz) of a margin: of a lifted signal that at which its samples show the
         strongest line."""
         _, omega, hz = self.table[name]
-        return (
-            abs((hz + self.rate / 2) % self.rate - self.rate / 2)
-            if self.several
-            else omega / (2 * np.pi)
-        )
+        if self.several:
+            return abs((hz + self.rate / 2) % self.rate - self.rate / 2)
+        return omega / (2 * np.pi)
 
     @property
     def style(self) -> dict[str, Any]:
         """The style of the curve, or of the points."""
-        return (
-            {"linestyle": "none", "marker": ".", "markersize": 1.5}
-            if self.several
-            else {"linewidth": 1.2}
-        )
+        if self.several:
+            return {"linestyle": "none", "marker": ".", "markersize": 1.5}
+        return {"linewidth": 1.2}
 
     def drawn(self, look: Look, points: bool) -> dict[str, Any]:
         """The style of the curve as a member of a family, or of its points."""
@@ -278,11 +274,10 @@ def response_of(
     step, first: change of ln L between two of them, and the number to begin with; loci: their
     number for a lifted one.
     """
-    angles = (
-        dense_angles(loop.response, step, first)
-        if loop.times == 1
-        else np.geomspace(LOWEST_SHOWN, 1.0, loci) * np.pi
-    )
+    if loop.times == 1:
+        angles = dense_angles(loop.response, step, first)
+    else:
+        angles = np.geomspace(LOWEST_SHOWN, 1.0, loci) * np.pi
     return np.repeat(angles, loop.times) / loop.period / (2 * np.pi), np.ravel(
         loop.response(angles)
     )
@@ -298,13 +293,12 @@ def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, compl
             omega >= 0
         ):  # of what has no limit it is missing; 0 is also the image of the frame's rate
             loci = np.ravel(loop.response(omega * loop.period))
-            factor = (
-                value
-                if name.startswith("gain")
-                else np.exp(1j * np.radians(value))
-                if name == "phase"
-                else -1 / loci
-            )
+            if name.startswith("gain"):
+                factor = value
+            elif name == "phase":
+                factor = np.exp(1j * np.radians(value))
+            else:
+                factor = -1 / loci
             missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
             marks[name] = complex(loci[np.argmin(missed)])
     return marks
@@ -426,11 +420,10 @@ def in_words(name: str, value: float, omega: float, hz: float) -> str:
     """A margin as the legend has it, rounded to the safe side, with the line that a spectrum shows
     of its crossing."""
     inside = rounded_up if name == "gain_down" else rounded_down
-    once = (
-        ""
-        if np.isclose(2 * np.pi * hz, omega, rtol=1e-6)
-        else f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
-    )
+    if np.isclose(2 * np.pi * hz, omega, rtol=1e-6):
+        once = ""
+    else:
+        once = f" (once a frame {omega / (2 * np.pi):.4g} Hz)"
     sizes = {
         "phase": f"{inside(value, 3)}°",
         "delay": f"{inside(1e3 * value, 4)} ms",

@@ -26,11 +26,10 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * times[-1]))
     axes.grid(**GRID)
     first, second = step.rise_s
-    rise = (
-        f"rise time {_in_time(second - first)}"
-        if second > first
-        else f"rise time < {_in_time(step.period)}"
-    )
+    if second > first:
+        rise = f"rise time {_in_time(second - first)}"
+    else:
+        rise = f"rise time < {_in_time(step.period)}"
     points = {"rise": ((first, second), rise)} if second > 0 else {}
     if step.overshoot > 0:
         points["peak"] = (
@@ -82,8 +81,6 @@ def draw_others(axes: Any, steps: Sequence[tuple[Step, Look]]) -> None:
 
 
 def _in_time(seconds: float) -> str:
-    return (
-        f"{seconds:.4g}\N{NO-BREAK SPACE}s"
-        if seconds >= 1
-        else f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"
-    )
+    if seconds >= 1:
+        return f"{seconds:.4g}\N{NO-BREAK SPACE}s"
+    return f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"

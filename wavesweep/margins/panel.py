@@ -79,11 +79,10 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
     if not stable:
         return {"open": curve, "step": {"error": "the loop is unstable, and nothing comes to rest"}}
     try:
-        step = (
-            step_between(spec, (route[0], route[1]), MOST_STEP_STATES)
-            if route
-            else step_at(spec, cut, MOST_STEP_STATES)
-        )
+        if route:
+            step = step_between(spec, (route[0], route[1]), MOST_STEP_STATES)
+        else:
+            step = step_at(spec, cut, MOST_STEP_STATES)
     except UsageError:
         return {"open": curve, "step": {"error": "it does not come to rest, or too slowly to tell"}}
     unit = spec.unit_between(*route) if route else RATIO

@@ -63,9 +63,8 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
 
     if along and filters:
         raise click.UsageError("--filters: expected without --along, which has a table of its own")
-    kinds = (
-        ["passivity-along"]
-        if along
-        else ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
-    )
+    if along:
+        kinds = ["passivity-along"]
+    else:
+        kinds = ["passivity", *(["passivity-filters"] if filters else []), "passivity-ports"]
     produce(kinds, [spec], options, compute)

@@ -55,11 +55,9 @@ def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
         columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"]
     )
     columns = {**columns, "port_margin": 1e3 * margin}
-    return (
-        _draw_lines(columns, roles, left_out, facts)
-        if roles
-        else _draw_dots(columns, left_out, facts)
-    )
+    if roles:
+        return _draw_lines(columns, roles, left_out, facts)
+    return _draw_dots(columns, left_out, facts)
 
 
 def _draw_lines(

@@ -117,11 +117,10 @@ class PassiveGuarantee(Guarantee):
         """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         ranges = {"port": port_ranges, "ports": pair_ranges, "passive": hand_ranges}
         of_channel = self.kind == "channel"
-        intervals = (
-            channel_ranges(loop, along, span, self.tolerance)
-            if of_channel
-            else ranges[self.kind](loop, along, span)
-        )
+        if of_channel:
+            intervals = channel_ranges(loop, along, span, self.tolerance)
+        else:
+            intervals = ranges[self.kind](loop, along, span)
         records = blank_records(intervals.low, intervals.high, RECORD)
         records["certified"] = intervals.certified if intervals.low.size else intervals.complete
         records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)

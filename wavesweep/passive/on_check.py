@@ -63,19 +63,16 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
 
         def known():
             norm = _channel_norm(channel)
-            return (
-                "wave channel: norm not known"
-                if norm is None
-                else f"wave channel: norm {rounded_up(norm, 7)} (passive up to 1)"
-            )
+            if norm is None:
+                return "wave channel: norm not known"
+            return f"wave channel: norm {rounded_up(norm, 7)} (passive up to 1)"
 
         yield 5, known
     else:
-        does = (
-            f"passivity does it up to {LONGEST_MAP} ticks"
-            if channel.entries <= MOST_ENTRIES
-            else "passivity refuses it too"
-        )
+        if channel.entries <= MOST_ENTRIES:
+            does = f"passivity does it up to {LONGEST_MAP} ticks"
+        else:
+            does = "passivity refuses it too"
         yield 6, f"wave channel: norm not computed in check for so long a frame; {does}"
 
 

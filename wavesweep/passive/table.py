@@ -276,11 +276,12 @@ def _lines(found: Numbers) -> Iterator[Line]:
             f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}",
             False,
         )
-    reach = (
-        f"; margin {_span(found['port_margin'], rounded_down)} {found['units']['port_margin']}"
-        if found["port_margin"]
-        else ""
-    )
+    if found["port_margin"]:
+        reach = (
+            f"; margin {_span(found['port_margin'], rounded_down)} {found['units']['port_margin']}"
+        )
+    else:
+        reach = ""
     port = "hand's port, its force held over a tick"
     yield f"{port}: passive in {found['port_passive']} of {rows}{reach}", False
     if found["margin_unknown"]:

@@ -80,11 +80,10 @@ class PairMap:
             self.lifted.T.shape[-1] // 2,
             np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None],
         )
-        pair = (
-            turned / np.sqrt((turned**2).sum(1, keepdims=True))
-            if self.zeros == 1
-            else np.broadcast_to(np.eye(2), self.h.shape)
-        )
+        if self.zeros == 1:
+            pair = turned / np.sqrt((turned**2).sum(1, keepdims=True))
+        else:
+            pair = np.broadcast_to(np.eye(2), self.h.shape)
         return np.tile(pair[:, :, : self.zeros], (1, M, 1)) * M**-0.5
 
     def apart(self) -> LiftedMap:
@@ -129,11 +128,10 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
             lifted = TickMaps.of(tick_maps, port.kind, p.shape).lifted(measured=False)
             sums = np.tile(np.eye(2), port.kind.size).T
             moved = -solve(lifted.E, lifted.G @ sums)
-            h = (
-                sums.T @ (lifted.T @ sums + lifted.O @ moved)
-                if port.drifts
-                else port.position @ moved
-            )
+            if port.drifts:
+                h = sums.T @ (lifted.T @ sums + lifted.O @ moved)
+            else:
+                h = port.position @ moved
         return PairMap(lifted, h, 2 - port.drifts, pivots_of(at, path, drawn, p.shape))
 
     return remembered(maps)

@@ -288,9 +288,10 @@ def _draw_ages(axes: Any, panel: Panel, most: float) -> None:
     youngest = (frames.shown.start - frames.shown.measured) * frames.tick_ms
     oldest = frames.age * frames.tick_ms
     axes.set_ylim(0, 1.12 * most)
-    ages = (
-        [0.0, oldest] if min(youngest, oldest - youngest) < 0.2 * most else [0.0, youngest, oldest]
-    )
+    if min(youngest, oldest - youngest) < 0.2 * most:
+        ages = [0.0, oldest]
+    else:
+        ages = [0.0, youngest, oldest]
     axes.set_yticks(ages, [in_ms(each) for each in ages])
     axes.set_ylabel("age (ms)")
     axes.grid(**GRID, axis="y")

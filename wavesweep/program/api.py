@@ -126,9 +126,10 @@ class Loop:
         )
         loop = own_loop(self.spec)
         drawn, drift = loop.drawn(), loop.drift_of_frames()
-        of_what = (
-            f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
-        )
+        if self.spec.drawing:
+            of_what = f"{len(loop.drawing.blocks)} blocks drawn"
+        else:
+            of_what = self.spec.kind
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
         return (
@@ -345,11 +346,10 @@ class Loop:
         from wavesweep.program.analyses.response_jobs import one_spec
 
         spec, frequency = naming(self.spec, axes, to), frequencies_asked(self.spec, frequency_hz)
-        routes = (
-            responses.routes_of(spec)
-            if from_ is None and to is None
-            else spec.routes_between(from_, to)
-        )
+        if from_ is None and to is None:
+            routes = responses.routes_of(spec)
+        else:
+            routes = spec.routes_between(from_, to)
         asked_axes = axes_asked(spec, axes)
         rows = joined(
             [one_spec(spec, asked_axes, frequency, self._read(spec), route) for route in routes]

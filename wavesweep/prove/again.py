@@ -53,11 +53,9 @@ def prove_again(
 
     def difference(part, most):
         proof = prove_column(loop, search.along, part, drift, operations=most)
-        return (
-            None
-            if proof is None
-            else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
-        )
+        if proof is None:
+            return None
+        return _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
 
     problem = difference(span, operations)
     if problem is not None:
@@ -66,11 +64,9 @@ def prove_again(
     of_parts = [difference(piece, operations / len(pieces)) for piece in pieces]
     if refuted := next(filter(None, of_parts), ""):
         return ProvedAgain("refuted", refuted)
-    return (
-        ProvedAgain("unsettled", f"more than {operations:g} operations")
-        if None in of_parts
-        else ProvedAgain("ends")
-    )
+    if None in of_parts:
+        return ProvedAgain("unsettled", f"more than {operations:g} operations")
+    return ProvedAgain("ends")
 
 
 def _pieces(claims, span, least):

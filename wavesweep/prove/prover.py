@@ -57,11 +57,10 @@ def ball_prover(
     def angle(column, loop, omega, value):
         """The angle per frame of an oscillation at a value of the number, which the rate may
         follow from."""
-        slower = (
-            loop.rate / loop.changed({along: value}).rate
-            if name_of(along) in loop.drawing.rating
-            else 1.0
-        )
+        if name_of(along) in loop.drawing.rating:
+            slower = loop.rate / loop.changed({along: value}).rate
+        else:
+            slower = 1.0
         return omega * period[column] * slower
 
     return prove

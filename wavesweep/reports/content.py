@@ -288,11 +288,9 @@ def _known(table: Table, *, doubtful: bool) -> str:
         return "Not all of the intervals are certified."
     claims = [Claim.read(fact) for fact in table.facts["claims"].values()]
     said = [claim.of_intervals() for claim in claims]
-    return (
-        said[0]
-        if len({*said}) == 1
-        else "The intervals are certified or checked, as each row says."
-    )
+    if len({*said}) == 1:
+        return said[0]
+    return "The intervals are certified or checked, as each row says."
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

@@ -199,11 +199,10 @@ class Bound:
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
-        way = (
-            f"{of_size}; of frames over the required radius, whose unit circle is its circle"
-            if self.of_size
-            else ""
-        )
+        if self.of_size:
+            way = f"{of_size}; of frames over the required radius, whose unit circle is its circle"
+        else:
+            way = ""
         discs = DISCS.format(
             "each other and the unit circle" if self.bounded else "the spiral of the damping ratio"
         )

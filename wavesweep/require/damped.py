@@ -43,7 +43,8 @@ class Damped(NamedTuple):
     def words(self) -> str:
         """What is required, in words."""
         which = "every mode" if self.modes == ALL_MODES else "every pair of modes that oscillates"
-        slow = (
-            f" that takes {self.slower_than:g} s or more to fall to 1/e" if self.slower_than else ""
-        )
+        if self.slower_than:
+            slow = f" that takes {self.slower_than:g} s or more to fall to 1/e"
+        else:
+            slow = ""
         return f"{which}{slow} of a damping ratio of at least {self.ratio:g}"

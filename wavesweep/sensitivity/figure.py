@@ -50,11 +50,10 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
     heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
     with figure(TWO_COLUMNS, 0.5 + sum(heights)) as canvas:
-        grid = (
-            canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel()
-            if shown
-            else ()
-        )
+        if shown:
+            grid = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights).ravel()
+        else:
+            grid = ()
         for axes, panel in zip(grid, shown, strict=False):
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
@@ -121,11 +120,9 @@ def _why_none(rows: Columns) -> str:
     if (rows["limit_value"] == 0).all():
         return "as a limit of 0 has no changes in per cent"
     missing = np.isnan(rows["elasticity"]).all()
-    return (
-        f"since they are not known ({_why_missing(rows)})"
-        if missing
-        else "since no number moves it"
-    )
+    if missing:
+        return f"since they are not known ({_why_missing(rows)})"
+    return "since no number moves it"
 
 
 def _why_missing(rows: Columns) -> str:

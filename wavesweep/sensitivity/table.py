@@ -106,11 +106,10 @@ def _span_notices(spec: Spec, axis: Axis) -> list[str]:
     ):
         return []
     listed = any(swept.path == axis.path and swept.start < swept.stop for swept in spec.sweep)
-    said = (
-        "has values in [sweep]: searched between their ends,"
-        if listed
-        else "has no span in [sweep]: searched"
-    )
+    if listed:
+        said = "has values in [sweep]: searched between their ends,"
+    else:
+        said = "has no span in [sweep]: searched"
     return [f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}"]
 
 

@@ -42,11 +42,10 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
             f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name"
         )
     effects = replace(effects_of(spec), **changes)
-    force = (
-        hand_force(spec.asking("simulate"), effects.seed).force
-        if force is None
-        else inputs.given(force).force
-    )
+    if force is None:
+        force = hand_force(spec.asking("simulate"), effects.seed).force
+    else:
+        force = inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
     described = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
     return simulate(
@@ -140,11 +139,9 @@ def _frames_in_words(experiment: Mapping[str, Any]) -> str:
     """The frames of an experiment in words; empty if they are those of the rates."""
     frames = experiment["frames"] or ()
     if isinstance(frames, str):
-        return (
-            f"frames at random, seed {experiment['seed']}"
-            if frames == RANDOM
-            else f"the frames of {frames}"
-        )
+        if frames == RANDOM:
+            return f"frames at random, seed {experiment['seed']}"
+        return f"the frames of {frames}"
     if not frames:
         return ""
     lengths = ", ".join(f"{frame.ticks}" for frame in frames[:MOST_SHOWN])

@@ -515,11 +515,10 @@ def local_model(period: float, b: float, K: float, B: float, integration: str) -
     """A spring K and a damper B behind a wave port: the avatar's equations with `f = K x_spring
     + B v`, solved for v."""
     moved, keeps = _integral("before", "speed", period, integration)
-    still = (
-        ((1.0, "before"),)
-        if integration == "explicit"
-        else tuple(term for term in moved if term[1] != "speed")
-    )
+    if integration == "explicit":
+        still = ((1.0, "before"),)
+    else:
+        still = tuple(term for term in moved if term[1] != "speed")
     ahead = sum(factor for factor, name in moved if name == "speed" and integration != "explicit")
     total = b + B + K * ahead
     gives = {

@@ -526,11 +526,10 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
     plants = [block.name for block in loop.blocks if block.plant and block.name != loop.device]
     slow = [result for result in results_of(loop) if not result.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
-    between = (
-        "one that dead times read or move between ticks"
-        if any(block.type == "dead time" for block in loop.blocks)
-        else "none"
-    )
+    if any(block.type == "dead time" for block in loop.blocks):
+        between = "one that dead times read or move between ticks"
+    else:
+        between = "none"
     for names, met, expected, problem in (
         (
             effects_asked,

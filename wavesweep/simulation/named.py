@@ -41,7 +41,11 @@ class Named(float):
         return _made("-", other, self)
 
     def __mul__(self, other: Any) -> Any:
-        return 0.0 if _is(other, 0.0) else self if _is(other, 1.0) else _made("*", self, other)
+        if _is(other, 0.0):
+            return 0.0
+        if _is(other, 1.0):
+            return self
+        return _made("*", self, other)
 
     def __truediv__(self, other: Any) -> Any:
         return _made("/", self, other)

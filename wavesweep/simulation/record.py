@@ -100,9 +100,10 @@ def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.nda
         periods = np.zeros(len(moved))
         periods[updates] = np.resize(rhythm.lasting(loop.tick), np.count_nonzero(updates))
         slow = np.cumsum(np.where(updates, periods * power("u_s", "v_s"), 0.0))
-        local = (
-            np.cumsum(loop.tick * power("u_h", "v_l")) if "u_h" in signals else np.zeros_like(user)
-        )
+        if "u_h" in signals:
+            local = np.cumsum(loop.tick * power("u_h", "v_l"))
+        else:
+            local = np.zeros_like(user)
         return Energy(hand, device, user, slow, local, user - slow - local)
 
 

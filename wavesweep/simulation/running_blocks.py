@@ -751,9 +751,10 @@ def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
     blocks = []
     for placed_block in drawn.placed:
         block = placed_block.block
-        phases = (
-            placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,)
-        )
+        if isinstance(placed_block.phase, tuple):
+            phases = placed_block.phase
+        else:
+            phases = (placed_block.phase,)
         law = in_delta_form(block)
         rhythm = Rhythm(placed_block.every, phases)
         blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, rhythm, law, law))

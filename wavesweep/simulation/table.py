@@ -468,9 +468,9 @@ def _off(columns: Columns, name: str) -> float | None:
         columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_")
     )
     off = np.abs(response - linear) / np.abs(linear)
-    return (
-        float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
-    )
+    if np.isfinite(off).any():
+        return float(np.max(off, where=np.isfinite(off), initial=0.0))
+    return None
 
 
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:

@@ -41,11 +41,10 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
     that of [sweep] with it."""
     value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
-    start = (
-        0.0
-        if path in wall or not (value or spec.drawing)
-        else value / FARTHEST_FACTOR or -FARTHEST_FACTOR * usual
-    )
+    if path in wall or not (value or spec.drawing):
+        start = 0.0
+    else:
+        start = value / FARTHEST_FACTOR or -FARTHEST_FACTOR * usual
     ends = [start, float(np.clip(FARTHEST_FACTOR * (value or usual), -LARGEST, LARGEST))]
     ends += [
         end

@@ -133,9 +133,10 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
         PlaneCurve(columns, in_table=frozenset(columns))
         for columns in (columns_of(rows, rows[view.x]) for rows in members)
     ]
-    source = (
-        _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
-    )
+    if any(len(curve.columns) > 1 for curve in curves):
+        source = _source(members, view.x, facts)
+    else:
+        source = None
     if source is None:
         return curves
     ends = view.height(np.concatenate([[*rows["low"], *rows["high"]] for rows in members]))

@@ -9,11 +9,9 @@ def required_in_words(written: Mapping[str, object], *, drawn: bool) -> str:
     """What [sweep] require asks for, in words; written: its table. drawn: whether the spec draws
     its loop."""
     module = offered("bound")
-    return (
-        module.words_of(written, "tick" if drawn else "T_s")
-        if module
-        else f"[sweep] require = {dict(written)}"
-    )
+    if module:
+        return module.words_of(written, "tick" if drawn else "T_s")
+    return f"[sweep] require = {dict(written)}"
 
 
 def where_nothing_decides() -> str:

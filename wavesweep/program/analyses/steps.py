@@ -21,11 +21,9 @@ ADDED = "the step"  # no signal of a spec can be called so
 def routes_of(spec: Spec) -> list[Route]:
     """Each input of [ports] with each output."""
     drawing = spec.drawing
-    return (
-        [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs]
-        if drawing
-        else []
-    )
+    if drawing:
+        return [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs]
+    return []
 
 
 def step_between(spec: Spec, route: Route, most: int = MOST_SAMPLED_STATES) -> Step:

@@ -348,9 +348,9 @@ def _os_error(error: OSError) -> str:
             sys.stdout.flush()
         except OSError:
             where = "stdout"
-    return (
-        f"{where}: {error.strerror or error}" if where is not None else f"{error.strerror or error}"
-    )
+    if where is not None:
+        return f"{where}: {error.strerror or error}"
+    return f"{error.strerror or error}"
 
 
 @contextmanager

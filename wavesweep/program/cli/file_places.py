@@ -36,13 +36,12 @@ def refuse_other_things(*files: Path) -> None:
         except OSError as error:
             raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
         if not stat.S_ISREG(mode):
-            kind = (
-                "a link"
-                if stat.S_ISLNK(mode)
-                else "a folder"
-                if stat.S_ISDIR(mode)
-                else "a pipe or a device"
-            )
+            if stat.S_ISLNK(mode):
+                kind = "a link"
+            elif stat.S_ISDIR(mode):
+                kind = "a folder"
+            else:
+                kind = "a pipe or a device"
             raise UsageError(
                 f"{path}: expected a file or none, found {kind}; move it away, or choose another name"
             )

@@ -51,11 +51,10 @@ def command(name: str | None, schema: bool) -> None:
     elif not (descriptions := describing.named(name)):
         meant = describing.meant(name)
         path = SYMBOLS.get(meant, meant)
-        hint = (
-            f"; did you mean {meant}{f' ({path})' * (path != meant)}?"
-            if meant
-            else "; `wavesweep keys` lists all"
-        )
+        if meant:
+            hint = f"; did you mean {meant}{f' ({path})' * (path != meant)}?"
+        else:
+            hint = "; `wavesweep keys` lists all"
         raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
     click.echo(
         json.dumps(descriptions, indent=2)
@@ -158,13 +157,11 @@ def _type(path: str, kind: Description) -> Iterator[str]:
     yield f"  ports: {kind['ports']}"
     yield f"  where steps vary: {kind['steps']}"
     for name, key in kind["keys"].items():
-        unit, default = f" {key['unit']}" if key["unit"] else "", default_of(key)
-        default = (
-            default
-            if default == "required"
-            else f"by default {default}"
-            if default
-            else "absent by default"
-        )
+        unit = f" {key['unit']}" if key["unit"] else ""
+        default = default_of(key)
+        if not default:
+            default = "absent by default"
+        elif default != "required":
+            default = f"by default {default}"
         yield f"  {name}: {key['description']} ({key['values']}{unit}; {default})"
     yield "  every key that is a number takes an expression in numbers, as text"

@@ -297,11 +297,10 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
             bar, (first, started, shown) = bars
             seconds = time.monotonic() - started
             rate = (done - first) / seconds if seconds > 1 else 0.0  # without a checkpoint's
-            said = (
-                [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"]
-                if rate > 1 / 120
-                else []
-            )
+            if rate > 1 / 120:
+                said = [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"]
+            else:
+                said = []
             said += [] if certified is None else [f"{certified:,} certified"]
             time_left = [f"about {_duration(left)} left"] if left > LOOK_AT_PROGRESS else []
             bar.update(done - bar.pos, "  ".join([*time_left, *said * shown]))
@@ -318,13 +317,11 @@ def _columns() -> int:
 
 
 def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 100
-        else f"{seconds / 60:.0f} min"
-        if seconds < 6000
-        else f"{seconds / 3600:.1f} h"
-    )
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 def where(paths: Iterable[Path], seconds: float) -> str:

@@ -19,10 +19,11 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
         from wavesweep.program.plots.figure_options import style_of, width_of
         from wavesweep.program.plots.style import as_asked
 
-        chosen = (
-            {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
-        )
-        context.with_resource(as_asked(**chosen))
+        if option.name == "width":
+            drawn_so = as_asked(width=width_of(text))
+        else:
+            drawn_so = as_asked(settings=style_of(text))
+        context.with_resource(drawn_so)
     return text
 
 

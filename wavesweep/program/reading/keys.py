@@ -398,5 +398,10 @@ def readable(unit: str) -> str:
     if not all(factors):
         return unit
     over, under = ([factor[1] for factor in factors if factor[2] == sign] for sign in ("", "-"))
-    below = f"/({'*'.join(under)})" if len(under) > 1 else f"/{under[0]}" if under else ""
+    if len(under) > 1:
+        below = f"/({'*'.join(under)})"
+    elif under:
+        below = f"/{under[0]}"
+    else:
+        below = ""
     return f"sqrt({'*'.join(over) or '1'}{below})"

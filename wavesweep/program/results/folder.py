@@ -63,11 +63,10 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
         or (place and facts.get("spec_place") == place)
     ):
         return
-    maker = (
-        f"another spec ({_name(facts)}SHA-256 {facts['spec_sha256'][:12]}…)"
-        if facts
-        else "an unknown origin"
-    )
+    if facts:
+        maker = f"another spec ({_name(facts)}SHA-256 {facts['spec_sha256'][:12]}…)"
+    else:
+        maker = "an unknown origin"
     raise UsageError(
         f"{Path(directory) / kind}.*: found results of {maker}; give --overwrite to replace them, or another --out"
     )
@@ -158,11 +157,9 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
     if key not in values:
         if key.rpartition(": ")[2] in ("bode.from", "bode.to"):
             return "all"
-        return (
-            "not swept"
-            if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key
-            else "not given"
-        )
+        if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key:
+            return "not swept"
+        return "not given"
     value = values[key]
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"

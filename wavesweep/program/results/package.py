@@ -234,11 +234,10 @@ def packaged_facts(package: Path) -> dict[str, Any]:
 def packaged_fault(csv: Path, package: Path) -> str:
     """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
     if not packaged_facts(package):
-        state = (
-            "a damaged one; use the Parquet file, or compute the table again"
-            if package.is_file()
-            else "none"
-        )
+        if package.is_file():
+            state = "a damaged one; use the Parquet file, or compute the table again"
+        else:
+            state = "none"
         return f"expected the data package of wavesweep, {package.name}, beside the table, found {state}"
     described = loaded(package)["resources"][0]
     facts = file_facts(csv)

@@ -322,9 +322,10 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     except (*NOT_OURS, WavesweepError) as error:
         if isinstance(error, UsageError):
             raise
-        said = (
-            str(error) if isinstance(error, WavesweepError) else f"{type(error).__name__}: {error}"
-        )
+        if isinstance(error, WavesweepError):
+            said = str(error)
+        else:
+            said = f"{type(error).__name__}: {error}"
         raise UsageError(
             f"{path}: expected a whole table, found columns or facts of another form ({said})"
         ) from error
@@ -340,9 +341,10 @@ def _refuse_other_paths(path: Path) -> None:
             package.with_suffix("").with_suffix(".parquet").name
             for package in path.glob("*.datapackage.json")
         )
-        problem = (
-            f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
-        )
+        if path.is_dir():
+            problem = f"a folder, with {', '.join(tables) or 'no table'}"
+        else:
+            problem = "no such file"
         raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {problem}")
 
 

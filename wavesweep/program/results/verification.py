@@ -261,11 +261,10 @@ def _rows(
         package.with_name(package.name.replace(PACKAGE, ".parquet")),
         versions().items() <= facts.items(),
     )
-    how = (
-        "to the bit"
-        if exact
-        else f"to {SAME_NUMBER:g}, since another version of this program or of numpy made them"
-    )
+    if exact:
+        how = "to the bit"
+    else:
+        how = f"to {SAME_NUMBER:g}, since another version of this program or of numpy made them"
     if exact and again.of_combinations is not None:
         exact, how = (
             False,

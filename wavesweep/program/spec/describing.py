@@ -125,13 +125,11 @@ def _device(device: HapticDevice) -> Description:
 
 def default_of(description: Description) -> str:
     """Return the default of a key in the notation of a spec; empty if it may be absent."""
-    return (
-        "required"
-        if description["required"]
-        else ""
-        if description["default"] is None
-        else show(description["default"])
-    )
+    if description["required"]:
+        return "required"
+    if description["default"] is None:
+        return ""
+    return show(description["default"])
 
 
 def meaning_of(description: Description) -> str:
@@ -223,11 +221,10 @@ def _class(file: Path) -> Description:
 
 def _type(name: str) -> Description:
     kind = TYPES[name]
-    pairs = (
-        kind.ports.values()
-        if isinstance(kind.ports, Mapping)
-        else [kind.ports or (("inputs",), ("outputs",))]
-    )
+    if isinstance(kind.ports, Mapping):
+        pairs = kind.ports.values()
+    else:
+        pairs = [kind.ports or (("inputs",), ("outputs",))]
     return {
         "description": kind.description,
         "ports": "; or ".join(

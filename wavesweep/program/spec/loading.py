@@ -268,11 +268,10 @@ def _build(
         given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
         values, wrong = resolve(given)
         mistakes += wrong
-        hz = (
-            None
-            if any(mistake.key.startswith("rates.") for mistake in wrong)
-            else values["rates.fast_hz"]
-        )
+        if any(mistake.key.startswith("rates.") for mistake in wrong):
+            hz = None
+        else:
+            hz = values["rates.fast_hz"]
     facts = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
     studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **facts))
     if mistakes:

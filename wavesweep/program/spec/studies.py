@@ -125,11 +125,10 @@ class Request:
         if self.values is None:
             return
         swept = {axis.path: axis for axis in axes}
-        limiting = (
-            {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start}
-            if "rates.fast_hz" in swept
-            else self.values
-        )
+        if "rates.fast_hz" in swept:
+            limiting = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start}
+        else:
+            limiting = self.values
         for axis in axes:
             if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
                 continue

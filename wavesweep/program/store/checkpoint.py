@@ -174,11 +174,9 @@ class FileCheckpoint:
         return zlib.crc32(content, zlib.crc32(self._digest + number.to_bytes(8, "big")))
 
     def _files(self):
-        return (
-            [self.place.with_name(self.place.name + suffix) for suffix in BESIDE]
-            if self.place
-            else []
-        )
+        if self.place:
+            return [self.place.with_name(self.place.name + suffix) for suffix in BESIDE]
+        return []
 
     def _do(self, statement, *values, again=False):
         """The rows of a statement; if the file is no checkpoint, or not any more, it is moved away,

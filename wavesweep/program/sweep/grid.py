@@ -75,11 +75,9 @@ class Grid:
 
 def keys_of(spec: Spec) -> frozenset[str]:
     """Paths of the keys that the spec's loop reads."""
-    return (
-        frozenset(spec.values) - spec.drawing.of_limits
-        if spec.drawing
-        else keys_of_page(spec.values)
-    )
+    if spec.drawing:
+        return frozenset(spec.values) - spec.drawing.of_limits
+    return keys_of_page(spec.values)
 
 
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
@@ -140,11 +138,9 @@ def _count(axes):
 
 
 def _digits(axes, index):
-    return (
-        np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes))
-        if axes
-        else ()
-    )
+    if axes:
+        return np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes))
+    return ()
 
 
 def groups(

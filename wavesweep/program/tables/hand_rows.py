@@ -94,11 +94,9 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
         if kind in guarantees:
             raise UsageError(f"hands: expected {kind} once, found it twice")
         guarantees[kind] = guarantee
-    return (
-        Hands(tuple(sorted(guarantees.values(), key=lambda guarantee: guarantee.order)))
-        if guarantees
-        else None
-    )
+    if guarantees:
+        return Hands(tuple(sorted(guarantees.values(), key=lambda guarantee: guarantee.order)))
+    return None
 
 
 def device_held(kind: str, own: Job) -> "HeldLoop":

@@ -218,9 +218,10 @@ class LoopSummary:
 
     def _largest_numbers(self) -> dict[str, Any] | None:
         # Of rows with the same value, one without a gap below it is named.
-        first = (
-            self._without_gap if self._without_gap.value == self._largest.value else self._largest
-        )
+        if self._without_gap.value == self._largest.value:
+            first = self._without_gap
+        else:
+            first = self._largest
         if not first.row:
             return None
         row = first.row

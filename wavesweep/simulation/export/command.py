@@ -130,6 +130,6 @@ def export(
 def _coefficients(terms: list[dict[str, Any]]) -> str:
     """The coefficients of an output's terms, if not all are in its sum as numbers."""
     gains = [f"{term['coefficient']:g}" for term in terms]
-    return (
-        f" (coefficients {', '.join(gains)})" if gains != [term["gain"] for term in terms] else ""
-    )
+    if gains != [term["gain"] for term in terms]:
+        return f" (coefficients {', '.join(gains)})"
+    return ""

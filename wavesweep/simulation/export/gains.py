@@ -141,13 +141,11 @@ class CoefficientTable:
         sign, first, *operands = (
             operand if isinstance(operand, str) else self._text(operand) for operand in made
         )
-        return (
-            f"({first} {sign} {operands[0]})"
-            if operands
-            else f"sqrt({_bare(first)})"
-            if sign == "sqrt"
-            else f"(-{first})"
-        )
+        if operands:
+            return f"({first} {sign} {operands[0]})"
+        if sign == "sqrt":
+            return f"sqrt({_bare(first)})"
+        return f"(-{first})"
 
 
 def _bare(text):
