@@ -70,12 +70,13 @@ class ForAllRanges(TableValue):
     def apart(self, values: Mapping[str, object]) -> list[str]:
         """The numbers of a spec with these values that the table leaves out, each with its
         value, as texts."""
-        own = ((axis, values[axis.path]) for axis in self.axes)
-        return [
-            f"{axis.name} = {value:g}"
-            for axis, value in own
-            if (value not in axis.values if axis.values else not axis.start <= value <= axis.stop)
-        ]
+        left_out = []
+        for axis in self.axes:
+            value = values[axis.path]
+            inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
+            if not inside:
+                left_out.append(f"{axis.name} = {value:g}")
+        return left_out
 
     def ends(self, design: Any) -> tuple[Axis, ...]:
         """The numbers that are constant as axes of [design.for_all], which the search looks at:
@@ -111,18 +112,16 @@ class ForAllRanges(TableValue):
                 range_ = {"values": list(axis.values)}
             else:
                 range_ = {"start": axis.start, "stop": axis.stop}
-            table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
+            if axis.path in self.varying:
+                range_["varying"] = True
             of_delay = axis.path == DELAY
-            if rows := [
-                list(row)
-                for row in (self.delays if of_delay else self.shares)
-                if axis in self.changing
-            ]:
-                table[axis.name] |= (
-                    {"next": rows}
-                    if len(rows) > 1 and not of_delay
-                    else {"shares": rows if rows[1:] else rows[0]}
-                )
+            shares = self.delays if of_delay else self.shares
+            rows = [list(row) for row in shares] if axis in self.changing else []
+            if len(rows) > 1 and not of_delay:
+                range_["next"] = rows
+            elif rows:
+                range_["shares"] = rows if rows[1:] else rows[0]
+            table[axis.name] = range_
         return (
             table
             | ({"lost": self.lost} if self.lost else {})

@@ -54,12 +54,11 @@ def automaton(words: tuple[tuple[int, ...], ...], follows: np.ndarray) -> Graph:
     while open_:
         node = open_.pop()
         for kind in sorted({rest[0] for rest, _ in node}):
-            further = (
-                {(rest[1:], some)} if rest[1:] else begun(some)
-                for rest, some in node
-                if rest[0] == kind
-            )
-            edges.append((nodes[node], kind, number(frozenset().union(*further))))
+            further = set()
+            for rest, some in node:
+                if rest[0] == kind:
+                    further |= {(rest[1:], some)} if rest[1:] else begun(some)
+            edges.append((nodes[node], kind, number(frozenset(further))))
     return Graph(*np.array(edges).T)
 
 

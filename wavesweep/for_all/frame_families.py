@@ -165,11 +165,10 @@ def plan_of(
         stepping = set(slow.names) - channels
         blocks = [block for block in drawing.blocks if block.name in stepping]
         _refuse_unsteady(drawing, blocks, slow.number, frames.elapsed)
-    losses = [
-        frozenset(lost)
-        for count in range(len(channels) + 1)
-        for lost in combinations(sorted(channels), count)
-    ]
+    losses = []
+    for count in range(len(channels) + 1):
+        for lost in combinations(sorted(channels), count):
+            losses.append(frozenset(lost))
     kinds = _kinds_of_ticks(at_phases, losses)
     if frames.delays != IN_PHASE:
         kinds |= {SHOW: shown, LATE: None}

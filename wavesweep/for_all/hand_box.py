@@ -104,11 +104,10 @@ class BoxGuarantee(Guarantee):
     @property
     def word(self) -> str:
         """The box as a word of --for-hands."""
-        ranges = ((field.name, getattr(self.box, field.name)) for field in fields(HandBox))
-        texts = (
-            f"{name}={'..'.join(repr(float(end)).removesuffix('.0') for end in ends)}"
-            for name, ends in ranges
-        )
+        texts = []
+        for field in fields(HandBox):
+            ends = [repr(float(end)).removesuffix(".0") for end in getattr(self.box, field.name)]
+            texts.append(f"{field.name}={'..'.join(ends)}")
         return f"box:{','.join(texts)}"
 
     def scope(self, spec: Spec) -> Scope:
@@ -127,7 +126,8 @@ class BoxGuarantee(Guarantee):
         of_proof: whether those that are proved end where the proof does, and are certified; without
         it all end where the hands do that set their ends.
         """
-        loop, ends = loop.with_hand(), self.box.ranges()
+        loop = loop.with_hand()
+        ends = self.box.ranges()
         ranges = [
             Axis(path, path, (), low, high, structural=False)
             for path, (low, high) in ends.items()
@@ -138,10 +138,8 @@ class BoxGuarantee(Guarantee):
             Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants
         )
         proved_parts = list(proofs([case], span, LEFT_OF_END, narrow=not of_proof))
-        low, high = (
-            np.array([getattr(interval, end) for interval, _ in proved_parts])
-            for end in ("low", "high")
-        )
+        low = np.array([interval.low for interval, _ in proved_parts])
+        high = np.array([interval.high for interval, _ in proved_parts])
         records = blank_records(low, high, BOX_RECORD)
         records["settled"] = bool(proved_parts) or case.certified
         records["certified"] = case.certified and not proved_parts  # that there are none

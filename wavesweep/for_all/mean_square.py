@@ -556,12 +556,10 @@ def _chain(family, first, second):
                 continue
             late = dict(sent.late)
             after = int(np.flatnonzero(family.follows[symbol])[0])
-            choices = [
-                range(1 + ((first[name].begins > 0) or (second[name].begins > 0)))
-                if name in late
-                else (burst,)
-                for name, burst in zip(channels, bursts, strict=True)
-            ]
+            choices = []
+            for name, burst in zip(channels, bursts, strict=True):
+                begins = first[name].begins > 0 or second[name].begins > 0
+                choices.append(range(1 + begins) if name in late else (burst,))
             for then in product(*choices):
                 changes = list(zip(channels, bursts, then, strict=True))
                 both = np.array([_factors(losses, changes, late) for losses in (first, second)]).T
@@ -576,11 +574,10 @@ def _chain(family, first, second):
 
 def _factors(losses, changes, late):
     """The factors of the probability that the bursts of the channels change in this way."""
-    return [
-        factor
-        for name, *change in changes
-        for factor in (losses[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
-    ]
+    factors = []
+    for name, *change in changes:
+        factors += losses[name].factors(*change, late[name]) if name in late else (1.0, 1.0)
+    return factors
 
 
 def decays(loop: Chances) -> str:
@@ -747,13 +744,12 @@ def _bracket(loop, part, limits, tolerance):
     (low, below, down), (high, above, up) = sides
     if limits[0] == 0 < low and np.isnan(below) and loop.decay_from_zero(low):
         low = 0.0
-    near = [
-        abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
-        for end, reached in (
-            (limits[0] if np.isnan(below) else below, low),
-            (limits[1] if np.isnan(above) else above, high),
-        )
-    ]
+    first = limits[0] if np.isnan(below) else below
+    last = limits[1] if np.isnan(above) else above
+    near = []
+    for end, reached in ((first, low), (last, high)):
+        size = max(abs(end), NEAR_START * (high - low))
+        near.append(abs(end - reached) <= tolerance * size)
     words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
     stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
     return Bracket(low, high, below, above, words, all(near), stretches)

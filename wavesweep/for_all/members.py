@@ -106,13 +106,10 @@ def _within(rows, loop, along, span):
     stable = _certified(loop, along, span)
     if stable is None:
         return True
-    return all(
-        any(
-            a - NO_CONTRADICTION * abs(a) <= row.low and row.high <= b + NO_CONTRADICTION * abs(b)
-            for a, b in stable
-        )
-        for row in rows
-    )
+    wider = []
+    for low, high in stable:
+        wider.append((low - NO_CONTRADICTION * abs(low), high + NO_CONTRADICTION * abs(high)))
+    return all(any(low <= row.low and row.high <= high for low, high in wider) for row in rows)
 
 
 def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:

@@ -78,42 +78,37 @@ class Schedule:
         their phases."""
         every = Tree.number(step)
         phase = Tree.number(0.0)
-        slow = self.slow
-        blocks = (
-            replace(each, every=every, phase=phase, phases=()) if each.name in slow else each
-            for each in drawing.blocks
-        )
-        blocks = (
-            each.stepwise(drawing.tick_hz) if self.elapsed and each.name in slow else each
-            for each in blocks
-        )
+        names = self.slow
+        blocks = []
+        for block in drawing.blocks:
+            if block.name not in names:
+                blocks.append(block)
+                continue
+            slow = replace(block, every=every, phase=phase, phases=())
+            blocks.append(slow.stepwise(drawing.tick_hz) if self.elapsed else slow)
         return replace(drawing, blocks=tuple(blocks))
 
     def scheduled(self, loop: MultirateLoop) -> MultirateLoop:
         """Return the loop with a frame that has one tick of each kind: connecting it gives the
         map of each kind."""
-        placed = [
-            replace(each, every=len(self.kinds), phase=tuple(np.flatnonzero(runs).tolist()))
-            for each, runs in zip(
-                loop.placed, self.running([each.block.name for each in loop.placed]).T, strict=True
-            )
-        ]
+        placed = []
+        running = self.running([each.block.name for each in loop.placed])
+        for each, runs in zip(loop.placed, running.T, strict=True):
+            phase = tuple(np.flatnonzero(runs).tolist())
+            placed.append(replace(each, every=len(self.kinds), phase=phase))
         return replace(loop, placed=tuple(placed))
 
     def running(self, names: Sequence[str]) -> np.ndarray:
         """Return which blocks run in each kind of tick, `(kinds, blocks)`."""
-        slow = self.slow
-        return np.array(
-            [
-                [
-                    (name in self.shown if blocks is None else name in blocks)
-                    if name in slow
-                    else blocks is not None
-                    for name in names
-                ]
-                for blocks in self.kinds.values()
-            ]
-        )
+        slow_names = self.slow
+        slow = [name in slow_names for name in names]
+        rows = []
+        for blocks in self.kinds.values():
+            # At a moment of None only those that are shown run.
+            running = self.shown if blocks is None else blocks
+            of_slow = [name in running for name in names]
+            rows.append(np.where(slow, of_slow, blocks is not None))
+        return np.array(rows)
 
 
 @dataclass(frozen=True, slots=True)

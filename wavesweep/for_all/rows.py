@@ -374,11 +374,10 @@ class _Loop:
 
     def _row(self, case, family, found) -> Row:
         texts = [text_of_pattern(family, word) for word in found.words]
-        interval = Part(
-            found.fails_below if texts[0] else found.low,
-            found.fails_from if texts[1] else found.high,
-            *({**case.fixed, text: None} if text else None for text in texts),
-        )
+        below, above = ({**case.fixed, text: None} if text else None for text in texts)
+        first = found.fails_below if below else found.low
+        last = found.fails_from if above else found.high
+        interval = Part(first, last, below, above)
         open_ends = []
         for text, edge, end in zip(texts, self.span, (found.low, found.high), strict=True):
             if not text and end != edge:  # where the proof ends, and not what it is of
@@ -396,13 +395,9 @@ class _Loop:
             return None
         ends = [bracket.below, bracket.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
-        interval = Part(
-            *(
-                end.x if end.word else end_value
-                for end, end_value in zip(ends, (bracket.low, bracket.high), strict=True)
-            ),
-            *by,
-        )
+        low = bracket.below.x if bracket.below.word else bracket.low
+        high = bracket.above.x if bracket.above.word else bracket.high
+        interval = Part(low, high, *by)
         return Row(
             bracket.low,
             bracket.high,

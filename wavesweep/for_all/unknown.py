@@ -258,16 +258,11 @@ class Case:
         """What is left of the parts after the exact intervals at points of the box."""
         for point, exact in zip(points, self._exact(points), strict=True):
             by = self.named(point)
-            intervals = [
-                Part(
-                    low,
-                    high,
-                    by if certain[0] and low > self.span[0] else None,
-                    by if certain[1] and high < self.span[1] else None,
-                    *omegas,
-                )
-                for low, high, certain, *omegas in exact
-            ]
+            intervals = []
+            for low, high, certain, *omegas in exact:
+                below = by if certain[0] and low > self.span[0] else None
+                above = by if certain[1] and high < self.span[1] else None
+                intervals.append(Part(low, high, below, above, *omegas))
             parts = shared(parts, intervals)
         return list(parts)
 

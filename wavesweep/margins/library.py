@@ -80,11 +80,10 @@ class LoopMargins(api.Loop):
         from wavesweep.margins.figure import margins, named_specs
 
         axes_given, margins_table = axes_asked(self.spec, axes), table.margins(self.spec, cut)
-        places = [
-            dict(zip(axes, values, strict=True))
-            for values in product(*(axis.values for axis in axes_given))
-            if values
-        ]
+        places = []
+        for values in product(*(axis.values for axis in axes_given)):
+            if values:
+                places.append(dict(zip(axes, values, strict=True)))
         family = named_specs(self.spec, places)
         return drawn_into(
             ax,

@@ -46,10 +46,8 @@ class _Ends:
     def of(cls, found, axis):
         """Those of a table of intervals: with a frequency, or within the range, since knowledge
         may end there too."""
-        value, omega = (
-            np.stack([found[f"{end}{suffix}"] for end in ("low", "high")], -1).ravel()
-            for suffix in ("", "_omega")
-        )
+        value = np.stack([found["low"], found["high"]], -1).ravel()
+        omega = np.stack([found["low_omega"], found["high_omega"]], -1).ravel()
         crossings = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
         return cls(crossings // 2, crossings % 2 == 1, value[crossings], omega[crossings])
 
@@ -64,28 +62,24 @@ def elasticities(
     in order. Errors: UsageError for a loop that varies smoothly with no other number, which has no
     such row.
     """
-    numbers = [
-        path for path in _smooth(grid.spec, [each.path for each in grid.axes]) if path != axis.path
-    ]
+    smooth = _smooth(grid.spec, [each.path for each in grid.axes])
+    numbers = [path for path in smooth if path != axis.path]
     if not numbers:
         expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
         raise UsageError(
             f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]"
         )
-    ends, batches = _Ends.of(found, axis), []
-    changes = {
-        grid_axis.path: np.asarray(found[grid_axis.name])[ends.row] for grid_axis in grid.axes
-    }
-    for members, several in drawn_groups(
-        grid.spec, changes, ends.row.size, rates=True, along=axis.path
-    ):
+    ends = _Ends.of(found, axis)
+    batches = []
+    changes = {each.path: np.asarray(found[each.name])[ends.row] for each in grid.axes}
+    groups = drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path)
+    for members, several in groups:
         loops = _VariedLoops(grid.spec, axis, several.read, numbers)
         most = max(1, FRAMES_AT_ONCE // max(PATH_STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             batch = slice(start, start + most)
-            batches.append(
-                _rows(replace(loops, loops=loops.loops.some(batch)), found, ends, members[batch])
-            )
+            some = replace(loops, loops=loops.loops.some(batch))
+            batches.append(_rows(some, found, ends, members[batch]))
     names = ("at", *names)
     kinds = dict.fromkeys(TEXTS, object) | {
         "interval": int,
@@ -94,10 +88,10 @@ def elasticities(
         "certified": bool,
         "at": int,
     }
-    joined_columns = {
-        n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(columns[n] for columns in batches)])
-        for n in names
-    }
+    joined_columns = {}
+    for name in names:
+        nothing = np.zeros(0, kinds.get(name, float))
+        joined_columns[name] = np.concatenate([nothing, *(columns[name] for columns in batches)])
     order = np.argsort(joined_columns.pop("at"), kind="stable")
     rows = ends.row[
         np.concatenate([np.zeros(0, int), *(columns["at"] for columns in batches)])[order]

@@ -157,16 +157,19 @@ def ends_of(columns: Columns) -> list[Columns]:
     ]
 
 
+def _of_quantity(rows: Columns, quantity: str) -> Columns:
+    """The rows of a quantity."""
+    some = rows["quantity"] == quantity
+    return {name: column[some] for name, column in rows.items()}
+
+
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """For each end and crossing its mode, the limit and the stiffness felt there, each with the
     numbers that matter most."""
     ends = []
     for rows in ends_of(columns):
-        of_quantity = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
-        limit, felt = (
-            _limit({name: column[rows_of] for name, column in rows.items()})
-            for rows_of in of_quantity.values()
-        )
+        limit = _limit(_of_quantity(rows, "end"))
+        felt = _limit(_of_quantity(rows, "felt"))
         ends.append(
             {name: plain(rows[column][0]) for name, column in _OF_END.items()}
             | {"limit": limit, "felt": felt}

@@ -176,22 +176,18 @@ def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
     """
     if not given:
         return None
-    delay = spec.values.get("environment.delay", 0)
-    usual = [frame.ticks if spec.delay_of_frame else delay for frame in given]
-    delays = [
-        usual if frame.delay is None else frame.delay
-        for frame, usual in zip(given, usual, strict=True)
-    ]
+    delays: list[int | None] = []
+    for frame in given:
+        if frame.lost:
+            delays.append(None)
+        elif frame.delay is not None:
+            delays.append(frame.delay)
+        elif spec.delay_of_frame:
+            delays.append(frame.ticks)
+        else:
+            delays.append(spec.values.get("environment.delay", 0))
     nominal = spec.values["rates.ratio"] if spec.step == "nominal" else None
-    ticks, lost = tuple(frame.ticks for frame in given), [frame.lost for frame in given]
-    return FrameClock(
-        ticks,
-        tuple(
-            None if gone else delay_of_result
-            for gone, delay_of_result in zip(lost, delays, strict=True)
-        ),
-        nominal,
-    )
+    return FrameClock(tuple(frame.ticks for frame in given), tuple(delays), nominal)
 
 
 def effects_of(spec: Spec) -> Effects:

@@ -348,9 +348,8 @@ class Experiment(TableValue):
     @property
     def hardware(self) -> Mapping[str, Any]:
         """Friction, resolution and largest force of the device."""
-        return {
-            name: self.values[name] for name in (path.rpartition(".")[2] for path in HARDWARE_KEYS)
-        }
+        names = [path.rpartition(".")[2] for path in HARDWARE_KEYS]
+        return {name: self.values[name] for name in names}
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

@@ -88,10 +88,8 @@ def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.nda
     changes = any(name in late for _, name in loop.wires.get(REACTION, ()))  # between two ticks
     names = signals.keys() - ({"f_device"} if changes else ())
     with np.errstate(over="ignore", invalid="ignore"):
-        hand, device = (
-            np.cumsum(signals[name] * moved) if name in names else None
-            for name in ("f_h", "f_device")
-        )
+        hand = np.cumsum(signals["f_h"] * moved) if "f_h" in names else None
+        device = np.cumsum(signals["f_device"] * moved) if "f_device" in names else None
         if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
         user = np.cumsum(loop.tick * power("u_m", "v_m"))

@@ -381,14 +381,10 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
 
     # Facts have the order and the cutoff that follow from band edges next to these; a spec has one
     # or the other.
-    filters = {
-        name: {
-            key: value
-            for key, value in written.items()
-            if "passband_hz" not in written or key not in ("order", "cutoff_hz")
-        }
-        for name, written in facts["spec"].get("filters", {}).items()
-    }
+    filters = {}
+    for name, written in facts["spec"].get("filters", {}).items():
+        following = ("order", "cutoff_hz") if "passband_hz" in written else ()
+        filters[name] = {key: value for key, value in written.items() if key not in following}
     return load({**facts["spec"], **({"filters": filters} if filters else {})})
 
 

@@ -167,11 +167,10 @@ def _text_of(kind: str, device: str | None, shown: str, settings: tuple[str, ...
 
 def drawn_loops() -> dict[str, Path]:
     """The files of drawn loops by name: templates first, and those recipes that one begins with."""
-    loops = {
-        path.stem: path
-        for folder in DRAWN
-        for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))
-    }
+    loops = {}
+    for folder in DRAWN:
+        for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml")):
+            loops[path.stem] = path
     return dict(
         sorted(
             loops.items(),

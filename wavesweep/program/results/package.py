@@ -47,16 +47,17 @@ def package_text(
     stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
     of_booleans = {"trueValues": ["1"], "falseValues": ["0"]}
-    described = [
-        {
+    described = []
+    for field in fields:
+        column: dict[str, Any] = {
             "name": field.name,
             "type": field.kind,
             "unit": field.unit,
             "description": field.description,
         }
-        | (of_booleans if field.kind == "boolean" else {})
-        for field in fields
-    ]
+        if field.kind == "boolean":
+            column |= of_booleans
+        described.append(column)
     schema = {"fields": described, "missingValues": [""]}
     package = {
         "profile": "data-package",

@@ -113,11 +113,10 @@ def _naming(spec, names, signal):
     if not names and signal is None:
         return spec
     tables = spec.tables()
-    written = {
-        f"block.{block}.{key}": value
-        for block, keys in tables["block"].items()
-        for key, value in keys.items()
-    }
+    written = {}
+    for block, keys in tables["block"].items():
+        for key, value in keys.items():
+            written[f"block.{block}.{key}"] = value
     new = {name: [written[name]] for name in names if isinstance(written.get(name), (int, float))}
     tables |= {
         "sweep": tables["sweep"] | new,

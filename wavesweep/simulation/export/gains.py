@@ -60,11 +60,8 @@ def _follows(spec, made, paths):
     except (WavesweepError, ArithmeticError, ValueError):
         return False, {}
     first_seen: dict[int | str, float] = {}
-    sums = [
-        [(line[0], [source for _, source in line[1]]) for line in _lines(made_so.programs)]
-        for made_so in (as_given, fresh)
-    ]
-    alike = sums[0] == sums[1] and as_given.ticks.kinds == fresh.ticks.kinds
+    alike = _sources(as_given.programs) == _sources(fresh.programs)
+    alike = alike and as_given.ticks.kinds == fresh.ticks.kinds
     expected = [again(value, moved, first_seen) for value in _coefficients(as_given.programs)]
     return alike and expected == [*map(float, _coefficients(fresh.programs))], first_seen
 
@@ -73,6 +70,11 @@ def _lines(programs):
     return [
         line for program in programs for line in (*program.first, *program.second, *program.keeps)
     ]
+
+
+def _sources(programs):
+    """What each line computes, and what it reads."""
+    return [(line[0], [source for _, source in line[1]]) for line in _lines(programs)]
 
 
 def _coefficients(programs) -> Iterator[float]:
@@ -96,17 +98,18 @@ class CoefficientTable:
         self._texts: dict[int, str] = {}
         self._places: dict[str, str] = {}
 
+    def _with_places(self, lines):
+        placed = []
+        for target, terms in lines:
+            placed.append((target, tuple((self._placed(value), source) for value, source in terms)))
+        return placed
+
     def with_places(self, program: Program) -> Program:
         """The program with the coefficients' places in C as their names."""
         wall = program.wall
-        sums = (program.first, program.second, program.keeps)
-        first, second, keeps = (
-            [
-                (target, tuple((self._placed(value), source) for value, source in terms))
-                for target, terms in lines
-            ]
-            for lines in sums
-        )
+        first = self._with_places(program.first)
+        second = self._with_places(program.second)
+        keeps = self._with_places(program.keeps)
         met = wall and wall._replace(
             yields=self._placed(wall.yields), slows=self._placed(wall.slows)
         )
