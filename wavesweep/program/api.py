@@ -475,13 +475,13 @@ class Loop:
             )
         if output == "outputs":
             return self._outputs_to_control()
-        port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
+        port = loop_at_hand(self.spec).port
+        ratio = self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = over_frame(port, ticks, positions=output == "position")
-        inputs, outputs = (
-            [f"{name}[{i}]" for i in range(ticks)]
-            for name in ("f_h", "x" if output == "position" else "dx")
-        )
+        shown = "x" if output == "position" else "dx"
+        inputs = [f"f_h[{i}]" for i in range(ticks)]
+        outputs = [f"{shown}[{i}]" for i in range(ticks)]
         return control.ss(
             np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs
         )

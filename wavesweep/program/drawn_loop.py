@@ -94,14 +94,12 @@ class DrawnLoop:
             raise UsageError(
                 f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
             )
-        signals = {
-            f"{placed.block.name}.{port}"
-            for placed in drawn.placed
-            for port in placed.block.outputs
-        } | {*drawn.sums}
-        if unknown := [
-            name for name in (position, *([reaction] if reaction else [])) if name not in signals
-        ]:
+        signals = {*drawn.sums}
+        for placed in drawn.placed:
+            signals |= {f"{placed.block.name}.{port}" for port in placed.block.outputs}
+        asked = [position, reaction] if reaction else [position]
+        unknown = [name for name in asked if name not in signals]
+        if unknown:
             raise UsageError(
                 f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}"
             )

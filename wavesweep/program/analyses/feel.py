@@ -146,10 +146,12 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
     small = loop.order <= MOST_FELT_STATES
     band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
-    stiffness, damping = (
-        float(number) if np.isfinite(number) else None for number in (stiffness, damping)
-    )
-    return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
+    return {
+        "stiffness": float(stiffness) if np.isfinite(stiffness) else None,
+        "damping": float(damping) if np.isfinite(damping) else None,
+        "rigid": False,
+        "over_band": band,
+    }
 
 
 def _damping(response, low):

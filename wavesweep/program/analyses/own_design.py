@@ -46,12 +46,9 @@ def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
     else:
         start = value / FARTHEST_FACTOR or -FARTHEST_FACTOR * usual
     ends = [start, float(np.clip(FARTHEST_FACTOR * (value or usual), -LARGEST, LARGEST))]
-    ends += [
-        end
-        for axis in spec.sweep
-        if axis.path == path
-        for end in axis.values or (axis.start, axis.stop)
-    ]
+    for axis in spec.sweep:
+        if axis.path == path:
+            ends += axis.values or (axis.start, axis.stop)
     return min(ends), max(ends)
 
 

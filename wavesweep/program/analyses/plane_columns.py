@@ -452,10 +452,10 @@ class _Source:
         """proved: whether what is in doubt is asked of ball arithmetic."""
         from wavesweep.program.analyses.interval_jobs import at_points, ball_prover
 
-        points = {
-            path: np.array([dict(self.designs[n])[path] for n, _ in places])
-            for path, _ in self.designs[0]
-        }
+        numbers = [dict(self.designs[number]) for number, _ in places]
+        points = {}
+        for path, _ in self.designs[0]:
+            points[path] = np.array([of_place[path] for of_place in numbers])
         if self.x:
             points[self.x] = np.array([x for _, x in places])
         if not points:  # the loop reads none of the axes

@@ -40,13 +40,15 @@ def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
     The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
     """
     nominal = own_loop(spec)
-    wires = tuple(
-        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal)))
-        for port, terms in nominal.drawing.wires
-    )
+    wires = []
+    for port, terms in nominal.drawing.wires:
+        added = [(ADDED, gain) for name, gain in terms if name == signal]
+        wires.append((port, (*terms, *added)))
     loop = Loops(
         replace(
-            nominal.drawing, wires=wires, inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1"))
+            nominal.drawing,
+            wires=tuple(wires),
+            inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1")),
         ),
         nominal.values,
     )

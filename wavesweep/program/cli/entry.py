@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from itertools import chain
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,16 +43,9 @@ class Verbosity(NamedTuple):
     def of(cls, words: Sequence[str]) -> tuple[Verbosity, list[str]]:
         """Take these options out of a line; the words that are left are those of the group and of the command."""
         end = words.index("--") if "--" in words else len(words)
-        spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
-        wanted = {
-            name: any(word in spellings for word in words[:end])
-            for name, spellings in spelt.items()
-        }
-        left = [
-            word
-            for word in words[:end]
-            if not any(word in spellings for spellings in spelt.values())
-        ]
+        meant = {"-q": "quiet", "--quiet": "quiet", "--json": "as_json", "--debug": "debug"}
+        wanted = {meant[word]: True for word in words[:end] if word in meant}
+        left = [word for word in words[:end] if word not in meant]
         return cls(tuple(words), **wanted), [*left, *words[end:]]
 
 
@@ -162,9 +156,8 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by question, from the table, without importing their modules as click would."""
         del ctx
-        unlisted = tuple(
-            name for name in COMMANDS if not any(name in names for names in QUESTIONS.values())
-        )
+        listed = set(chain.from_iterable(QUESTIONS.values()))
+        unlisted = tuple(name for name in COMMANDS if name not in listed)
         for question, names in (*QUESTIONS.items(), (OTHER_COMMANDS, unlisted)):
             if rows := [(name, COMMANDS[name]) for name in names if name in COMMANDS]:
                 with formatter.section(question):

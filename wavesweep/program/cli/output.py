@@ -254,12 +254,12 @@ def _lines(
     assumed = []
     for model in facts.get("assumes", "").splitlines():
         assumed += [(line, False) for line in folded(f"assumes: {model}")]
-    lines = [(line, False) for each in dict.fromkeys(said) for line in folded(each)]
-    lines += [
-        line
-        for done in finished
-        for line in (*((notice, False) for notice in done.notices), *done.lines)
-    ]
+    lines: list[Line] = []
+    for each in dict.fromkeys(said):
+        lines += [(line, False) for line in folded(each)]
+    for done in finished:
+        lines += [(notice, False) for notice in done.notices]
+        lines += done.lines
     return [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]
 
 

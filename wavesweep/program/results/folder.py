@@ -106,13 +106,13 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
     before, now: the facts of both runs.
     """
-    old, new = (dict(_numbers(facts)) for facts in (before, now))
-    return [
-        text
-        for key in {**new, **old}
-        if old.get(key) != new.get(key)
-        for text in _changed(old, new, key)
-    ]
+    old = dict(_numbers(before))
+    new = dict(_numbers(now))
+    differences: list[str] = []
+    for key in {**new, **old}:
+        if old.get(key) != new.get(key):
+            differences += _changed(old, new, key)
+    return differences
 
 
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[str]:

@@ -89,16 +89,14 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
     }
     single = stem.with_suffix(".parquet")
     if single.is_dir():
-        return [
-            {
-                "name": f"{kind}-{file.stem}",
-                **parquet,
-                **file_facts(file),
-                "path": f"{single.name}/{file.name}",
-                **({"schema": schema} if file.name == "part-00000.parquet" else {}),
-            }
-            for file in sorted(single.iterdir())
-        ]
+        parts = []
+        for file in sorted(single.iterdir()):
+            part = {"name": f"{kind}-{file.stem}", **parquet, **file_facts(file)}
+            part["path"] = f"{single.name}/{file.name}"
+            if file.name == "part-00000.parquet":
+                part["schema"] = schema
+            parts.append(part)
+        return parts
     csv = {
         "profile": "tabular-data-resource",
         "format": "csv",
@@ -300,14 +298,12 @@ def package_differences(
     own_facts = {
         name: content["wavesweep"][name] for name in OWN_FACTS if name in content["wavesweep"]
     }
-    figures = [
-        package.parent / resource["path"]
-        for resource in content["resources"]
-        if resource.get("format") in _MEDIA
-    ]
-    figures = [
-        figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}
-    ]
+    possible = [stem.with_suffix(f".{form}") for form in _MEDIA]
+    figures = []
+    for resource in content["resources"]:
+        figure = package.parent / resource["path"]
+        if resource.get("format") in _MEDIA and figure in possible:
+            figures.append(figure)
     text = package_text(kind, fields, {**facts, **own_facts}, stem, figures)
     expected = json.loads(text)
     for resource, entry in zip(expected["resources"], content["resources"], strict=False):

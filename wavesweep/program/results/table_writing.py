@@ -319,9 +319,8 @@ def _rows_after(rows: int, partition: int | None) -> int:
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
     """The figures of the table: the new ones, and those of the same spec that stay."""
-    new, old = (
-        [place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name)
-    )
+    new = [stem.with_suffix(suffix) for suffix in FIGURES]
+    old = [(directory / stem.name).with_suffix(suffix) for suffix in FIGURES]
     figures = [fresh if fresh.exists() else former for fresh, former in zip(new, old, strict=True)]
     figures = [figure for figure in figures if figure.exists()]
     same = figures and (existing_facts(stem.name, directory) or {}).get("spec_sha256") == sha256

@@ -1,5 +1,6 @@
 """A folder of results held against its data packages, and a sample of its rows computed, or proved, again."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -101,16 +102,10 @@ def verify(
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")
     stems = {package.name.removesuffix(PACKAGE) for package in packages}
-    alone = (
-        path
-        for suffix in (".csv", ".parquet")
-        for path in Path(directory).glob(f"*{suffix}")
-        if path.stem not in stems
-    )
+    tables = [*Path(directory).glob("*.csv"), *Path(directory).glob("*.parquet")]
+    alone = [path for path in sorted(tables) if path.stem not in stems and path.stem in HOMES]
     checked: list[str] = []
-    differences = [
-        f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES
-    ]
+    differences = [f"{path}: its data package is missing" for path in alone]
     proved: list[Mapping[str, str | int]] = []
     for package in packages:
         for text, different in _of_package(
@@ -367,10 +362,8 @@ def _proved_again(
     except (WavesweepError, KeyError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be proved again: {error}", True
         return
-    counts = {
-        name: sum(result.verdict == name for result in verdicts)
-        for name in ("whole", "ends", "unsettled", "refuted")
-    }
+    told = Counter(result.verdict for result in verdicts)
+    counts = {name: told[name] for name in ("whole", "ends", "unsettled", "refuted")}
     proved.append(
         {"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts}
     )

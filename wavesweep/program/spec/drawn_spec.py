@@ -14,10 +14,11 @@ from wavesweep.program.spec.shipped_classes import shipped_classes
 def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     """Return what the other tables of a spec ask of its drawing."""
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
-    asking = (
-        leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves
-    )
-    outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
+    outputs = {}
+    for asking in signals:
+        leaf = leaves.get(tuple(asking.split(".")))
+        if leaf is not None:
+            outputs |= dict.fromkeys(names_in_list(leaf), leaf)
     return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), TAKEN, FREE)
 
 
