@@ -82,12 +82,7 @@ class Unmet:
             return None
         matrices = [[frame[i, j] - int(i == j) for i in left for j in left] for frame in frames]
         E = np.array([[float(entry.mid()) for entry in matrix] for matrix in matrices])
-        dE = np.array(
-            [
-                [float((entry - arb(float(entry.mid()))).abs_upper()) for entry in matrix]
-                for matrix in matrices
-            ]
-        )
+        dE = np.array([[_rounded_off(entry) for entry in matrix] for matrix in matrices])
         shape = len(frames), len(left), len(left)
         return Unmet(E.reshape(shape), np.nextafter(dE, np.inf).reshape(shape), follows)
 
@@ -102,6 +97,11 @@ class Unmet:
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:  # noqa: ARG002
         """See `Family`."""
         return self.E[None], self.dE[None]
+
+
+def _rounded_off(entry: arb) -> float:
+    """The size of what a ball has beyond the double in its middle."""
+    return float((entry - arb(float(entry.mid()))).abs_upper())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

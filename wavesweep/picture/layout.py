@@ -293,6 +293,16 @@ def _in_order(tracks, top):
         return None
 
 
+def _lines_of_track(track, leaves, enters, lane):
+    """The line along a track, and those to the ports that it joins; lane: the place of its lane,
+    if it has one."""
+    lines = [(track.net, *start, track.x, start[1]) for start in leaves]
+    lines += [(track.net, track.x, end[1], *end) for end in enters]
+    ys = [end[1] for end in leaves + enters] + lane
+    lines.append((track.net, track.x, min(ys), track.x, max(ys)))
+    return lines
+
+
 def _routes(boxes, bands, top, tracks):
     """The places of boxes, tracks and lanes in inches, and the lines."""
     lane_places = _places_of_joints(tracks)
@@ -324,15 +334,9 @@ def _routes(boxes, bands, top, tracks):
         for track in band_tracks:
             leaves = [port_place(port, at_right=1) for port in track.left]
             enters = [port_place(port, at_right=0) for port in track.right]
-            for start in leaves:
-                lines.append((track.net, *start, track.x, start[1]))
-            for end in enters:
-                lines.append((track.net, track.x, end[1], *end))
+            lane = [level[track.net]] if track.lane else []
+            lines += _lines_of_track(track, leaves, enters, lane)
             ends |= dict(zip(track.right, enters, strict=True))
-            ys = [end[1] for end in leaves + enters]
-            if track.lane:
-                ys.append(level[track.net])
-            lines.append((track.net, track.x, min(ys), track.x, max(ys)))
         for net, lane_y in level.items():
             if net in lane_places:
                 joints.setdefault(net, []).append(lane_y)

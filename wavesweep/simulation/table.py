@@ -192,7 +192,8 @@ def _notices(spec: Spec) -> Iterator[str]:
     from wavesweep.program.analyses.assumptions import over_preset
 
     options = spec.simulate
-    if unread := spec.simulate.unread():
+    unread = spec.simulate.unread()
+    if unread:
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
     yield from options.between_ticks(spec.tick_hz)
@@ -207,16 +208,15 @@ def _notices(spec: Spec) -> Iterator[str]:
             )
     if options["frames"]:
         yield "simulate.frames: what is said of the linear loop is about frames of one length; no response is compared with it"
-    limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
     if spec.preset:
-        beyond = [
-            f"{name} = {value:g}" for name, value in limits if value and options[name] == value
-        ]
+        beyond = []
+        for name, value in DEVICES[spec.preset].simulation().items():
+            if value and options[name] == value:
+                beyond.append(f"{name} = {value:g}")
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
-        yield from over_preset(
-            spec, {f"simulate.{name}": value for name, value in options.values.items()}
-        )
+        given = {f"simulate.{name}": value for name, value in options.values.items()}
+        yield from over_preset(spec, given)
     if options["resolution"] and spec.values.get("device.velocity") == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
 
@@ -224,11 +224,14 @@ def _notices(spec: Spec) -> Iterator[str]:
 def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The run, the linear loop behind it, contact, saturation, timing and energies; None if
     something does not apply."""
-    spec, options = facts["spec"], facts["spec"]["simulate"]
+    spec = facts["spec"]
+    options = spec["simulate"]
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows = len(columns["tick"])
-    inputs = spec.get("ports", {}).get("inputs")
-    entry = "" if "hand" in spec.get("ports", {}) or not inputs else next(iter(inputs))
+    ports = spec.get("ports", {})
+    entry = ""
+    if "hand" not in ports:
+        entry = next(iter(ports.get("inputs") or ()), "")
     numbers: Numbers = {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
@@ -255,7 +258,8 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         numbers["rest_s"] = _rest(columns)
     if "max_force" in options:
         numbers["share_at_max_force"] = float(np.mean(columns["f_m"] != columns["f_device"]))
-    frames, at_random = facts.get("frames"), options.get("frames") == RANDOM
+    frames = facts.get("frames")
+    at_random = options.get("frames") == RANDOM
     if frames:
         seed = options["seed"] if at_random else None
         numbers["frames"] = {"frames": sum(frames.values()), "lengths": frames, "seed": seed}
