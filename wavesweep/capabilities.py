@@ -239,12 +239,16 @@ def listed(commands: Iterable[str]) -> str:
     *several, last = [
         name for name in commands if home_of(name) or name in ("zwidth", "stability-region", "bode")
     ]
-    return f"{', '.join(several)} and {last}" if several else last
+    if several:
+        return f"{', '.join(several)} and {last}"
+    return last
 
 
 def where_explained(word: str) -> str:
     """What to type for more about a word; empty if no command explains words."""
-    return f"wavesweep explain {word}" if home_of("explain") else ""
+    if home_of("explain"):
+        return f"wavesweep explain {word}"
+    return ""
 
 
 def modules(name: str) -> Iterator[Any]:

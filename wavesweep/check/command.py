@@ -233,7 +233,9 @@ def _frames_of_run(
         raise click.UsageError(f"--{option}: expected --frames, whose column it names, found none")
     named = pairs(columns, "--column")
     scaled = factors(pairs(scales, "--scale"))
-    return None if file is None else _needed("frames").within(spec, file, named, scaled)
+    if file is None:
+        return None
+    return _needed("frames").within(spec, file, named, scaled)
 
 
 def _is_silent() -> bool:
@@ -414,7 +416,9 @@ def _pictures(spec: Spec) -> list[str]:
         raise click.UsageError(
             "--plot: expected the capability picture, found that it is not there"
         )
-    return ["diagram", "timing"] if offered("timing").has_moments(spec) else ["diagram"]
+    if offered("timing").has_moments(spec):
+        return ["diagram", "timing"]
+    return ["diagram"]
 
 
 def _needed(name: str) -> ModuleType:

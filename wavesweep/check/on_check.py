@@ -149,7 +149,9 @@ def _beyond(limit: Facts, unit: str) -> str:
     """The stable intervals that the value does not lie in."""
     others = [each for each in limit["intervals"] if not each[0] <= limit["value"] <= each[1]]
     spans = [f"{_span(limit, *interval)}{unit}" for interval in others]
-    return f"; also in {' and '.join(spans)}" if spans else ""
+    if spans:
+        return f"; also in {' and '.join(spans)}"
+    return ""
 
 
 def _ends(limit: Facts, unit: str) -> tuple[str, str]:
@@ -207,12 +209,16 @@ def _factors(limit: Facts) -> str:
         if limit[end]:
             factor = inwards[end](limit[end] / limit["value"], 3)
             ways.append(f"{words} {float(factor):g}")
-    return f" ({' and '.join(ways)} times its value)" if ways else ""
+    if ways:
+        return f" ({' and '.join(ways)} times its value)"
+    return ""
 
 
 def _unit(spec: Spec, name: str) -> str:
     unit = spec.names.find(name).unit
-    return "" if unit in ("", "1") else f" {readable(unit)}"
+    if unit in ("", "1"):
+        return ""
+    return f" {readable(unit)}"
 
 
 def _delay(spec: Spec, delay: Facts) -> str:
@@ -342,4 +348,6 @@ def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
 
 
 def _text(value: float | None, digits: int = 6) -> str:
-    return "not known" if value is None else f"{value:.{digits}g}"
+    if value is None:
+        return "not known"
+    return f"{value:.{digits}g}"

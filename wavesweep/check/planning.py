@@ -49,12 +49,17 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
             "bode",
             *filter(home_of, ("passivity", *(() if drawing.inputs else ("simulate",)))),
         ]
-        names = "neither a hand nor outputs" if drawing.inputs else "neither a hand nor inputs"
+        if drawing.inputs:
+            names = "neither a hand nor outputs"
+        else:
+            names = "neither a hand nor inputs"
         return [*lines, f"  {', '.join(lacking)}: not possible, [ports] names {names}"]
     lines += _bode_lines(spec, estimated)
     for said, jobs in asked("on_check", "sweep_plan", spec):
         lines += [*said, *(_long_lines(jobs) if estimated else ())]
-    return lines if drawing else [*lines, *_skipped_lines(spec)]
+    if drawing:
+        return lines
+    return [*lines, *_skipped_lines(spec)]
 
 
 def _loop_lines(spec):
@@ -97,7 +102,10 @@ def _interval_lines(spec, command, along, estimated):
     if not estimated:
         return lines
     workers = choose(None, None, None, len(job.chunks), expected)
-    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    if workers.backend is None:
+        who = "no workers"
+    else:
+        who = f"{workers.count} worker processes"
     chunks = _count(len(job.chunks), "chunk")
     seconds = expected() / workers.count
     figure = DRAWING + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
@@ -140,7 +148,9 @@ def _bode_lines(spec, estimated):
     if spec.routes:
         curves += f" ({', '.join(' to '.join(route) for route in spec.routes)})"
     line = f"  bode: {curves} of {frequencies}; method: lifted resolvent of all rates"
-    return [line, *_long_lines(jobs)] if estimated else [line]
+    if estimated:
+        return [line, *_long_lines(jobs)]
+    return [line]
 
 
 def _long_lines(jobs):

@@ -127,7 +127,10 @@ def open_angles(loop: WallLoop, walls: np.ndarray, multiplier: Multiplier) -> np
     holds between them.
     """
     stiffness = walls[:, 0]
-    drifts = stiffness[stiffness != 0] if loop.residue or loop.dResidue else np.zeros(0)
+    if loop.residue or loop.dResidue:
+        drifts = stiffness[stiffness != 0]
+    else:
+        drifts = np.zeros(0)
     opposed = -drifts * loop.residue > np.abs(drifts) * loop.dResidue
     if not (loop.stable and multiplier.allowed and opposed.all()):
         return np.array([np.nan])

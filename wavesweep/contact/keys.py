@@ -47,7 +47,10 @@ def build(request: Request) -> Contact | None:
             beside[f"a range of {axis.name}"] = f"values = [...] of {axis.name}"
     if for_all and (for_all.shares or for_all.delays):
         beside["shares or next"] = "the lengths without how often they occur"
-    channels = [block.name for block in request.drawing.channels] if request.drawing else []
+    if request.drawing:
+        channels = [block.name for block in request.drawing.channels]
+    else:
+        channels = []
     if channels:
         beside[f"channel {', '.join(channels)}"] = "delays that every message has"
     if beside:

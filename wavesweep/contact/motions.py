@@ -90,7 +90,9 @@ def motion_at(walls: WallsAlong, value: float) -> Motion | None:
     opened = one + value * other
     room = np.pi / periods - np.abs(np.angle(-opened))
     most = int(np.argmax(room))
-    return _of(int(periods[most]), angles[most], opened[most], value) if room[most] > 0 else None
+    if room[most] > 0:
+        return _of(int(periods[most]), angles[most], opened[most], value)
+    return None
 
 
 def _of(period, angle, opened, value):

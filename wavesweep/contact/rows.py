@@ -148,7 +148,9 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
 
 def rules_of(spec: Spec) -> Any:
     """The rules of frames that vary, and of values of numbers; None without [for_all]."""
-    return offered("switched").Rules.of(spec) if spec.for_all else None
+    if spec.for_all:
+        return offered("switched").Rules.of(spec)
+    return None
 
 
 def scope_of(spec: Spec, rules: Any) -> Scope:
@@ -216,7 +218,9 @@ def _refuted(line, end, linear_end, border):
     motion = motion_beyond(line.walls, end, linear_end)
     if motion is not None:
         return motion.value, str(motion)
-    return (np.nan, "") if linear_end == border else (linear_end, LINEAR)
+    if linear_end == border:
+        return (np.nan, "")
+    return (linear_end, LINEAR)
 
 
 def _recorded(rows: list[Row], span: tuple[float, float], *, none: bool) -> np.ndarray:

@@ -190,7 +190,9 @@ class Along:
 
     def wall(self, value: float) -> tuple[float, float]:
         """The wall of a value."""
-        return (value, self.fixed) if self.index == 0 else (self.fixed, value)
+        if self.index == 0:
+            return (value, self.fixed)
+        return (self.fixed, value)
 
     def proved(self, low: float, high: float) -> tuple[float, float] | None:
         """What is proved in an interval, from near its low end on; None if nothing is.
@@ -206,7 +208,9 @@ class Along:
             return finer.proved(low, high)
         begin, joint = coarse
         beyond = finer.proved(joint, high)
-        return (begin, beyond[1]) if beyond and beyond[0] == joint else coarse
+        if beyond and beyond[0] == joint:
+            return (begin, beyond[1])
+        return coarse
 
     def _proved(self, low, high):
         ceiling, _ = self.motion(low, high)
@@ -241,7 +245,9 @@ class Along:
     def _proved_at(self, value: float) -> Found | None:
         """Forms that are proved for a value; None if none are found."""
         found = self.loop.found(self.wall(value), best=True)
-        return found if found and self.loop.proved((found, self.wall(value))) else None
+        if found and self.loop.proved((found, self.wall(value))):
+            return found
+        return None
 
     def _down(self, found: Found, top: float, low: float) -> float:
         """How far down from `top` walls are proved without a gap."""

@@ -26,7 +26,9 @@ OPEN = "its output held, the loop that is open there"
 
 def saturations(drawing: Drawing | None) -> list[str]:
     """The names of the blocks of a drawing that saturate and do nothing else."""
-    return [block.name for block in drawing.blocks if block.type == SATURATION] if drawing else []
+    if drawing:
+        return [block.name for block in drawing.blocks if block.type == SATURATION]
+    return []
 
 
 def refuse(spec: Spec) -> None:

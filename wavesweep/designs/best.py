@@ -132,7 +132,9 @@ def _against(design, records):
             )
             return f"; {one} stands against {other}: {counts}"
     never = [name for name, flags in met.items() if not flags.any()]
-    return f"; no design meets even alone the bound on {', '.join(never)}" if never else ""
+    if never:
+        return f"; no design meets even alone the bound on {', '.join(never)}"
+    return ""
 
 
 def chosen(rows: int) -> list[int]:

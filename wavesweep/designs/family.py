@@ -38,7 +38,9 @@ class Scenario:
 def described(scenarios: Sequence[Scenario], at: int) -> str:
     """Return the words for what sets a worst value: the scenario of that number, or what is
     proved, OF_ALL."""
-    return "[for_all]" if at == OF_ALL else scenarios[at].described()
+    if at == OF_ALL:
+        return "[for_all]"
+    return scenarios[at].described()
 
 
 def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:

@@ -136,7 +136,10 @@ def _draw_few(
     """A panel for each wish and each varied number, with its value in each design, and the
     admittances of all."""
     spec, count = spec_of(facts), len(columns[wishes[0]])
-    nominal = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
+    if spec:
+        nominal = {name: spec.own(spec.names.find(name).path) for name in varied}
+    else:
+        nominal = {}
     designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **nominal}}
     for at in range(count):
         designs[f"found ({at + 1})" if count > 1 else "found"] = {

@@ -413,7 +413,10 @@ class _Reader:
                 expected = "a number of device, operator or timing (walls belong to the wishes)"
                 self.refuse(f"for_all.{name}", expected, name)
             elif path in said:
-                expected = "a number that is not varied" if path in varied else "each number once"
+                if path in varied:
+                    expected = "a number that is not varied"
+                else:
+                    expected = "each number once"
                 self.refuse(f"for_all.{name}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
 

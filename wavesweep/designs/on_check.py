@@ -24,7 +24,10 @@ def plan(spec: Spec) -> list[str]:
         return [f"  design: not possible with this spec: {error}"]
     workers = choose(None, None, None, len(job.chunks), lambda: seconds, again=True)
     over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
-    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    if workers.backend is None:
+        who = "no workers"
+    else:
+        who = f"{workers.count} worker processes"
     return [
         f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.asked.finest)}",
         f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",

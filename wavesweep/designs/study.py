@@ -702,7 +702,10 @@ def _notices(job):
     ends = count_of(spec)
     added = len(study.scenarios) - ends
     if ends > 1 or added > 0:
-        of = "the numbers of [design.for_all]" if spec.drawing else "device, hand and timing"
+        if spec.drawing:
+            of = "the numbers of [design.for_all]"
+        else:
+            of = "device, hand and timing"
         several = f"{count(ends, 'combination')} of {of}"
         if added > 0:
             several += f" and {added} between that were worse"

@@ -183,7 +183,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
             yield f"  {_several(ends, 'lie')} {where}", False
     yield from _bound_lines(found)
     for runner_up in found["runners_up"]:
-        margins = f"; margins: {_shares(runner_up['margins'])}" if runner_up["margins"] else ""
+        if runner_up["margins"]:
+            margins = f"; margins: {_shares(runner_up['margins'])}"
+        else:
+            margins = ""
         yield (
             f"next best: {_design(runner_up['wishes'], runner_up['numbers'], found['units'])}{margins}",
             False,

@@ -111,7 +111,10 @@ def _columns() -> dict[Field, list[str]]:
 
 def _some(tables: list[str]) -> str:
     """The names of tables, of many the first."""
-    shown = tables if len(tables) <= MOST_TABLES else [*tables[: MOST_TABLES - 1], "..."]
+    if len(tables) <= MOST_TABLES:
+        shown = tables
+    else:
+        shown = [*tables[: MOST_TABLES - 1], "..."]
     return ", ".join(shown)
 
 
@@ -127,7 +130,9 @@ def _meaning(field: Field) -> str:
     kind_and_unit = ", ".join(
         filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit)))
     )
-    return f"{field.description} ({kind_and_unit})" if kind_and_unit else field.description
+    if kind_and_unit:
+        return f"{field.description} ({kind_and_unit})"
+    return field.description
 
 
 def explained(word: str) -> tuple[Entry, ...]:

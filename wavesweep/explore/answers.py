@@ -79,7 +79,10 @@ def _span_of(given) -> tuple[float, float]:
 
 def quick(spec: Spec, with_response: bool = True) -> dict:
     """The numbers of the spec's own design and, if it is wanted, its response at the hand."""
-    loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
+    if spec.drawing and spec.drawing.hand is None:
+        loop = None
+    else:
+        loop = loop_at_hand(spec)
     design = own_design(spec, loop)
     for numbers in asked("on_check", "numbers", spec):
         design |= numbers
@@ -126,7 +129,10 @@ def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
     """The wall's plane and the intervals through the design by the boundary's explicit curve;
     K_VE may be either axis."""
     solved = WALL.index(plane.y)  # 0: K_VE, 1: B_VE
-    window = (plane.y_span, plane.x_span) if solved == 0 else (plane.x_span, plane.y_span)
+    if solved == 0:
+        window = (plane.y_span, plane.x_span)
+    else:
+        window = (plane.x_span, plane.y_span)
     curve = refined_curve(cut, window)
     ranges = []
     for path, span in search.items():
@@ -292,7 +298,10 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
     if loop is None:
         return None
     frequency = frequencies(spec)
-    slow = None if spec.drawing else spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
+    if spec.drawing:
+        slow = None
+    else:
+        slow = spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
     at_hand = respond(loop, frequency)
     admittance = at_hand.admittance.ravel()
     impedance = at_hand.impedance.ravel()
@@ -313,7 +322,10 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
 
 def frequencies(spec: Spec) -> np.ndarray:
     """Frequencies in Hz, evenly over the decades that the spec's [bode] has."""
-    rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
+    if spec.drawing:
+        rate = spec.drawing.rate(spec.values)
+    else:
+        rate = spec.values["rates.fast_hz"]
     wanted = [f for f in spec.frequency_hz if 0 < f <= rate / 2] or [rate / 1e4, rate / 2]
     return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), FREQUENCIES), None, rate / 2))
 

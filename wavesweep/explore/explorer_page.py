@@ -327,7 +327,10 @@ def _design(page, values, planes):
         if beside not in planes:
             planes[beside] = certified_plane(spec, plane)
         answer["plane"] = [*planes].index(beside)
-    along = [plane.x, plane.y] if plane else [path for path, span in search.items() if span][:1]
+    if plane:
+        along = [plane.x, plane.y]
+    else:
+        along = [path for path, span in search.items() if span][:1]
     return answer | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 
 

@@ -299,7 +299,9 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
         wanted = int(value) if integral else value
         if path not in spec.values or spec.values[path] != wanted:
             changes[path] = wanted
-    return spec.with_values(changes) if changes else spec
+    if changes:
+        return spec.with_values(changes)
+    return spec
 
 
 def text_of(spec: Spec) -> str:

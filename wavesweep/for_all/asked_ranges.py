@@ -73,7 +73,10 @@ class ForAllRanges(TableValue):
         left_out = []
         for axis in self.axes:
             value = values[axis.path]
-            inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
+            if axis.values:
+                inside = value in axis.values
+            else:
+                inside = axis.start <= value <= axis.stop
             if not inside:
                 left_out.append(f"{axis.name} = {value:g}")
         return left_out

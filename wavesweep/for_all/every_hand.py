@@ -230,7 +230,10 @@ class _Margin:
         loop = next(row for row in self.known.values() if row[1] is needed)[0]
         omega = needed.omega
         alike = omega * loop.period < STANDING_ANGLE
-        moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
+        if alike:
+            moves = "alike in each repetition"
+        else:
+            moves = f"at {omega / (2 * np.pi):.4g} Hz"
         return f"{text_of_pattern(loop, needed.word)}, a hand that moves {moves}"
 
 

@@ -247,7 +247,9 @@ def _refuse_unsteady(
 
 def _every(block: DrawnBlock) -> str:
     """The path of the key that says how often a block runs."""
-    return RATIO if block.every.text == RATIO else f"block.{block.name}.every"
+    if block.every.text == RATIO:
+        return RATIO
+    return f"block.{block.name}.every"
 
 
 def refuse(path: str, expected: str, found: str) -> None:

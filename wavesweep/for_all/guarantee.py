@@ -48,7 +48,9 @@ def of_word(kind: str, ranges: str | None) -> Guarantee | None:
     `program.tables.hand_rows`."""
     from wavesweep.for_all.hand_box import box_in_words
 
-    return box_in_words(ranges) if kind == "box" else None
+    if kind == "box":
+        return box_in_words(ranges)
+    return None
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:

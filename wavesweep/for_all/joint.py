@@ -213,7 +213,9 @@ class _Way:
 
     def farther(self, one: float, other: float) -> float:
         """The one of two numbers that is farther from the start."""
-        return one if abs(one - self.start) > abs(other - self.start) else other
+        if abs(one - self.start) > abs(other - self.start):
+            return one
+        return other
 
     def grown(
         self, x: float, centre: Centre, word: Word = (), more: int = 1
@@ -235,7 +237,9 @@ class _Way:
             return goal
         else:
             aim = fails - STRIDE * (fails - reached)
-        return aim if abs(aim - self.start) < abs(goal - self.start) else goal
+        if abs(aim - self.start) < abs(goal - self.start):
+            return aim
+        return goal
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -89,7 +89,9 @@ class ForAll(ForAllRanges):
         from wavesweep.for_all.design_proof import DesignProof, DesignRanking
 
         rules = DesignProof.of(spec).rules
-        return DesignRanking(rules) if rules.vary and not rules.at_random else None
+        if rules.vary and not rules.at_random:
+            return DesignRanking(rules)
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +130,9 @@ def build(request: Request) -> ForAll | None:
     varying = frozenset(number.axis.path for number in numbers if number.varies)
     found = _with_chances(request, ForAll(axes, varying, lost, loss=loss), numbers)
     channels = request.drawing.channels if request.drawing else ()
-    return found if axes or lost or loss or channels else None
+    if axes or lost or loss or channels:
+        return found
+    return None
 
 
 def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumber | None:
@@ -137,7 +141,10 @@ def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumb
     place = axis_place(parts)
     label = f"for_all.{name}"
     varying = parts.get("varying")
-    varies = mistakes.check(PARTS["varying"], varying, f"{label}.varying") if varying else False
+    if varying:
+        varies = mistakes.check(PARTS["varying"], varying, f"{label}.varying")
+    else:
+        varies = False
     if varies is None:
         return None
     fault = _fault_of_parts(name, parts.keys(), varies)

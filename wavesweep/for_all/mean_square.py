@@ -583,9 +583,13 @@ def _factors(losses, changes, late):
 def decays(loop: Chances) -> str:
     """Whether second moments decay: "proved", "refuted" or "unknown"."""
     if not loop.decays(0.0):
-        return "refuted" if loop.refuted(0.0) else "unknown"
+        if loop.refuted(0.0):
+            return "refuted"
+        return "unknown"
     P = loop.forms(0.0, loop.sizes(0.0))
-    return "proved" if loop.proves(P, 0.0, 0.0) else "unknown"
+    if loop.proves(P, 0.0, 0.0):
+        return "proved"
+    return "unknown"
 
 
 def brackets_on_average(

@@ -247,7 +247,9 @@ def _nearer(centre, newton, A):
     """The forms after a Newton step, if the matrices A of z shrink in them; or else those
     before."""
     P = centre.P + newton.solved(-newton.gradient)
-    return P if _shrinks(P, A, centre.graph) else centre.P
+    if _shrinks(P, A, centre.graph):
+        return P
+    return centre.P
 
 
 def finer(centre, A, follows):

@@ -48,7 +48,9 @@ class Schedule:
 
     def sample(self, symbol: Symbol) -> object:
         """Return the kind of the sample that ends a frame."""
-        return THROUGH if symbol.through else self._at_phase(0, symbol)
+        if symbol.through:
+            return THROUGH
+        return self._at_phase(0, symbol)
 
     def before_sample(self, symbol: Symbol) -> list[object]:
         """Return the kinds of a frame's ticks, from the one after its first sample to the one

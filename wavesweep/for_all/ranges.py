@@ -203,7 +203,9 @@ class _Queue:
 
     def order(self, box: Box) -> float:
         """What is least of the box that the proof enters first."""
-        return self.front(box) if self.up else -self.front(box)
+        if self.up:
+            return self.front(box)
+        return -self.front(box)
 
     def go_on(self, trials: "_Trials") -> None:
         """Take what is proved or divided out of the queue, in any order, and put the halves into
@@ -405,7 +407,10 @@ def _tried(part, enclosed, follows, work, narrow, words) -> _Outcome:
         return _without_bound(part, known, narrow)
     A = known.within(part.box)
     wide = np.flatnonzero(part.box[0] < part.box[1])
-    rule = (follows.graph, follows.weight) if isinstance(follows, OnAverage) else follows
+    if isinstance(follows, OnAverage):
+        rule = (follows.graph, follows.weight)
+    else:
+        rule = follows
     try:
         found, used = _forms(A, rule, part.start, work, words)
     except np.linalg.LinAlgError:  # singular to rounding
@@ -526,7 +531,9 @@ def _log_of_forms(A, follows):
     else:
         centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
         centre = centre if factor == 1 else None
-    return np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if centre else None
+    if centre:
+        return np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2
+    return None
 
 
 def _forms(A, follows, start, work, words=()):

@@ -56,7 +56,9 @@ class Remembered:
 
     def at(self, x: float) -> np.ndarray:
         """The matrices of z."""
-        return self.to @ self.family.at(x) @ self.back if self.forgotten.size else self.family.at(x)
+        if self.forgotten.size:
+            return self.to @ self.family.at(x) @ self.back
+        return self.family.at(x)
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """The matrices of all states; see `Family`."""

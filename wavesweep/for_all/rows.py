@@ -89,7 +89,9 @@ class ForAllGuarantee(Guarantee):
     @property
     def what(self) -> Property:
         """What its rows say of their loops."""
-        return MEAN_SQUARE if self.rules.at_random else STABLE
+        if self.rules.at_random:
+            return MEAN_SQUARE
+        return STABLE
 
     def scope(self, spec: Spec) -> Scope:
         """The loops that its rows are of."""
@@ -187,7 +189,9 @@ def _timed(axes, along, timing_names) -> list[str]:
     """The ranges from which dead times follow, with the number along which intervals are if
     these follow from it as well."""
     timed = [axis.name for axis in axes if not axis.values and name_of(axis.path) in timing_names]
-    return [*timed, along] if timed and along and name_of(along) in timing_names else timed
+    if timed and along and name_of(along) in timing_names:
+        return [*timed, along]
+    return timed
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -382,7 +386,10 @@ class _Loop:
         for text, edge, end in zip(texts, self.span, (found.low, found.high), strict=True):
             if not text and end != edge:  # where the proof ends, and not what it is of
                 open_ends.append(span_around(*sorted((edge, end)), 4))
-        left_open = f"within {name_of(self.along)} {' and '.join(open_ends)}" if open_ends else ""
+        if open_ends:
+            left_open = f"within {name_of(self.along)} {' and '.join(open_ends)}"
+        else:
+            left_open = ""
         return Row(
             found.low, found.high, interval, found.settled, text_of_part(interval), left_open
         )
@@ -473,7 +480,10 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     to be stable from about 0 on."""
     rules = replace(rules, work=QUICK)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
-    share = FROM_ABOUT_ZERO if rules.vary and rules.ranges else 10 * PROVED_FROM_ZERO
+    if rules.vary and rules.ranges:
+        share = FROM_ABOUT_ZERO
+    else:
+        share = 10 * PROVED_FROM_ZERO
     from_zero = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
     return float(from_zero["high"].max(initial=0.0))
 
@@ -554,7 +564,9 @@ def _case_verdict(spec, rules, number, case):
         return said, {**case.fixed, pattern: None}, ""
     if not case.ranges:
         numbers = case.unstable()
-        return ("proved", {}, "") if numbers is None else ("refuted", numbers, "")
+        if numbers is None:
+            return ("proved", {}, "")
+        return ("refuted", numbers, "")
     covered = None if case.begins_unstable() else case.cover()
     if covered is not None and covered.whole:
         return "proved", {}, ""
@@ -588,9 +600,14 @@ def _decided(spec, rules, number, case):
     values = dict(spec.values)
     family = rules.family(case.values, "")
     said, pattern = decided(family, SOON_OPERATIONS)
-    path = spec.wall[0] if spec.wall else spec.along and spec.names.find(spec.along).path
+    if spec.wall:
+        path = spec.wall[0]
+    else:
+        path = spec.along and spec.names.find(spec.along).path
     if said != UNKNOWN or not path or rules.at_random:
-        return (said, pattern) if said != UNKNOWN else decided(family)
+        if said != UNKNOWN:
+            return (said, pattern)
+        return decided(family)
     value, axis = (
         float(values[path]),
         next((axis for axis in spec.sweep if axis.path == path), None),

@@ -194,7 +194,9 @@ class Case:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to
         the worst ones for each end."""
         intervals = self.met([Part(*self.span)], self._starts)
-        return self.narrowed(intervals) if narrow else intervals
+        if narrow:
+            return self.narrowed(intervals)
+        return intervals
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
         """What is left of the parts after climbs, over all numbers and along the parts, to
@@ -252,7 +254,9 @@ class Case:
     def _first(self):
         """The spec's own member, the corners and the middle."""
         own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
-        return np.concatenate([own, corners_of(self.box)]) if self.ranges else own
+        if self.ranges:
+            return np.concatenate([own, corners_of(self.box)])
+        return own
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
@@ -408,7 +412,9 @@ def _alike(parts, others):
 
 def _met(found, sides):
     """The point at which a proof has found no form, as numbers."""
-    return (tuple(as_numbers(found.point, sides).tolist()),) if found.word else ()
+    if found.word:
+        return (tuple(as_numbers(found.point, sides).tolist()),)
+    return ()
 
 
 def frames_over(loop, paths, drift, x):

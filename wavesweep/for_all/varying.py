@@ -156,7 +156,9 @@ class Rules:
 
     def losses(self, values: Mapping[str, object]) -> dict[str, Losses]:
         """The probabilities of the channels that a proof takes; none of a loop without these."""
-        return losses_at_random(self.drawing, values) if self.messages and self.drawing else {}
+        if self.messages and self.drawing:
+            return losses_at_random(self.drawing, values)
+        return {}
 
     def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
         """What the frames of a loop without channels consist of; gains: numbers that count as other
@@ -165,7 +167,9 @@ class Rules:
         values: all of a spec, by their paths. Errors: SpecError, whose mistakes have no places; see
         `placed`.
         """
-        return self._plan_of_drawing(values) if self.drawing else self._plan_of_page(values, gains)
+        if self.drawing:
+            return self._plan_of_drawing(values)
+        return self._plan_of_page(values, gains)
 
     def _plan_of_page(self, values: Mapping[str, object], gains: Sequence[str]) -> Plan:
         """The plan of the page of a built-in controller."""
@@ -181,7 +185,10 @@ class Rules:
             expected = "a rate that divides rates.fast_hz beside frames, delays or losses that vary: rates.ratio, the ticks in "
             expected += f"a frame, such as {below} or {below + 1}"
             refuse("rates.slow_hz", expected, f"{slow_hz:g} Hz, {values[RATIO]:.6g} ticks")
-        lengths = values_of_range(varying[RATIO]) if RATIO in varying else (values[RATIO],)
+        if RATIO in varying:
+            lengths = values_of_range(varying[RATIO])
+        else:
+            lengths = (values[RATIO],)
         slow = SlowFrames.of(drawing, values, RATIO, lengths)
         if self.vary and not slow.names:
             expected = "a controller with a slow environment, whose frames may vary"
@@ -413,7 +420,9 @@ def _frame(symbol: Symbol, *, several: bool) -> str:
     """A frame as a text; several: whether results may come after several delays."""
     if symbol.delay == LOST:
         return f"{symbol.ticks} (lost)"
-    return f"{symbol.ticks} (delay {symbol.delay})" if several else f"{symbol.ticks}"
+    if several:
+        return f"{symbol.ticks} (delay {symbol.delay})"
+    return f"{symbol.ticks}"
 
 
 def _messages(late: Sequence[int | None]) -> str:

@@ -250,8 +250,13 @@ def _alike(loops, point, other, x):
 
 def _moved(loops, point, start, best):
     """What the best word refutes at a point, if it is closer to the start there."""
-    at = _beyond(loops, point, best.word, start, best.x, best.x) if best.word else None
-    return best if at is None else Refuted(at, tuple(point), best.word)
+    if best.word:
+        at = _beyond(loops, point, best.word, start, best.x, best.x)
+    else:
+        at = None
+    if at is None:
+        return best
+    return Refuted(at, tuple(point), best.word)
 
 
 def _refuted_at(loops, point, start, limit, best):
@@ -338,4 +343,6 @@ def _worst_member(loops, box, starts):
 
 def _is_refuted(loops, family, word):
     """Whether a word, or the mean square, of a loop without a number grows."""
-    return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
+    if loops.on_average:
+        return family.refuted(0.0)
+    return is_refuted(family, word, 0.0)

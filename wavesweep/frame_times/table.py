@@ -170,7 +170,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     tick = 1e3 / found["fast_hz"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
     ticks = [row["ticks"] for row in rows]
-    span = f"{ticks[0]} to {ticks[-1]} ticks" if len(ticks) > 1 else count(ticks[0], "tick")
+    if len(ticks) > 1:
+        span = f"{ticks[0]} to {ticks[-1]} ticks"
+    else:
+        span = count(ticks[0], "tick")
     yield (
         f"{count(found['frames'], 'frame')} in {found['duration_s']:.6g} s: {span} of {tick:.6g} ms, {mean:.6g} on average",
         False,

@@ -156,7 +156,10 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     expected = found["expected"]
     frames = found["frames"]
     several = expected[-1] - expected[0] + 1 == len(expected) > 2
-    words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
+    if several:
+        words = f"{expected[0]} to {expected[-1]}"
+    else:
+        words = ", ".join(map(str, expected))
     if found["varying"]:
         order = f"{words} ticks in any order"
     else:

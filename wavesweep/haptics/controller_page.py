@@ -174,7 +174,9 @@ def _block(name: str, keys: dict[str, Any]) -> DrawnBlock:
 
 @lru_cache(maxsize=256)
 def _tree(value: Any) -> Tree:
-    return parse(value) if isinstance(value, str) else Tree.number(value)
+    if isinstance(value, str):
+        return parse(value)
+    return Tree.number(value)
 
 
 _DECIDING = (

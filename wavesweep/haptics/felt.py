@@ -99,7 +99,9 @@ def hand_in_frame(
     if not feels(drawing) or any(drawing.seen_by_hand(number) for number in numbers):
         return None
     hand = Ports.of_hand(drawing)
-    return hand if shows_at_rest(drawn, hand, read) else None
+    if shows_at_rest(drawn, hand, read):
+        return hand
+    return None
 
 
 def stiffness_at_ends(
@@ -120,7 +122,10 @@ def stiffness_at_ends(
         """Of loops that are built as they are at the values, which in pieces of a range is
         another way for each."""
         columns = place[rows]
-        batches = np.arange(values.size)[:, None] if in_pieces else by_zeros(loops, columns)
+        if in_pieces:
+            batches = np.arange(values.size)[:, None]
+        else:
+            batches = by_zeros(loops, columns)
         result = np.empty(values.size)
         for alike in batches:
             result[alike] = felt_along(

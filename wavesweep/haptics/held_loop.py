@@ -97,7 +97,9 @@ def device_of(drawing: Drawing) -> str | None:
         return None
     name = masses[pushed[0][0]]
     (signal, gain), *rest = displacement
-    return name if not rest and signal == f"{name}.x" and gain.is_number(1.0) else None
+    if not rest and signal == f"{name}.x" and gain.is_number(1.0):
+        return name
+    return None
 
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:

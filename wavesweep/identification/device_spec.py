@@ -96,7 +96,9 @@ def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, An
         for end in ("low", "value", "high")
     )
     low, device["dead_time"], high = (float(f"{tick * facts['period_s']:.9g}") for tick in ticks)
-    return {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
+    if low < high:
+        return {"device.dead_time": {"start": low, "stop": high}}
+    return {}
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:

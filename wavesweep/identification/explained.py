@@ -90,7 +90,10 @@ def identified(
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
         fit, verdict = lacking(by_prediction(found, *log), found)
-    one_way = "offset" in fit.model.without if fit.estimate else found.place.log.one_way
+    if fit.estimate:
+        one_way = "offset" in fit.model.without
+    else:
+        one_way = found.place.log.one_way
     if model.friction and one_way:  # a constant force, however large, would do the same
         unknown = np.where(np.array(fit.model.names) == "friction", np.inf, 0.0)
         fit = replace(fit, extra=fit.extra + unknown)
@@ -211,7 +214,9 @@ def _best(effects):
         for effect in effects
         if effect.name not in CURVES and effect.likelier > best.likelier - LIKELIER
     ]
-    return max(fitting, key=attrgetter("likelier")) if fitting else best
+    if fitting:
+        return max(fitting, key=attrgetter("likelier"))
+    return best
 
 
 def _beside(fit, found, curved):
@@ -371,7 +376,9 @@ def _orthogonal(basis, directions):
         rest = rest - basis @ (basis.T @ rest)
     size = np.linalg.norm(rest, axis=0)
     rest = rest[:, size > 1e-7]
-    return np.linalg.qr(rest)[0] if rest.shape[1] else np.zeros((len(rest), 1))
+    if rest.shape[1]:
+        return np.linalg.qr(rest)[0]
+    return np.zeros((len(rest), 1))
 
 
 def _sized(directions):
@@ -382,7 +389,9 @@ def _sized(directions):
 def _neighbours(errors):
     errors = errors - errors.mean()
     total = float(np.sum(errors**2))
-    return float(np.sum(errors[1:] * errors[:-1]) / total) if total else 0.0
+    if total:
+        return float(np.sum(errors[1:] * errors[:-1]) / total)
+    return 0.0
 
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:

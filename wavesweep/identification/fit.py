@@ -155,7 +155,10 @@ def fitted(
     # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they
     # come from wider ones.
     widest = SECANT * scales(model, theta, rows)
-    steps = widest if model.friction else DIFFERENCE_STEP * scales(model, theta, rows)
+    if model.friction:
+        steps = widest
+    else:
+        steps = DIFFERENCE_STEP * scales(model, theta, rows)
     count = len(theta)
     share = 1.0
     for _ in range(FITTING_ROUNDS):
@@ -365,7 +368,9 @@ def _inliers(model, theta, rows):
         ]
         off = left - basis @ np.linalg.lstsq(root * basis, root[:, 0] * left)[0]
     used = np.abs(off) <= max(OUTLIER * deviation, 2 * rows.resolution)
-    return used if np.mean(~used) < OUTLIER_SHARE else np.ones(len(used), bool)
+    if np.mean(~used) < OUTLIER_SHARE:
+        return used
+    return np.ones(len(used), bool)
 
 
 def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
@@ -416,7 +421,10 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
         return np.nan_to_num(new_slopes * (size / reach), posinf=1e6, neginf=-1e6)
 
     # With friction the positions have kinks, so smaller steps mean nothing.
-    finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
+    if model.friction:
+        finest = {"xtol": 1e-7, "ftol": 1e-9}
+    else:
+        finest = {"xtol": 1e-11, "ftol": 1e-14}
     done = least_squares(
         off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest
     )

@@ -272,7 +272,10 @@ def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: 
                 f"{path}: {name}: expected a largest size of {LEAST:g} to {MOST:g}, found {largest:g}"
             )
         if name != "time" and np.ptp(column) == 0:
-            why = "nothing moves it" if name == motion else "it has to change to move the device"
+            if name == motion:
+                why = "nothing moves it"
+            else:
+                why = "it has to change to move the device"
             raise UsageError(
                 f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}"
             )

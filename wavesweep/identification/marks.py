@@ -151,7 +151,10 @@ def _walls_in_plane(facts: Facts, x: str | None, along: str) -> ByKind:
     """Those of the only spec of a run, if its figure has the wall's damping along it and its
     stiffness upwards."""
     wall = facts.get("spec", {}).get("ports", {}).get("wall")
-    names = ("B_VE", "K_VE") if wall is None else (wall["damping"], wall["stiffness"])
+    if wall is None:
+        names = ("B_VE", "K_VE")
+    else:
+        names = (wall["damping"], wall["stiffness"])
     if (x, along) not in (names, tuple(SYMBOLS.get(name, name) for name in names)):
         return {}
     return _walls_by_kind(facts, str(facts.get("spec_name", "")))
@@ -202,7 +205,10 @@ class Responses:
             if name.startswith("admittance"):
                 label = "measured" if colour == "black" else f"{as_it_stands(spec)}, measured"
                 # mm/N
-                values = 1e3 * np.abs(H) if name == "admittance_abs" else np.degrees(np.angle(H))
+                if name == "admittance_abs":
+                    values = 1e3 * np.abs(H)
+                else:
+                    values = np.degrees(np.angle(H))
                 axes.plot(hertz, values, color=colour, label=label, **_OF_RESPONSE)
             places += [hertz] if name.startswith(("admittance", "impedance")) else []
         return np.concatenate(places)

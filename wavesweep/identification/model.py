@@ -386,7 +386,9 @@ def _sliding(found, push, parts, full, period, row):
             slides == 0, 0.0, push[1, block] - slides * by_x
         )
         moved[block][list(changes)] = list(changes.values())
-    return found["start"] + np.append(0.0, np.cumsum(moved[:-1])) if row else speeds
+    if row:
+        return found["start"] + np.append(0.0, np.cumsum(moved[:-1]))
+    return speeds
 
 
 def _slid(series, v, vv, drive, safe):

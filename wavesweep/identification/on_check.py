@@ -39,7 +39,9 @@ def lines(spec: Spec, found: Facts) -> Iterator[tuple[float, str]]:
 
 
 def _short(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    if abs(value) >= 1000:
+        return f"{value:.0f}"
+    return f"{value:.3g}"
 
 
 def _units(spec):
@@ -57,7 +59,10 @@ def _limits(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
     median = f"{found['median_ratio']:.3g} in the median"
     yield f"{start}: computed over measured is {median}, {least}{worst['ratio']:.3g} at worst, {place}"
     most = found["most_promised"]
-    much = f", by {100 * (most['ratio'] - 1):.3g} % at most" if most and not most["beyond"] else ""
+    if most and not most["beyond"]:
+        much = f", by {100 * (most['ratio'] - 1):.3g} % at most"
+    else:
+        much = ""
     side = (
         f"the model promises more than was measured, the dangerous side, at {found['more']}{much}"
     )

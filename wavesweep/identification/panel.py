@@ -11,7 +11,10 @@ def data(spec: Spec) -> dict[str, dict[str, object]]:
     walls, response = read_points(spec)
     marked: dict[str, object] = {}
     if walls is not None:
-        kinds = [None] * len(walls.K_VE) if walls.stable is None else walls.stable.tolist()
+        if walls.stable is None:
+            kinds = [None] * len(walls.K_VE)
+        else:
+            kinds = walls.stable.tolist()
         points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
         marked["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
     if response is not None:

@@ -562,7 +562,9 @@ def _with_curve(log, search, point, skip):
     _, sliding, fades = projected(errors, effects)[0]
     falls = sliding > 0 and fades > FALLS * sliding
     enough = _square(log, curved, point, skip) < without * np.exp(-2 * LIKELIER / len(log.reading))
-    return (curved, point) if falls and enough else None
+    if falls and enough:
+        return (curved, point)
+    return None
 
 
 def _spikes(reading, resolution):
@@ -580,7 +582,9 @@ def _spikes(reading, resolution):
     around = np.abs(np.pad(change, 1))
     alone = np.maximum(np.abs(before - after), np.maximum(around[:-3], around[3:])) < 0.5 * height
     spikes = np.pad(alone & (height > max(SPIKE * usual, 3 * resolution)), 1)
-    return spikes if spikes.mean() < OUTLIER_SHARE else np.zeros(len(reading), bool)
+    if spikes.mean() < OUTLIER_SHARE:
+        return spikes
+    return np.zeros(len(reading), bool)
 
 
 class Innovations(NamedTuple):
@@ -663,7 +667,9 @@ def _square(log, search, point, skip):
     """The mean square of the innovations; infinite for a mass that is not positive."""
     _, errors, effects = errors_of(log, search.found(point), skip)
     gains, left = projected(errors, effects)
-    return float(np.mean(left**2)) if gains[0] > 0 else np.inf
+    if gains[0] > 0:
+        return float(np.mean(left**2))
+    return np.inf
 
 
 def _resonances(log, found, skip):

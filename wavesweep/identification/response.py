@@ -244,7 +244,10 @@ def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, 
     """Yield effects that the model lacks, and the share of the residual that each removes."""
     before = float(left @ left)
     numbers = _numbers(model, theta)
-    larger_models = [] if model.spring or model.load else [("spring", replace(model, spring=True))]
+    if model.spring or model.load:
+        larger_models = []
+    else:
+        larger_models = [("spring", replace(model, spring=True))]
     larger_models += [] if model.delay is None else [("delay", replace(model, delay=None))]
     for name, larger in larger_models:
         start = np.array([numbers[name] for name in _names(larger)])

@@ -404,7 +404,10 @@ def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:
     from wavesweep.identification.model import ORDER
 
     units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
-    names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
+    if log.turns:
+        names = ("torque", MOTIONS[log.measured])
+    else:
+        names = ("force", log.measured)
     question = "are time, {} and {} in s, {} and {}".format(*names, *units)
     powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
     return _unusual(mass, log.turns, question, powers)
@@ -539,7 +542,10 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield f"the model explains the {what}", False
         band = found["residual"].get("resonance_hz")
         if band:
-            other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
+            if "load_mass" in found["parameters"]:
+                other = "another resonance"
+            else:
+                other = "a resonance"
             would_show = f"would show from {band[0]:.3g} to {band[1]:.3g} Hz"
             yield f"{other} of a quarter of the mass {would_show}", False
     elif found["missing"] == "unseen":
@@ -588,7 +594,10 @@ def _missing_in_words(found: Numbers) -> str:
             unit = turned(unit)
         beyond = " beyond the steps of the encoder" if found["resolution"] else ""
         return f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    words = MISSING | MISSING_OF_TWO if "load_mass" in found["parameters"] else MISSING
+    if "load_mass" in found["parameters"]:
+        words = MISSING | MISSING_OF_TWO
+    else:
+        words = MISSING
     return words[found["missing"]].format(frequency_hz=hertz)
 
 

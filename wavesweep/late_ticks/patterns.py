@@ -95,7 +95,9 @@ def grows_from(
     at = switched.refuted_beyond(ticks.at_ends, word, unstable, limit)
     if at is None and switched.is_refuted(ticks.at_ends, word, unstable):
         at = unstable
-    return (np.nan, ()) if at is None else (float(at), pattern)
+    if at is None:
+        return (np.nan, ())
+    return (float(at), pattern)
 
 
 def word_of(ticks: LateTicks, pattern: Pattern) -> Pattern:

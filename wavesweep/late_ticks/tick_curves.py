@@ -165,7 +165,10 @@ def _family(loops, along, points):
     own = dict(loops.values)
     varied = own | ({along: ANY} if along else {})
     whole = Loops(loops.drawing, varied).drawn()
-    cut_open = Loops(loops.drawing, own | {along: 0.0}).drawn(name_of(along)) if along else whole
+    if along:
+        cut_open = Loops(loops.drawing, own | {along: 0.0}).drawn(name_of(along))
+    else:
+        cut_open = whole
     drift = Loops(loops.drawing, varied).drift()
 
     def ticks_of(left_out):

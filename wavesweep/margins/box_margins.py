@@ -220,7 +220,9 @@ def _value(name, size):
         case "gain_up":
             return float(np.exp(size))
         case "gain_down":
-            return float(np.exp(-size)) if size < ENDS[name] else 0.0
+            if size < ENDS[name]:
+                return float(np.exp(-size))
+            return 0.0
         case "phase":
             return float(np.degrees(size))
     return float(2 * size)
@@ -323,7 +325,9 @@ class _Case:
         def size(point):
             margins = self._at(point)
             margin = margins and margins.get(name)
-            return -np.inf if margin is None or margin.doubt else size_of(margin)
+            if margin is None or margin.doubt:
+                return -np.inf
+            return size_of(margin)
 
         best = min([*self._corners, *met, *self.known], key=size)
         for halving in range(1, 1 + STEP_HALVINGS if self.ranged else 1):

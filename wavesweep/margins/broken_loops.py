@@ -63,7 +63,9 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
     if times[signal] > 1:
         return lifted
     opened = open_loops(loop, GAIN)
-    return lifted if opened.cut is None else BrokenLoop(loop, opened.cut, lifted)
+    if opened.cut is None:
+        return lifted
+    return BrokenLoop(loop, opened.cut, lifted)
 
 
 def lines_at(

@@ -350,7 +350,10 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     axes.plot(L.real, L.imag, color=_CURVE, label=said, **loop.style)
     for member, look, name in others:
         axes.plot(member.L.real, member.L.imag, label=name, **member.drawn(look, member.several))
-    of_negative = loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}
+    if loop.several:
+        of_negative = loop.style
+    else:
+        of_negative = {"linewidth": 0.6, "linestyle": ":"}
     axes.plot(L.real, -L.imag, color=_CURVE, **of_negative)
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
@@ -437,7 +440,10 @@ def in_words(name: str, value: float, omega: float, hz: float) -> str:
 def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.ndarray]:
     """Gain (dB) and phase of L, which goes on at -180 degrees and begins at most at 180; of
     eigenvalues that of one turn."""
-    degrees = -(-np.degrees(np.angle(L)) % 360) if several else np.degrees(np.unwrap(np.angle(L)))
+    if several:
+        degrees = -(-np.degrees(np.angle(L)) % 360)
+    else:
+        degrees = np.degrees(np.unwrap(np.angle(L)))
     degrees -= 360 * np.ceil(np.max(degrees, where=np.isfinite(degrees), initial=-360) / 360 - 0.5)
     with np.errstate(divide="ignore"):
         return 20 * np.log10(np.abs(L)), degrees
@@ -475,7 +481,10 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
             place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
             beside = L[np.argmin(np.abs(hertz - place))]
             # The line is that of the eigenvalue or of its conjugate.
-            of_line = at if abs(at - beside) <= abs(at.conjugate() - beside) else at.conjugate()
+            if abs(at - beside) <= abs(at.conjugate() - beside):
+                of_line = at
+            else:
+                of_line = at.conjugate()
             turned = np.degrees(np.angle(of_line))
             turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
             end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)

@@ -105,7 +105,9 @@ class LiftedLoop:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             returns = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
-        return returns if self.times > 1 else returns[..., 0]
+        if self.times > 1:
+            return returns
+        return returns[..., 0]
 
     def at_line(self, theta) -> np.ndarray:
         """Return what comes back of a sine at the signal, of its own frequency, with its sign

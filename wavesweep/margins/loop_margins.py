@@ -335,7 +335,10 @@ def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterato
     atan(a/2)`."""
     yield _margin("disk", disk, omega, bound, doubt)
     gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
-    of_gain = bound * 4 * disk / (4 - disk**2) if gain < LARGEST_GAIN_FACTOR else 0.0
+    if gain < LARGEST_GAIN_FACTOR:
+        of_gain = bound * 4 * disk / (4 - disk**2)
+    else:
+        of_gain = 0.0
     yield limited_or_not("disk_gain", gain, omega, of_gain, doubt)
     phase = 2 * np.arctan(disk / 2)
     of_phase = bound * np.sin(phase) / phase

@@ -226,8 +226,14 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
         return f"{SAID[name]}: {doubt}{more}", True
     if not margin["limited"]:
         return f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
-    unit = "" if margin["unit"] in (RATIO, UNITS["delay_frames"]) else f" {margin['unit']}"
-    size = rounded_up(margin["value"]) if name in ROUNDED_UP else rounded_down(margin["value"])
+    if margin["unit"] in (RATIO, UNITS["delay_frames"]):
+        unit = ""
+    else:
+        unit = f" {margin['unit']}"
+    if name in ROUNDED_UP:
+        size = rounded_up(margin["value"])
+    else:
+        size = rounded_down(margin["value"])
     return f"{SAID[name]} {size}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
 
 

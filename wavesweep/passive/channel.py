@@ -204,7 +204,9 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     MOST_ENTRIES. Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
     """
     channel = channel_of(drawing, values)
-    return None if channel is None else norm_of(channel)
+    if channel is None:
+        return None
+    return norm_of(channel)
 
 
 def norm_of(channel: WaveChannel) -> ChannelNorm:

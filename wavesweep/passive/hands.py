@@ -67,7 +67,9 @@ class PassiveGuarantee(Guarantee):
     @property
     def word(self) -> str:
         """The guarantee as a word of --for-hands."""
-        return f"channel:{self.tolerance!r}" if self.kind == "channel" else self.kind
+        if self.kind == "channel":
+            return f"channel:{self.tolerance!r}"
+        return self.kind
 
     @property
     def order(self) -> int:
@@ -93,7 +95,9 @@ class PassiveGuarantee(Guarantee):
         """The spec's own numbers, with every passive hand in place of its operator if the rows
         are of these."""
         own = own_scope(spec)
-        return replace(own, hands=PASSIVE_HANDS) if self.kind == "passive" else own
+        if self.kind == "passive":
+            return replace(own, hands=PASSIVE_HANDS)
+        return own
 
     def notices(self, job: Job) -> Iterable[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is

@@ -188,7 +188,9 @@ def _slow_angles(E):
     that slow."""
     delta, _ = eigenvalues(E)
     slow = (np.abs(delta) < PEAK_NEAR_REST).any(-1)
-    return np.where(slow[:, None], SOFT, np.nan) if slow.any() else ()
+    if slow.any():
+        return np.where(slow[:, None], SOFT, np.nan)
+    return ()
 
 
 def _beyond_rounding(ticks, port, loops, theta, margin, mean):

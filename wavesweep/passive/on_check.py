@@ -46,8 +46,13 @@ def _channel_norm(channel):
 
     from wavesweep.passive.channel import norm_of
 
-    norm = float(norm_of(channel).norm) if channel and channel.entries <= LARGEST_CHANNEL else None
-    return norm if norm is not None and isfinite(norm) else None
+    if channel and channel.entries <= LARGEST_CHANNEL:
+        norm = float(norm_of(channel).norm)
+    else:
+        norm = None
+    if norm is not None and isfinite(norm):
+        return norm
+    return None
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | Callable[[], str]]]:  # noqa: ARG001
@@ -92,7 +97,10 @@ def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"], []
     loops, channels = jobs["port"].slices, jobs["channel"].slices if "channel" in jobs else 0
-    norm = f", norm of {channels} wave channel{'s' * (channels != 1)}" if channels else ""
+    if channels:
+        norm = f", norm of {channels} wave channel{'s' * (channels != 1)}"
+    else:
+        norm = ""
     plan_line = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
     return [f"{plan_line}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [

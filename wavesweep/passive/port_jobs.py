@@ -181,7 +181,10 @@ def channel_columns(run: Run, slices) -> dict[str, np.ndarray]:
         }
     job, axes = run.jobs["channel"], run.jobs["port"].grid.loop_axes
     shape, loop = tuple(len(axis.values) for axis in axes), np.zeros(slices.size, int)
-    digits = dict(zip(axes, np.unravel_index(slices, shape), strict=True)) if shape else {}
+    if shape:
+        digits = dict(zip(axes, np.unravel_index(slices, shape), strict=True))
+    else:
+        digits = {}
     for axis in job.grid.loop_axes:  # which are some of those of the port
         loop = loop * len(axis.values) + digits[axis]
     _, records = gather(job, run.stores["channel"], loop)

@@ -121,7 +121,10 @@ def counterexample(loop: HeldLoop) -> str:
         return (-poles.real / np.abs(poles)).min(-1)
 
     for _ in range(GENERATIONS):
-        parents = best[rng.integers(len(best), size=BRED)] if len(best) else LIMITS.mean(0)
+        if len(best):
+            parents = best[rng.integers(len(best), size=BRED)]
+        else:
+            parents = LIMITS.mean(0)
         logs = np.concatenate(
             [best, np.clip(parents + wide * rng.uniform(-1, 1, (BRED, 4)), *LIMITS).round(3)]
         )

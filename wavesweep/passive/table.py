@@ -384,7 +384,9 @@ def _filter_lines(found: Numbers) -> Iterator[Line]:
 def _range(values: np.ndarray) -> list[float] | None:
     """The least and the largest value; None if none is known."""
     finite = values[~np.isnan(values)]
-    return [float(finite.min()), float(finite.max())] if finite.size else None
+    if finite.size:
+        return [float(finite.min()), float(finite.max())]
+    return None
 
 
 def _span(ends: list[float], bound: Callable[[float, int], str], digits: int = 7) -> str:

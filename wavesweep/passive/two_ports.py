@@ -97,7 +97,9 @@ class PairMap:
     @property
     def ratio(self) -> np.ndarray:
         """R1^2/R2^2 of the components at rest, NaN where any will do."""
-        return self.h[:, 1, 0] / self.h[:, 0, 1] if self.zeros else np.full(len(self.h), np.nan)
+        if self.zeros:
+            return self.h[:, 1, 0] / self.h[:, 0, 1]
+        return np.full(len(self.h), np.nan)
 
 
 Pairs = Callable[[np.ndarray], PairMap]

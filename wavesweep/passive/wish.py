@@ -11,7 +11,9 @@ def channel(loops, size: int) -> tuple:
     from wavesweep.passive.channel import channel_norm
 
     norm = channel_norm(loop_drawing(loops.values), loops.values)
-    return (np.zeros(size), np.ones(size, bool)) if norm is None else (norm.norm, norm.certified)
+    if norm is None:
+        return (np.zeros(size), np.ones(size, bool))
+    return (norm.norm, norm.certified)
 
 
 def port(loops, size: int) -> tuple:

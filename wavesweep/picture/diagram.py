@@ -127,7 +127,9 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
 
 def _when(every, phase=0):
     text = "every tick" if every == 1 else f"every {every:.6g} ticks"
-    return f"{text}, from {phase:.6g}" if phase else text
+    if phase:
+        return f"{text}, from {phase:.6g}"
+    return text
 
 
 def _texts(part: WiringPart) -> list[tuple[str, float, str]]:
@@ -164,7 +166,9 @@ def _box(part: WiringPart) -> Box:
 
 def _sum_width(part: WiringPart) -> float:
     """Width of the sums before a block."""
-    return PILL + ARROW if any(len(terms) > 1 for _, terms in part.inputs) else 0.0
+    if any(len(terms) > 1 for _, terms in part.inputs):
+        return PILL + ARROW
+    return 0.0
 
 
 def _port_widths(part: WiringPart) -> tuple[float, float]:

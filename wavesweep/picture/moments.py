@@ -51,7 +51,9 @@ class Lane:
     def rate(self, tick_ms: float) -> str:
         """Its rate in words; tick_ms: period (ms) of a tick."""
         hz = 1e3 / (self.every * tick_ms)
-        return f"{hz:.4g} Hz" if hz < 1000 else f"{hz:.6g} Hz"
+        if hz < 1000:
+            return f"{hz:.4g} Hz"
+        return f"{hz:.6g} Hz"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +84,9 @@ class Moments:
     @property
     def age(self) -> float | None:
         """The age (ticks) of the number shown when the next one takes its place."""
-        return None if self.shown is None else self.shown.oldest + self.lost
+        if self.shown is None:
+            return None
+        return self.shown.oldest + self.lost
 
 
 @lru_cache(maxsize=8)  # lines, facts and the picture are of one spec
@@ -219,7 +223,10 @@ def in_words(frames: Sequence[Moments], force: str = "") -> str:
         return ""
     waits = (last.shown.start - last.shown.measured) * last.tick_ms
     stays = last.age * last.tick_ms - waits
-    place = f"in place {in_ms(waits)} ms after it reads" if waits else "in place at once"
+    if waits:
+        place = f"in place {in_ms(waits)} ms after it reads"
+    else:
+        place = "in place at once"
     first = frames[0]
     beside = ""
     if first is not last and first.age is not None:

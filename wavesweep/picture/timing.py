@@ -169,7 +169,9 @@ def _draw_lanes(axes: Any, panel: Panel) -> None:
 
 def _short(name: str) -> str:
     """A name of a block as there is room for it."""
-    return name if len(name) <= 18 else f"{name[:17]}…"
+    if len(name) <= 18:
+        return name
+    return f"{name[:17]}…"
 
 
 def _draw_strokes(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> None:

@@ -104,7 +104,10 @@ def axis_over(spec: Spec, name: str) -> Axis:
         logarithmic = of_sweep[0].scale == "log"
     else:
         start, stop = searched(spec, name, key.path)
-    values = np.geomspace(start, stop, LOCUS) if logarithmic else np.linspace(start, stop, LOCUS)
+    if logarithmic:
+        values = np.geomspace(start, stop, LOCUS)
+    else:
+        values = np.linspace(start, stop, LOCUS)
     if key.type == "integer":
         values = np.unique(values.round().astype(int))
     (axis,) = axes_asked(spec, {name: values})

@@ -181,7 +181,9 @@ class Loop:
     @property
     def _usual(self) -> str:
         """The axis of intervals if none is given."""
-        return self.spec.along if self.spec.drawing else "K_VE"
+        if self.spec.drawing:
+            return self.spec.along
+        return "K_VE"
 
     def stable_intervals(
         self,
@@ -509,7 +511,9 @@ class Loop:
         return frame(columns, units, {word: claim.fact() for word, claim in claims.items()})
 
     def _read(self, spec: Spec) -> frozenset[str]:
-        return self.read if spec is self.spec else keys_of(spec)
+        if spec is self.spec:
+            return self.read
+        return keys_of(spec)
 
     def _asked(
         self, along: str | None, span: Span | None, axes: Mapping[str, Numbers]
@@ -681,4 +685,6 @@ def _numbered(specs: list[Spec]) -> list[Spec]:
 
 def spec_of(source: Source) -> Spec:
     """The spec, loaded if `source` is a path or nested tables."""
-    return source if isinstance(source, Spec) else load(source)
+    if isinstance(source, Spec):
+        return source
+    return load(source)

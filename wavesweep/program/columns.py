@@ -80,7 +80,9 @@ RUN_COLUMNS = frozenset(
 def run_column(table: str, name: str) -> str:
     """The column of a simulation that shows an input, output or signal; table: inputs, outputs
     or signals."""
-    return f"{table}.{name}" if name in RUN_COLUMNS else name
+    if name in RUN_COLUMNS:
+        return f"{table}.{name}"
+    return name
 
 
 def complex_columns(name: str, values) -> dict[str, np.ndarray]:

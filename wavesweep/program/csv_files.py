@@ -342,7 +342,9 @@ def option(name: str, value: str) -> str:
 
 def seconds(time: float) -> str:
     """A time (s) with the digits that tell its row, also if it is a stamp of a clock."""
-    return f"{time:.9g}" if abs(time) < LARGE else f"{time:.6f}"
+    if abs(time) < LARGE:
+        return f"{time:.9g}"
+    return f"{time:.6f}"
 
 
 def pairs(given: Iterable[str], option: str) -> dict[str, str]:

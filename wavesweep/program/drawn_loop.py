@@ -88,7 +88,10 @@ class DrawnLoop:
                 f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
             )
         frequencies = real_numbers(frequency_hz)
-        frequency = np.array([np.nan]) if frequencies is None else frequencies.astype(float).ravel()
+        if frequencies is None:
+            frequency = np.array([np.nan])
+        else:
+            frequency = frequencies.astype(float).ravel()
         half = 0.5 / float(np.ravel(drawn.period)[0])
         if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
             raise UsageError(
@@ -141,7 +144,9 @@ def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
 
     def one(array, entry):
         batch = np.shape(array)[: np.ndim(array) - entry]
-        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
+        if batch:
+            return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index]
+        return array
 
     placed = []
     for scheduled in drawn.placed:

@@ -21,7 +21,9 @@ HANGUP = getattr(signal, "SIGHUP", None)
 
 def processors() -> int:
     """Number of processors that this process may use, or that there are."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def memory() -> float:
@@ -29,7 +31,9 @@ def memory() -> float:
     has_sysconf = (
         hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
     )
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if has_sysconf else float("inf")
+    if has_sysconf:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return float("inf")
 
 
 def memory_limit() -> float:
@@ -40,7 +44,9 @@ def memory_limit() -> float:
     except ImportError:  # Windows
         return float("inf")
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return float("inf") if limit == resource.RLIM_INFINITY else limit
+    if limit == resource.RLIM_INFINITY:
+        return float("inf")
+    return limit
 
 
 BYTES_KEPT = 2**27  # bytes that the allocator keeps

@@ -59,7 +59,9 @@ def prove_again(
 
     problem = difference(span, operations)
     if problem is not None:
-        return ProvedAgain("refuted", problem) if problem else ProvedAgain("whole")
+        if problem:
+            return ProvedAgain("refuted", problem)
+        return ProvedAgain("whole")
     pieces = _pieces(claims, span, least)
     of_parts = [difference(piece, operations / len(pieces)) for piece in pieces]
     if refuted := next(filter(None, of_parts), ""):

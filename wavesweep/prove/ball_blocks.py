@@ -50,7 +50,9 @@ def _in_z(E):
 
 
 def _root(value):
-    return value.sqrt() if isinstance(value, arb) else value.sqrt(analytic=True)
+    if isinstance(value, arb):
+        return value.sqrt()
+    return value.sqrt(analytic=True)
 
 
 def held(A, B, T):

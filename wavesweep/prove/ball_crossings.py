@@ -249,7 +249,9 @@ def _preconditioned(U, V):
     ux, uk = _slopes(U)
     vx, vk = _slopes(V)
     if U.nrows() == 1:
-        return [(1, U * (1 / uk).mid())] if uk != 0 else []
+        if uk != 0:
+            return [(1, U * (1 / uk).mid())]
+        return []
     det = (ux * vk - uk * vx).mid()
     if det == 0 or not det.is_finite():
         return []

@@ -225,7 +225,9 @@ def _degree_of_block(block, number, largest) -> float:
         return sum(largest(row) for name in "ABCD" for row in keys[name])
     if kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
         return largest(keys["num"])
-    return inf if any(reads(tree, number) for _, tree in block.trees()) else 0
+    if any(reads(tree, number) for _, tree in block.trees()):
+        return inf
+    return 0
 
 
 def _branches(tree: Tree, number: str) -> bool:

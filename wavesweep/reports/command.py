@@ -69,7 +69,10 @@ def report(
     from wavesweep.reports.content import ReportRequest, report
 
     started, loaded = time.perf_counter(), load(spec, overrides)
-    target = _file(out) if out is not None else own_folder([loaded.name], overrides) / FILE
+    if out is not None:
+        target = _file(out)
+    else:
+        target = own_folder([loaded.name], overrides) / FILE
     refuse_unusable(target.parent)
     refuse_other_things(target)
     refuse_inputs(loaded.files, target)
@@ -103,7 +106,9 @@ def _file(out: str) -> Path:
         raise click.UsageError(
             f"--out {out}: expected a file whose name ends in .html, or a folder"
         )
-    return path if page and not path.is_dir() else path / FILE
+    if page and not path.is_dir():
+        return path
+    return path / FILE
 
 
 def _is_report(path: Path, name: str) -> bool:

@@ -86,7 +86,10 @@ def _ranges(spec: Spec) -> Iterator[str]:
             span = f"in {', '.join(map(str, axis.values))}{unit}"
         else:
             span = f"from {axis.start:g} to {axis.stop:g}{unit}"
-        varies = ", another one in each frame" if axis.path in spec.for_all.varying else ""
+        if axis.path in spec.for_all.varying:
+            varies = ", another one in each frame"
+        else:
+            varies = ""
         yield f"for every {axis.name} {span}{varies}"
     if spec.for_all.lost:
         yield f"with results that are {lost_in_words(spec.for_all.lost)}"
@@ -214,7 +217,10 @@ def _beyond(
         mode = {name: column[worst] for name, column in modes.items()}
         if mode["radius"] > 1:
             imaginary = abs(mode["z_im"])
-            z = f"{mode['z_re']:.6g} ± {imaginary:.6g}i" if imaginary else f"{mode['z_re']:.6g}"
+            if imaginary:
+                z = f"{mode['z_re']:.6g} ± {imaginary:.6g}i"
+            else:
+                z = f"{mode['z_re']:.6g}"
             size = f"modulus 1 + {mode['radius'] - 1:.3g}"
             hz = mode["shown_hz"]
             motion = f"an oscillation of {hz:.4g} Hz" if hz > 0 else "without oscillation"
@@ -256,4 +262,6 @@ def _text(name: str, value: float | str) -> str:
         return value
     if np.isnan(value):
         return ""
-    return ROUNDED[name](value) if name in ROUNDED else f"{value:.6g}"
+    if name in ROUNDED:
+        return ROUNDED[name](value)
+    return f"{value:.6g}"

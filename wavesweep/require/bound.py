@@ -81,7 +81,9 @@ class Bound:
     def of_size(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
         of_size = self.radius < 1 or self.settling < np.inf or self.time_constant < np.inf
-        return replace(self, damped=None) if of_size else None
+        if of_size:
+            return replace(self, damped=None)
+        return None
 
     @property
     def on_circle(self) -> bool:
@@ -294,7 +296,10 @@ def _at_cut(margins):
 
 def _band(gain):
     """The band of a gain in words, and what it is if it is not the lifted one."""
-    band = " between {:g} and {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
+    if "band_hz" in gain:
+        band = " between {:g} and {:g} Hz".format(*gain["band_hz"])
+    else:
+        band = ""
     return band + (
         " at the frequency itself" if "measure" in gain else " in the energy of all ticks"
     )

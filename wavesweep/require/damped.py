@@ -42,7 +42,10 @@ class Damped(NamedTuple):
 
     def words(self) -> str:
         """What is required, in words."""
-        which = "every mode" if self.modes == ALL_MODES else "every pair of modes that oscillates"
+        if self.modes == ALL_MODES:
+            which = "every mode"
+        else:
+            which = "every pair of modes that oscillates"
         if self.slower_than:
             slow = f" that takes {self.slower_than:g} s or more to fall to 1/e"
         else:

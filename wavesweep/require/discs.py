@@ -92,7 +92,10 @@ class Spiral:
     def beyond(self, delta, line=OWN):
         """By how much eigenvalues `1 + delta` are outside, in the logarithm, by their own line,
         the lowest or the highest."""
-        turns = np.abs(np.angle(1 + delta)) if self.turns is None else self.turns[..., line]
+        if self.turns is None:
+            turns = np.abs(np.angle(1 + delta))
+        else:
+            turns = self.turns[..., line]
         with np.errstate(all="ignore"):
             size = np.log(np.abs(1 + delta))
             of_spiral = size + self.c * np.where(self._free(delta), 0.0, turns)

@@ -267,7 +267,9 @@ def build(request: Request) -> Require | None:
     _refuse_wrong_cut(request, leaves)
     _refuse_missing(mistakes, leaves)
     _refuse_unknown_ports(request, leaves)
-    return Require(values) if any(values.values()) else None
+    if any(values.values()):
+        return Require(values)
+    return None
 
 
 def _refuse_wrong_cut(request, leaves):

@@ -47,7 +47,10 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     value = float(spec.values[path])
     status = _status(rows, value, ends)
     where = " and ".join(span_in_words(*interval) for interval in ends)
-    met = f"met in {where}" if where else f"met nowhere in {span_in_words(low, high)}"
+    if where:
+        met = f"met in {where}"
+    else:
+        met = f"met nowhere in {span_in_words(low, high)}"
     at_end = " on an end" if is_an_end(value, ends) else ""
     reason = f"{name} = {value:g}{at_end}, {met}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
@@ -74,5 +77,9 @@ def _status(rows: Columns, value: float, intervals: Sequence[tuple[float, float]
     inside |= (rows["high"] == value) & np.isnan(rows["high_omega"])
     known = bool(rows["certified"].all())
     if inside.any():
-        return Status.CERTIFIED if known else Status.UNKNOWN
-    return Status.REFUTED if known and not is_an_end(value, intervals) else Status.UNKNOWN
+        if known:
+            return Status.CERTIFIED
+        return Status.UNKNOWN
+    if known and not is_an_end(value, intervals):
+        return Status.REFUTED
+    return Status.UNKNOWN

@@ -134,7 +134,9 @@ class Panel:
         size_back, off_back = sided(-theta)
         of_product = (size * off_back + size_back * off + off * off_back) / M**2
         total = of_product + rough * (self.level**2 + size * size_back / M**2)
-        return total / np.abs(4 * np.sin(theta / 2) ** 2) if self.at_rest else total
+        if self.at_rest:
+            return total / np.abs(4 * np.sin(theta / 2) ** 2)
+        return total
 
     def at(self, theta, points):
         """F over Q Q in the middle, at angles, `(points, n)`, and a bound on its error in the
@@ -231,7 +233,9 @@ class Panel:
         change = SAFE / 2 * np.abs(value[1:] - middle).max(0)
         if (middle + error + change < 0).any():
             return BAD
-        return None if (middle - error - change > 0).all() else OPEN
+        if (middle - error - change > 0).all():
+            return None
+        return OPEN
 
     def _proved(self, theta, half):
         """Whether the form is positive on arcs for all numbers."""

@@ -208,14 +208,18 @@ def without_derivatives(spec) -> list[str]:
         for path, value in spec.values.items()
         if path in read and not isinstance(value, str) and path not in smooth
     ]
-    kept = "rates.slow_hz" if "rates.slow_hz" in spec.given else "the edges of a filter's band"
+    if "rates.slow_hz" in spec.given:
+        kept = "rates.slow_hz"
+    else:
+        kept = "the edges of a filter's band"
     return [_name(spec, path) + f" (the spec keeps {kept})" * (path == FAST) for path in paths]
 
 
 def _name(spec, path):
     """The name that an axis of this key has: its symbol if there is one. A spec that gives the
     slow rate has no ratio."""
-    path = "rates.slow_hz" if path == "rates.ratio" and "rates.slow_hz" in spec.given else path
+    if path == "rates.ratio" and "rates.slow_hz" in spec.given:
+        path = "rates.slow_hz"
     return next(
         (symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path
     )
@@ -374,7 +378,10 @@ def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
     of_crossings = known | {"limit_value": limit}
     for name, column in of_crossings.items():
         rows[name] = np.repeat(column, len(numbers))
-    unit = spec.units_felt[0] if quantity.name == "felt" else spec.names.find(loops.axis.path).unit
+    if quantity.name == "felt":
+        unit = spec.units_felt[0]
+    else:
+        unit = spec.names.find(loops.axis.path).unit
     for name, text in (("along", loops.axis.name), ("quantity", quantity.name), ("unit", unit)):
         rows[name] = np.full(value.size, text, object)
     names = [_name(spec, path) for path in numbers]

@@ -59,7 +59,10 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
         for axes in grid[len(shown) :]:
             axes.set_visible(False)
         _add_legend(canvas, shown)
-        elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
+        if shown:
+            elasticity = "elasticity: per cent of the limit per per cent of the number"
+        else:
+            elasticity = ""
         note_below(canvas, *_notes(panels, facts), assumption(facts), axis=elasticity)
     return canvas
 
@@ -109,7 +112,10 @@ def _with_bars(rows: Columns) -> tuple[list[str], str]:
         key=lambda number: -largest[number],
     )
     rest, missing = order[MOST_NUMBER_BARS:], len(set(rows["number"].tolist())) - len(largest)
-    notes = [f"{len(rest)} more, each at most {largest[rest[0]]:.2g}"] if rest else []
+    if rest:
+        notes = [f"{len(rest)} more, each at most {largest[rest[0]]:.2g}"]
+    else:
+        notes = []
     notes += [f"{still} without effect"] if (still := len(largest) - len(order)) else []
     notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
     return order[:MOST_NUMBER_BARS], "; ".join(notes)
@@ -163,7 +169,10 @@ def _in_lines(name: str) -> str:
 def _title(rows: Columns) -> list[str]:
     """The limit, and the mode that sets it."""
     first = {name: column[0] for name, column in rows.items()}
-    corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
+    if first["corner"]:
+        corner = f" (crossing {first['crossing'] + 1} of a corner)"
+    else:
+        corner = ""
     mode = mode_words(*(plain(first[name]) for name in ("omega", "hz", "second_hz")))
     if not np.isnan(first["damping_ratio"]):
         mode += f", damping ratio {first['damping_ratio']:.2g} just inside"
@@ -173,7 +182,9 @@ def _title(rows: Columns) -> list[str]:
 
 
 def _letters() -> int:
-    return _NARROW_LETTERS if is_narrow() else _LETTERS
+    if is_narrow():
+        return _NARROW_LETTERS
+    return _LETTERS
 
 
 def _end(rows: Columns) -> str:
@@ -181,5 +192,8 @@ def _end(rows: Columns) -> str:
         np.argmax(rows["quantity"] == "end")
     )  # the other quantity is the stiffness felt there
     limit, unit = rows["limit_value"][of_end], printed(rows["unit"][of_end : of_end + 1])
-    inside = rounded_up(limit, 5) if rows["side"][0] == "low" else rounded_down(limit, 5)
+    if rows["side"][0] == "low":
+        inside = rounded_up(limit, 5)
+    else:
+        inside = rounded_down(limit, 5)
     return f"{rows['side'][0]} end, {symbol(rows['along'][0])} = {inside} {unit}".rstrip()

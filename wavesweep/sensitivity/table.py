@@ -214,7 +214,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     elif not found["doubts"]:
         yield f"{name}: no stable interval in {searched}", True
     if found["doubts"]:
-        none = "" if spans else f", and no stable interval is known in {searched}{places}"
+        if spans:
+            none = ""
+        else:
+            none = f", and no stable interval is known in {searched}{places}"
         yield (
             f"{name}: not certified ({', '.join(found['doubts'])}), so no derivatives are given{none}",
             True,
@@ -229,12 +232,17 @@ def _lines(found: Numbers) -> Iterator[Line]:
 def _inside(end: Numbers) -> str:
     """An end of an interval, rounded into it."""
     value = end["limit"]["value"]
-    return rounded_up(value) if end["end"] == "low" else rounded_down(value)
+    if end["end"] == "low":
+        return rounded_up(value)
+    return rounded_down(value)
 
 
 def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
-    corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
+    if end["corner"]:
+        corner = f", crossing {end['crossing'] + 1} of a corner"
+    else:
+        corner = ""
     mode = mode_words(end["omega"], end["line_hz"], end["second_hz"])
     damped = ""
     if end["damping_ratio"] is not None:
@@ -263,7 +271,10 @@ def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -
         return "a mode that is not known"
     second = f" and {second_hz:.4g} Hz" if second_hz else ""
     if not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
-        once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
+        if omega:
+            once = f"once a frame {omega / (2 * pi):.4g} Hz"
+        else:
+            once = "none from frame to frame"
         return f"an oscillation of {hz:.4g} Hz{second} within the frame ({once})"
     if omega:
         return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{second})"
@@ -300,7 +311,9 @@ def _moves(limit: Numbers) -> Line:
 
 
 def _unit(unit: str) -> str:
-    return "" if unit in ("", "1") else f" {readable(unit)}"
+    if unit in ("", "1"):
+        return ""
+    return f" {readable(unit)}"
 
 
 def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:

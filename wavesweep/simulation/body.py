@@ -119,7 +119,9 @@ def rest_time(body: Body, x: float, v: float, f: float) -> float:
     gamma = math.sqrt(-square)
     if w <= gamma * v:
         return math.inf
-    return math.atanh(gamma * v / w) / gamma if gamma > 0.0 else v / w
+    if gamma > 0.0:
+        return math.atanh(gamma * v / w) / gamma
+    return v / w
 
 
 def _moved(plant: Sequence[float], x: float, v: float, f: float) -> tuple[float, float]:

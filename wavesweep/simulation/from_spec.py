@@ -132,7 +132,9 @@ def _ticks_in_words(experiment: Mapping[str, Any]) -> str:
     ticks = experiment["ticks"] or ()
     lengths = ", ".join(f"{1e3 * length:g}" for length in ticks[:MOST_SHOWN])
     rest = ", ..." * (len(ticks) > MOST_SHOWN)
-    return f"ticks of {lengths}{rest} ms in turn" if ticks else ""
+    if ticks:
+        return f"ticks of {lengths}{rest} ms in turn"
+    return ""
 
 
 def _frames_in_words(experiment: Mapping[str, Any]) -> str:
@@ -146,7 +148,10 @@ def _frames_in_words(experiment: Mapping[str, Any]) -> str:
         return ""
     lengths = ", ".join(f"{frame.ticks}" for frame in frames[:MOST_SHOWN])
     irregular = any(frame.lost or frame.delay is not None for frame in frames)
-    rest = ", some with results that are lost or have a delay of their own" if irregular else ""
+    if irregular:
+        rest = ", some with results that are lost or have a delay of their own"
+    else:
+        rest = ""
     return f"frames of {lengths}{', ...' * (len(frames) > MOST_SHOWN)} ticks in turn{rest}"
 
 
@@ -154,7 +159,9 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     """The ticks in a frame at each value of a number that varies; none if it sets no frame."""
     values = axis.values or range(int(axis.start), int(axis.stop) + 1)
     if spec.drawing is None:
-        return list(values) if axis.path == "rates.ratio" else []
+        if axis.path == "rates.ratio":
+            return list(values)
+        return []
     every = next(
         block.every for block in spec.drawing.blocks if block.every.reads(name_of(axis.path))
     )
@@ -224,7 +231,9 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
         "record": lambda: inputs.read_force(record_path(spec), fast_hz, f"rates.{key}"),
     }
     record = makers[values["input"]]()
-    return record if seconds is None else inputs.lasting(record, first_tick(seconds, fast_hz))
+    if seconds is None:
+        return record
+    return inputs.lasting(record, first_tick(seconds, fast_hz))
 
 
 def record_path(spec: Spec) -> Path:

@@ -154,7 +154,10 @@ def given(force) -> Input:
         )
     force = numbers.astype(float)
     if force.ndim != 1 or not np.isfinite(force).all():
-        problem = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
+        if force.ndim != 1:
+            problem = f"shape {force.shape}"
+        else:
+            problem = "some that are not finite"
         raise UsageError(
             f"force: expected a row of finite numbers, one per fast tick, found {problem}"
         )

@@ -227,7 +227,9 @@ class Frame:
             optional["delay"] = self.delay
         if self.lost:
             optional["lost"] = True
-        return {"ticks": self.ticks, **optional} if optional else self.ticks
+        if optional:
+            return {"ticks": self.ticks, **optional}
+        return self.ticks
 
 
 def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | None:
@@ -247,7 +249,9 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
     if ticks > LONGEST_FRAME:
         expected = f"at most {LONGEST_FRAME} ticks in all"
         mistakes.refuse(leaf, FRAMES, expected, str(ticks), of_key=False)
-    return tuple(frames) if len(mistakes) == before else None
+    if len(mistakes) == before:
+        return tuple(frames)
+    return None
 
 
 def _frame(leaf: Leaf, path: str, mistakes: Mistakes) -> Frame | None:
@@ -343,7 +347,9 @@ class Experiment(TableValue):
     def frames_file(self) -> str:
         """The file of frames; empty without."""
         frames = self.values["frames"]
-        return frames if isinstance(frames, str) and frames != RANDOM else ""
+        if isinstance(frames, str) and frames != RANDOM:
+            return frames
+        return ""
 
     @property
     def hardware(self) -> Mapping[str, Any]:
@@ -377,7 +383,9 @@ class Experiment(TableValue):
         for name, value in numbers.items():
             if f"simulate.{name}" not in self.given:
                 missing[name] = value
-        return replace(self, values=self.values | missing) if missing else self
+        if missing:
+            return replace(self, values=self.values | missing)
+        return self
 
     def unread(self) -> list[str]:
         """Return the keys that are given, and not as their defaults, and that the input does not
@@ -539,7 +547,10 @@ def _frequencies(
         return axis.values
     else:
         single_frequency = 'one frequency for a sine (several are for input = "stepped-sine")'
-        expected = single_frequency if kind == "sine" else "num with start and stop, or a list"
+        if kind == "sine":
+            expected = single_frequency
+        else:
+            expected = "num with start and stop, or a list"
     mistakes.refuse(axis_place(parts), FREQUENCIES, expected, problem)
     return ()
 

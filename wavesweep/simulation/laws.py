@@ -75,7 +75,10 @@ def _of_axes(axes, mass, damping, stiffness, through):
     n, axes_at_port = len(axes), np.array(through) if through else np.eye(len(axes))
 
     def at_axes(rows):
-        matrix = np.array(rows) if rows else np.zeros((len(axes_at_port), len(axes_at_port)))
+        if rows:
+            matrix = np.array(rows)
+        else:
+            matrix = np.zeros((len(axes_at_port), len(axes_at_port)))
         return (
             axes_at_port.T
             @ (np.diag(matrix[0]) if len(matrix) < len(axes_at_port) else matrix)
@@ -287,7 +290,9 @@ def channel(period: float, **_: object) -> Law:
 def delay(period: float, steps: int) -> Law:
     """`u` of so many runs ago."""
     past = tuple(f"u{i}" for i in range(1, steps + 1))
-    return Law({"y": ((1.0, past[-1]),)}, moves=(("u", past),)) if past else hold(period)
+    if past:
+        return Law({"y": ((1.0, past[-1]),)}, moves=(("u", past),))
+    return hold(period)
 
 
 def dead_time(ticks: int) -> Law:
@@ -295,7 +300,10 @@ def dead_time(ticks: int) -> Law:
     is about to change."""
     held, read = ([port, *(f"{port}{i}" for i in range(1, ticks + 1))] for port in ("u", "sensed"))
     soon = ((1.0, held[-2]), (-1.0, held[-1])) if ticks else ()
-    moves = tuple((port, tuple(past)) for port, *past in (held, read)) if ticks else ()
+    if ticks:
+        moves = tuple((port, tuple(past)) for port, *past in (held, read))
+    else:
+        moves = ()
     return Law({"y": ((1.0, held[-1]), (1.0, read[-1])), "next": soon}, moves=moves)
 
 
@@ -388,7 +396,9 @@ def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law
         if not real:
             keeps[b] = ((p.real, b), (p.imag, a))
         into = out
-    return Law(gives, keeps) if order else hold(period)
+    if order:
+        return Law(gives, keeps)
+    return hold(period)
 
 
 class FilterSection(NamedTuple):
@@ -536,7 +546,10 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     """A local model while the wall is not touched: it moves freely, and its spring is not
     stretched."""
     del period, K, B
-    moving = {"last speed": ((root(2 / b), "in"),)} if integration == "trapezoidal" else {}
+    if integration == "trapezoidal":
+        moving = {"last speed": ((root(2 / b), "in"),)}
+    else:
+        moving = {}
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})
 
 

@@ -505,7 +505,10 @@ class Running:
     def _send(self, k: int, each: Results, number: int) -> None:
         """A result that was computed by now: it is in use if it is not late, and overtakes those
         under way."""
-        touched = self.contacts[number] if each.touches and number >= 0 else self.touching
+        if each.touches and number >= 0:
+            touched = self.contacts[number]
+        else:
+            touched = self.touching
         if number < 0 or each.late[number] == 0:
             self.touching = touched
             each.waiting = []

@@ -32,10 +32,14 @@ class Named(float):
         return Named(-float(self), ("negative", self))
 
     def __add__(self, other: Any) -> Any:
-        return self if _is(other, 0.0) else _made("+", self, other)
+        if _is(other, 0.0):
+            return self
+        return _made("+", self, other)
 
     def __sub__(self, other: Any) -> Any:
-        return self if _is(other, 0.0) else _made("-", self, other)
+        if _is(other, 0.0):
+            return self
+        return _made("-", self, other)
 
     def __rsub__(self, other: Any) -> Any:
         return _made("-", other, self)
@@ -67,7 +71,9 @@ def _made(sign: str, left: Any, right: Any) -> Named:
 def root(value: float) -> float:
     """Return the square root."""
     value_of_root = math.sqrt(value)
-    return Named(value_of_root, ("sqrt", value)) if isinstance(value, Named) else value_of_root
+    if isinstance(value, Named):
+        return Named(value_of_root, ("sqrt", value))
+    return value_of_root
 
 
 def again(value: float, numbers: Mapping[str, float], seen: dict[int | str, float]) -> float:

@@ -207,7 +207,10 @@ def components(
     basis = [np.cos(turn)] if alone else [np.cos(turn), np.sin(turn)]
     basis += [] if alone and np.cos(omega * frame) > 0 else [np.ones(frames)]
     coefficients = np.linalg.lstsq(np.stack(basis, axis=1), measured, rcond=None)[0]
-    amplitudes = 2 * coefficients[0] if alone else coefficients[0] - 1j * coefficients[1]
+    if alone:
+        amplitudes = 2 * coefficients[0]
+    else:
+        amplitudes = coefficients[0] - 1j * coefficients[1]
     return list(
         (amplitudes.reshape(3, frame) * np.exp(-1j * omega * np.arange(frame))).mean(axis=1)
     )

@@ -481,7 +481,9 @@ def _device_of(drawing, hand, blocks, wires):
             moved.append(plants[port])
     sensed = {plant.name for plant in drawing.plants if plant.sensed}
     movable = {block.name for block in drawing.apart}.intersection(_masses(drawing)) - sensed
-    return moved[0] if len(moved) == 1 and moved[0] in movable else ""
+    if len(moved) == 1 and moved[0] in movable:
+        return moved[0]
+    return ""
 
 
 def _arriving_at(drawing, device):

@@ -373,7 +373,10 @@ def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> s
     """How many frames of which lengths a run had, that were drawn or read from a file."""
     most = sorted(sorted(lengths, key=lengths.__getitem__)[-FREQUENCIES_SHOWN:], key=int)
     shares = ", ".join(f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most)
-    rest = f", {len(lengths) - len(most)} other lengths" if len(lengths) > len(most) else ""
+    if len(lengths) > len(most):
+        rest = f", {len(lengths) - len(most)} other lengths"
+    else:
+        rest = ""
     return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{rest}"
 
 

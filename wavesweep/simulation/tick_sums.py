@@ -61,12 +61,16 @@ class Meeting(NamedTuple):
             force = (self.K * gap + self.B * speed) / (
                 1.0 - self.K * self.yields - self.B * self.slows
             )
-            return (force, True) if force > 0.0 else (0.0, False)
+            if force > 0.0:
+                return (force, True)
+            return (0.0, False)
         if (
             self.position is not None
             and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0
         ):
-            return (-gap / self.yields, True) if gap > 0.0 and self.yields < 0.0 else (0.0, False)
+            if gap > 0.0 and self.yields < 0.0:
+                return (-gap / self.yields, True)
+            return (0.0, False)
         return (self.K * gap + self.B * speed) / (
             1.0 - self.K * self.yields - self.B * self.slows
         ), True
@@ -343,7 +347,10 @@ def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
             "the way, such as that of the environment or of the local model, makes it one"
         )
     # A single one may be made from numbers with names.
-    inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
+    if len(torn) > 1:
+        inverse = np.linalg.inv(rest).tolist()
+    else:
+        inverse = [[1.0 / (1.0 - shares[0][0])]]
     sources = [source for source, _ in alone]
     return [
         (name, tuple(zip(row, sources, strict=True)))

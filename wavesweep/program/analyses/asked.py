@@ -26,7 +26,10 @@ def key_named(spec: Spec, name: object) -> Key:
     key = names.find(name)
     if key is None or not key.numeric:
         hint = nearest(name, (*ARGUMENTS, *names.symbols, *names.numeric))
-        symbols = f" ({', '.join(names.symbols)}, or the path of another)" if names.symbols else ""
+        if names.symbols:
+            symbols = f" ({', '.join(names.symbols)}, or the path of another)"
+        else:
+            symbols = ""
         raise UsageError(
             f"{name}: expected the name of a numeric key"
             + (f", did you mean {hint}?" if hint else symbols)

@@ -114,7 +114,9 @@ def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:
         times.append(f"{late} ticks" if late > 1 else f"{late} tick")
     if dead:
         times.append(f"{1e3 * dead:g} ms")
-    return [f"amplifier late by {' and '.join(times)}"] if times else []
+    if times:
+        return [f"amplifier late by {' and '.join(times)}"]
+    return []
 
 
 def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
@@ -126,7 +128,10 @@ def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
             continue
         if axis.values == (value,):
             continue
-        inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
+        if axis.values:
+            inside = value in axis.values
+        else:
+            inside = axis.start <= value <= axis.stop
         values = _values(axis)
         if len(axis.values) > LISTED:
             values = f"{len(axis.values)} values from {axis.start:g} to {axis.stop:g}"
@@ -184,7 +189,9 @@ def _limits(spec, swept) -> Iterator[str]:
 
     def shown(tree):
         moving = {path_of(name) for name in tree.names} & set(swept)
-        return tree.text if moving else f"{tree.value(numbers):g}"
+        if moving:
+            return tree.text
+        return f"{tree.value(numbers):g}"
 
     numbers = scalars(spec.values)
     for block in spec.drawing.blocks:

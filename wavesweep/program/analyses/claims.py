@@ -134,18 +134,24 @@ class Property(NamedTuple):
     @property
     def required(self) -> str:
         """What [sweep] require asks for, in words; empty of another property."""
-        return self.words if self.form == "requirement" else ""
+        if self.form == "requirement":
+            return self.words
+        return ""
 
     @property
     def adjective(self) -> str:
         """What a value of a number is, in a word or two."""
-        return "as required" if self.required else self.worded().of_values
+        if self.required:
+            return "as required"
+        return self.worded().of_values
 
     def value(self, name: str) -> str:
         """A value of a number with which it holds: "stable K_VE"."""
         words = self.worded().of_values
         after = words.startswith(("with ", "at "))
-        return f"{name} {words}" if after else f"{words} {name}"
+        if after:
+            return f"{name} {words}"
+        return f"{words} {name}"
 
 
 STABLE = Property("stable")
@@ -510,7 +516,9 @@ class Claim:
         words = self.what.worded()
         if self.status is Status.UNKNOWN:
             required = "," in words.question
-            return "not known" if required else f"not known {words.question}"
+            if required:
+                return "not known"
+            return f"not known {words.question}"
         said = {Status.REFUTED: words.fails, Status.PROVED: words.proved}
         return said.get(self.status, words.holds).partition(",")[0]
 
@@ -573,11 +581,15 @@ class Claim:
 
     def value(self, name: str) -> str:
         """A value of a number that the rows have."""
-        return f"proved {name}" if self.status is Status.PROVED else self.what.value(name)
+        if self.status is Status.PROVED:
+            return f"proved {name}"
+        return self.what.value(name)
 
     def everywhere(self) -> str:
         """What the rows say of all values up to one."""
-        return "proved" if self.status is Status.PROVED else self.what.worded().of_values
+        if self.status is Status.PROVED:
+            return "proved"
+        return self.what.worded().of_values
 
     def none(self, name: str, reason: str, *, undecided: bool) -> str:
         """That no value of a number in the swept range has it; undecided: whether some may."""
@@ -611,7 +623,9 @@ class Claim:
         if known:
             return self.what.worded().nowhere
         proved = self.status is Status.PROVED
-        return "nothing proved" if proved else f"nothing known to be {self.what.adjective}"
+        if proved:
+            return "nothing proved"
+        return f"nothing known to be {self.what.adjective}"
 
     def unless(self, known: bool) -> str:
         """What is added to a bound of a row of which that is not known; nothing to one that is."""

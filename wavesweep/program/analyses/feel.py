@@ -130,7 +130,9 @@ def outweighed_in_words(band: Mapping[str, object]) -> str:
         end = "Hz on" if high is None else f"to {high:.3g} Hz"
         bands.append(f"{start} {end}")
     said = " and ".join(filter(None, [", ".join(bands[:-1]), *bands[-1:]]))
-    return f"free motion outweighs it {said}" if said else ""
+    if said:
+        return f"free motion outweighs it {said}"
+    return ""
 
 
 def felt_at_rest(spec: Spec, loop) -> dict | None:
@@ -145,7 +147,10 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
     small = loop.order <= MOST_FELT_STATES
-    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
+    if stiffness > 0 and small:
+        band = felt_over_band(spec, loop, stiffness)
+    else:
+        band = None
     return {
         "stiffness": float(stiffness) if np.isfinite(stiffness) else None,
         "damping": float(damping) if np.isfinite(damping) else None,

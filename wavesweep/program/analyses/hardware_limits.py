@@ -150,7 +150,9 @@ def cycle_of_encoder(spec: Spec) -> dict[str, float]:
         return {}
     hz, size = float(omega[begins[0]] / (2 * np.pi)), float(amplitude[begins[0]])
     usual = LEAST_CYCLE_TICKS * hz <= values["rates.fast_hz"] and size < step
-    return {"cycle_hz": hz, "cycle_amplitude": size} if usual else {}
+    if usual:
+        return {"cycle_hz": hz, "cycle_amplitude": size}
+    return {}
 
 
 def limits_of_walls(spec: Spec) -> dict[str, float]:

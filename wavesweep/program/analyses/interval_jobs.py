@@ -134,7 +134,9 @@ class IntervalQuery:
         along = {"along": self.axis.name} | (
             {"require": self.require.written()} if self.require else {}
         )
-        return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
+        if self.guarantee is None:
+            return along
+        return along | {"guarantee": repr(self.guarantee)}
 
 
 def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: IntervalQuery) -> Job:
@@ -170,7 +172,9 @@ def ball_prover(
     """The prover in ball arithmetic, if the capability is there; limits: `operations` for each
     loop."""
     module = offered("prover")
-    return module.ball_prover(loops, along, period, **limits) if module else None
+    if module:
+        return module.ball_prover(loops, along, period, **limits)
+    return None
 
 
 def records_of_loop(loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -319,7 +323,9 @@ def _varied(spec, path, require):
     """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is
     asked for, or the lines of modes are, in its own ticks."""
     in_own_ticks = require and (require.bound.gains or require.bound.damped)
-    return "" if spec.drawing and in_own_ticks else path
+    if spec.drawing and in_own_ticks:
+        return ""
+    return path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -410,7 +416,10 @@ def expected_cost(order: int, way: Way) -> float:
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was
     stopped.
     """
-    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED_STATES else BY_DOMINANCE
+    if way is Way.CUT and order <= CROWDED_STATES:
+        share = BY_POLYNOMIAL
+    else:
+        share = BY_DOMINANCE
     return share * max(order, 2) ** 2
 
 
@@ -479,4 +488,6 @@ def method(asked: IntervalQuery) -> str:
         Way.DOMINANCE: DOMINANCE,
         Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {DOMINANCE}, in others",
     }[asked.way]
-    return asked.require.bound.method(text) if asked.require else text
+    if asked.require:
+        return asked.require.bound.method(text)
+    return text

@@ -112,7 +112,10 @@ def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
     time = mode["time_constant_s"]
     if time is None:
         return stays_in_words(mode["states"])
-    lasts = f"falls to 1/e in {time:.4g} s" if time > 0 else f"grows e times in {-time:.4g} s"
+    if time > 0:
+        lasts = f"falls to 1/e in {time:.4g} s"
+    else:
+        lasts = f"grows e times in {-time:.4g} s"
     said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasts}"
     states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
     place = f"nearest at {name} = {mode['value']:.6g}{unit}"

@@ -157,7 +157,10 @@ def own_lines(
     said = words.get(own_claim(spec, found).status, "stable")
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
-        common = "" if spec.drawing or spec.values["rates.ratio"] % 1 == 0 else "common "
+        if spec.drawing or spec.values["rates.ratio"] % 1 == 0:
+            common = ""
+        else:
+            common = "common "
         why = f"spectral radius {radius:.6g} per {common}frame of {1e3 * found['period_s']:.6g} ms"
         why += ", but for rounding" if radius == 1 else ""
     subject = f"{spec.name}, {spec.kind}"
@@ -213,4 +216,6 @@ def _mode(spec, mode, states, period):
 
 
 def _number(value):
-    return float(value) if np.isfinite(value) else None
+    if np.isfinite(value):
+        return float(value)
+    return None

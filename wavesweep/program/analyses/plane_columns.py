@@ -104,7 +104,9 @@ class View:
         """The distance of the two values of x that are next to each other, as a share of the
         picture."""
         places = self.position(np.sort(values))
-        return float(np.diff(places).min() / np.ptp(places)) if places.size > 1 else 1.0
+        if places.size > 1:
+            return float(np.diff(places).min() / np.ptp(places))
+        return 1.0
 
     def between(self, left: float, right: float, parts: int) -> list[float]:
         """The points that divide a cell into parts of equal width, without its ends."""
@@ -140,7 +142,10 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     if source is None:
         return curves
     ends = view.height(np.concatenate([[*rows["low"], *rows["high"]] for rows in members]))
-    height = float(np.ptp(ends[~np.isnan(ends)])) if not np.isnan(ends).all() else 0.0
+    if not np.isnan(ends).all():
+        height = float(np.ptp(ends[~np.isnan(ends)]))
+    else:
+        height = 0.0
     # Designs that differ only in what their controller does not read are one.
     different = [curves[source.keys.index(key)] for key in source.designs]
     _refine(different, view, height / view.high / 2, source)
@@ -481,7 +486,10 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     for hands, each of which takes from tenths of a second to some seconds.
     """
     spec, rows = spec_of(facts), members[0]
-    hand = str(rows[whose][0]) if (whose := whose_column(rows)) not in ("", "spec") else ""
+    if (whose := whose_column(rows)) not in ("", "spec"):
+        hand = str(rows[whose][0])
+    else:
+        hand = ""
     if spec is None or hand not in ("", *COMPUTED):
         return None
     from wavesweep.program.analyses.interval_jobs import Way, cost_of

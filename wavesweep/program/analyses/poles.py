@@ -98,7 +98,9 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _finite_or_missing(array: np.ndarray) -> np.ndarray:
-    return np.where(np.isfinite(array), array, np.nan) if array.dtype == float else array
+    if array.dtype == float:
+        return np.where(np.isfinite(array), array, np.nan)
+    return array
 
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:

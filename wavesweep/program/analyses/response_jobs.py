@@ -85,7 +85,10 @@ def response_job(
         ticks = _ticks_drawn(spec, at_hand=route is None)
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
-    curves = RESPONSES_OF_CHUNK // ticks // points if 0 < points <= FREQUENCIES_OF_CHUNK else 1
+    if 0 < points <= FREQUENCIES_OF_CHUNK:
+        curves = RESPONSES_OF_CHUNK // ticks // points
+    else:
+        curves = 1
     chunks, query = (
         Chunks(grid.loops, points, max(1, curves), min(points, FREQUENCIES_OF_CHUNK)),
         ResponseQuery(frequency, names, read, route),
@@ -279,7 +282,9 @@ def own_value(spec, name, read):
     value = None if key is None else spec.own(key.path)
     if value is None or key.type == "integer":
         return np.nan if value is None else value
-    return value if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read else np.nan
+    if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read:
+        return value
+    return np.nan
 
 
 def units_in(several, name: str) -> list[tuple[str, str]]:

@@ -259,7 +259,9 @@ def _exit_code(error: BaseException, as_json: bool) -> int:
     """Print a line about the error, and with --json an object as well, and return its exit code."""
     # click's way to end, for a reader of stdout who has gone as well
     if isinstance(error, SystemExit):
-        return error.code if isinstance(error.code, int) else int(error.code is not None)
+        if isinstance(error.code, int):
+            return error.code
+        return int(error.code is not None)
     from wavesweep.program.cli.messages import printable, show_json
 
     if isinstance(error, click.ClickException):

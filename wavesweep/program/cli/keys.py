@@ -66,10 +66,14 @@ def command(name: str | None, schema: bool) -> None:
 def _lines(found: Mapping[str, Description]) -> Iterator[str]:
     path, first = next(iter(found.items()))
     if "ports" in first:
-        return _type(path, first) if len(found) == 1 else _types(found)
+        if len(found) == 1:
+            return _type(path, first)
+        return _types(found)
     if "type" not in first:
         return _own_names(path, first)
-    return _details(path, first) if len(found) == 1 else _table(found)
+    if len(found) == 1:
+        return _details(path, first)
+    return _table(found)
 
 
 def _table(keys: Mapping[str, Description]) -> Iterator[str]:
@@ -134,7 +138,10 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         else f"[{name}]  {table['description']}"
     )
     for wish, kind in table.get("wishes", {}).items():
-        unit = "without unit" if kind["unit"] == "1" else kind["unit"] or "of output per input"
+        if kind["unit"] == "1":
+            unit = "without unit"
+        else:
+            unit = kind["unit"] or "of output per input"
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
     if name == "numbers":

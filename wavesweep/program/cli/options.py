@@ -201,7 +201,9 @@ class Options:
     @property
     def file(self) -> Path | None:
         """The only file that is wanted; None if all of them are, in a folder, or the table on stdout."""
-        return Path(self.out) if self.out and _is_file(self.out) else None
+        if self.out and _is_file(self.out):
+            return Path(self.out)
+        return None
 
     @property
     def to_folder(self) -> bool:
@@ -212,7 +214,9 @@ class Options:
     def formats(self) -> tuple[str, ...]:
         """The formats of the figure; empty if none is drawn."""
         form = self.file.suffix.lower()[1:] if self.file else "png"
-        return (form,) if self.plot and not self.to_stdout else ()
+        if self.plot and not self.to_stdout:
+            return (form,)
+        return ()
 
     @property
     def work(self) -> dict[str, Any]:

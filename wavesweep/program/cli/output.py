@@ -77,7 +77,10 @@ def produce(
             for kind in kinds:
                 results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
+        if options.to_stdout:
+            checkpoint = None
+        else:
+            checkpoint = checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
         before = None
@@ -260,7 +263,9 @@ def _lines(
     for done in finished:
         lines += [(notice, False) for notice in done.notices]
         lines += done.lines
-    return [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]
+    if FAVOURABLE in facts.get("assumes", ""):
+        return [*assumed, *lines]
+    return [*lines, *assumed]
 
 
 def _say_interrupted(command: str, directory: Path) -> None:

@@ -135,7 +135,9 @@ def _single_smooth(several: Mapping[str, Sequence[float]], smooth: Collection[st
     if len(several) != 1:
         return None
     (name,) = several
-    return name if name in smooth and len(several[name]) > _PAIR else None
+    if name in smooth and len(several[name]) > _PAIR:
+        return name
+    return None
 
 
 def _family_of(several: Mapping[str, Sequence[float]], x: str | None) -> str | None:
@@ -158,7 +160,9 @@ def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
             sentences[f"{name} at {shown[0]:g} alone, of {len(every)} values"] = None
         else:
             sentences[f"{len(shown)} of {len(every)} values of {name}"] = None
-    return f"Shown: {'; '.join(sentences)}." if sentences else ""
+    if sentences:
+        return f"Shown: {'; '.join(sentences)}."
+    return ""
 
 
 def along_the_figure(
@@ -173,7 +177,9 @@ def along_the_figure(
             return wall
     # A handful of values makes bars; a line needs more of them.
     longest = max(several, key=lambda name: len(several[name]), default=None)
-    return longest if longest is not None and len(several[longest]) > MOST_BARS else None
+    if longest is not None and len(several[longest]) > MOST_BARS:
+        return longest
+    return None
 
 
 def evenly(

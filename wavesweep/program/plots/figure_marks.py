@@ -14,4 +14,6 @@ def facts_of_marks(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
     They are stored with the table, so that `plot` draws the points of the run.
     """
     module = offered("marks")
-    return module.facts_of(specs, kind) if module else {}
+    if module:
+        return module.facts_of(specs, kind)
+    return {}

@@ -330,7 +330,10 @@ def _end_of_intervals(shown: Shown) -> float:
     a little after what there is."""
     columns = shown.columns
     values = np.asarray(shown.layout.points, dtype=float)
-    panels = np.unique(columns[shown.layout.panels]) if shown.layout.panels else [np.nan]
+    if shown.layout.panels:
+        panels = np.unique(columns[shown.layout.panels])
+    else:
+        panels = [np.nan]
     empty = (columns["intervals"] == 0) & ~incomplete(columns)
     own = [place[0] for place in shown.own_design(panels)]
     last = max([*columns[shown.layout.x][~empty], *own])
@@ -377,7 +380,9 @@ def _label_along(shown: Shown) -> str:
     units = unlike_units(shown.facts).get("high")
     if several:
         name = "stiffness of the wall"
-        return with_unit(name, printed(units)) if units else name
+        if units:
+            return with_unit(name, printed(units))
+        return name
     if units:
         return with_unit(symbol(shown.along), printed(units))
     return label(shown.along, shown.facts)
@@ -402,7 +407,10 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
         upright = along
     else:
         beneath = along
-        upright = label(layout.family, facts) if layout.family and not layout.beside else ""
+        if layout.family and not layout.beside:
+            upright = label(layout.family, facts)
+        else:
+            upright = ""
     marks = offered("marks")
     unmarked = marks.undrawn(facts, layout.x, shown.along) if marks else ""
     drawn = " ".join(said for word, said in _HOW.items() if word in how)

@@ -187,7 +187,9 @@ def _best(shown: Shown, members: Sequence[Member]) -> str:
         largest = claim.extreme("largest", rows, certified=certified)
         said = f"{largest}: {value} {unit(shown.along, shown.facts)}".rstrip()
         above_a_hole = best.get("interval", 0) > 0  # and perhaps thin
-        return f"{said}, from {rounded_up(best['low'], 5)}" if above_a_hole else said
+        if above_a_hole:
+            return f"{said}, from {rounded_up(best['low'], 5)}"
+        return said
     stiffest = claim.extreme("stiffest felt", rows, certified=certified)
     return f"{stiffest}: {rounded_down(felt, 4)} N/m at rest,\nof a wall of {value} N/m"
 

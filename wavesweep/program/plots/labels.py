@@ -44,7 +44,9 @@ def symbol(name: str) -> str:
         return _SYMBOLS[name]
     if re.fullmatch("[A-Z][a-z]", name):
         return f"${name[0]}_{name[1]}$"
-    return name.replace(".", " ").replace("_", " ") if "." in name else name
+    if "." in name:
+        return name.replace(".", " ").replace("_", " ")
+    return name
 
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
@@ -82,7 +84,9 @@ def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) 
 
 def with_unit(text: str, printed_unit: str) -> str:
     """The text with a printed unit behind it, if there is one."""
-    return f"{text} ({printed_unit})" if printed_unit else text
+    if printed_unit:
+        return f"{text} ({printed_unit})"
+    return text
 
 
 def printed(units: Iterable[str]) -> str:

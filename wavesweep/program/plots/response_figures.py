@@ -221,7 +221,9 @@ def _marks(curves: Sequence[Curve], facts: Mapping[str, Any]) -> list[Any]:
     specs: dict[str, None] = {}
     for curve in curves:
         specs |= dict.fromkeys(curve.rows["spec"].tolist())
-    return [module.responses(facts, specs)] if module else []
+    if module:
+        return [module.responses(facts, specs)]
+    return []
 
 
 def _curves_of(quantity: _Quantity, curves: Sequence[Curve]) -> list[Curve]:

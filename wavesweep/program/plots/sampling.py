@@ -28,7 +28,9 @@ Values = dict[str, np.ndarray]
 
 def blocks_of(table: Columns | Blocks) -> Blocks:
     """The blocks of a table, which may be its columns."""
-    return table if callable(table) else lambda: (table,)
+    if callable(table):
+        return table
+    return lambda: (table,)
 
 
 def rows_where(blocks: Blocks, shown: Callable[[Columns], np.ndarray]) -> Columns:

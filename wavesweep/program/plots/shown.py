@@ -45,7 +45,10 @@ class Shown:
         self.swept = (float(lowest.min()), float(highest.max()))
         self.by_factors, (bottom, top) = self._limits()
         marks = offered("marks")
-        self.walls = [marks.walls(facts, layout.x, self.along, of_specs)] if marks else []
+        if marks:
+            self.walls = [marks.walls(facts, layout.x, self.along, of_specs)]
+        else:
+            self.walls = []
         for walls in self.walls:
             top = max(top, _ROOM_OF_FACTORS * walls.highest(self.swept[1]))
         self.view = (bottom, top)
@@ -58,7 +61,10 @@ class Shown:
 
     def members(self, columns: Columns) -> list[Member]:
         """The members of a panel, whose rows these are."""
-        specs = dict.fromkeys(self.columns["spec"].tolist()) if self.whose == "spec" else ()
+        if self.whose == "spec":
+            specs = dict.fromkeys(self.columns["spec"].tolist())
+        else:
+            specs = ()
         return members_of(columns, self.facts, self.layout.bars, list(specs))
 
     def place(self, row: Mapping[str, Any], members: Sequence[Member]) -> tuple[float, float]:

@@ -58,7 +58,9 @@ class Axis:
         if self.scale is None:
             return list(self.values)
         span = {"start": self.start, "stop": self.stop}
-        return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
+        if self.values:
+            return {**span, "num": len(self.values), "scale": self.scale}
+        return span
 
 
 def build_axis(
@@ -88,7 +90,9 @@ def build_axis(
 def axis_place(parts: Mapping[str, Leaf]) -> Place:
     """Return the place of the axis with these parts."""
     first_part, leaf = next(iter(parts.items()))
-    return leaf.place.parent() if first_part else leaf.place
+    if first_part:
+        return leaf.place.parent()
+    return leaf.place
 
 
 def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:

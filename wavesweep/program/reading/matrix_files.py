@@ -41,7 +41,9 @@ class _Unfit(ValueError):
 def keys_of(kind: str) -> dict[str, Key]:
     """Return the keys that a spec may give a block of this type: those of the engine and files."""
     keys = keys_of_block(kind)
-    return {**keys, FILE.path: FILE} if kind == KIND else keys
+    if kind == KIND:
+        return {**keys, FILE.path: FILE}
+    return keys
 
 
 def with_matrices(

@@ -51,7 +51,9 @@ class Sorted:
 def names_in_list(leaf: Leaf) -> tuple[str, ...]:
     """Return the names of a text or of a list of texts; none of any other value."""
     names = leaf.value if isinstance(leaf.value, list) else [leaf.value]
-    return tuple(names) if all(isinstance(name, str) for name in names) else ()
+    if all(isinstance(name, str) for name in names):
+        return tuple(names)
+    return ()
 
 
 def normal_path(path: Path) -> Path:
@@ -131,7 +133,10 @@ class _Sorter:
         if table and near:
             near = f"{table}.{near}"
         near = near or nearest(path[-1], flat_keys())
-        problem = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
+        if isinstance(leaf.value, dict):
+            problem = "an unknown table"
+        else:
+            problem = "an unknown key"
         expected = f"one of {'' if table else 'the tables '}{', '.join(known)}"
         self.mistakes.refuse(leaf, joined_path(path), expected, problem, near)
 

@@ -90,4 +90,6 @@ def _slip_at(line: str, column: int) -> tuple[int, str, str] | None:
 def _shortened(text: str) -> str:
     """The text in at most 60 printable characters."""
     text = text if text.isprintable() else ascii(text)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    if len(text) <= 60:
+        return text
+    return f"{text[:57]}..."

@@ -165,12 +165,16 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
         return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
     if isinstance(value, list):
         text = f"[{', '.join(map(_text, value))}]"
-        return text if len(text) <= LONGEST_LIST else f"{len(value)} values"
+        if len(text) <= LONGEST_LIST:
+            return text
+        return f"{len(value)} values"
     return _text(value)
 
 
 def _text(value: object) -> str:
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return str(value)
 
 
 def discard(kind: str, directory: str | Path) -> None:

@@ -216,7 +216,9 @@ def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[s
 
 
 def _title(kind: str, facts: Mapping[str, Any]) -> str:
-    return f"{kind} of {facts['spec_name']}" if "spec_name" in facts else kind
+    if "spec_name" in facts:
+        return f"{kind} of {facts['spec_name']}"
+    return kind
 
 
 def packaged_facts(package: Path) -> dict[str, Any]:

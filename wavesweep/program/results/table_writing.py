@@ -314,7 +314,9 @@ class _Rows:
 
 def _rows_after(rows: int, partition: int | None) -> int:
     """The number of rows of the group that begins after so many rows."""
-    return GROUP_ROWS if partition is None else min(GROUP_ROWS, partition - rows % partition)
+    if partition is None:
+        return GROUP_ROWS
+    return min(GROUP_ROWS, partition - rows % partition)
 
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:

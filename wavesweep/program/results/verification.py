@@ -222,7 +222,9 @@ def _between(csv: Path, parquet: Path) -> Iterator[str]:
 def _again(package: Path, facts: Mapping[str, Any]) -> Recompute | None:
     """The way to compute the rows of this table again; None for a table that does not come from one spec."""
     kind = package.name.removesuffix(PACKAGE)
-    return kind_named(kind).again(facts, partial(_stem, package)) if kind in HOMES else None
+    if kind in HOMES:
+        return kind_named(kind).again(facts, partial(_stem, package))
+    return None
 
 
 def _stem(package: Path) -> str:
@@ -297,7 +299,9 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
             return difference
         first = end
     rows = rows_in(parquet)
-    return f"{rows} rows and not {first}" if rows != first else ""
+    if rows != first:
+        return f"{rows} rows and not {first}"
+    return ""
 
 
 def _sampled(

@@ -134,7 +134,10 @@ def default_of(description: Description) -> str:
 
 def meaning_of(description: Description) -> str:
     """Return the meaning of a key and, unless any number or text will do, its values."""
-    values = "" if description["values"] in ("number", "string") else f" ({description['values']})"
+    if description["values"] in ("number", "string"):
+        values = ""
+    else:
+        values = f" ({description['values']})"
     return f"{description['description']}{values}"
 
 

@@ -51,7 +51,9 @@ class Given:
         """Return the device that the spec names; None if it names none, or one that does not
         exist."""
         leaf = self.leaves.get("device.preset")
-        return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
+        if leaf is not None and isinstance(leaf.value, str):
+            return DEVICES.get(leaf.value)
+        return None
 
     def replaced(self, path: str, leaf: Leaf, beside: Collection[str] = ()) -> Given:
         """Return the same with another value at `path`; a rate displaces the other way to give it
@@ -197,7 +199,9 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
 
     ticks, steps = Fraction(quotient).limit_denominator(MOST_SLOW_STEPS).as_integer_ratio()
     fits = math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16) and ticks <= LONGEST_FRAME
-    return ticks / steps if fits and 2 <= quotient <= HIGHEST_RATIO else None
+    if fits and 2 <= quotient <= HIGHEST_RATIO:
+        return ticks / steps
+    return None
 
 
 def _resolve_filter(
@@ -256,7 +260,10 @@ def _check_edges(
     name: str, numbers: list[float], fast_hz: float, given: Given, mistakes: Mistakes
 ) -> None:
     passband_hz, stopband_hz, passband_db, stopband_db = numbers
-    ordered = passband_hz > stopband_hz if name == "hp" else passband_hz < stopband_hz
+    if name == "hp":
+        ordered = passband_hz > stopband_hz
+    else:
+        ordered = passband_hz < stopband_hz
     side = "below" if name == "hp" else "above"
     below_half = f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"
     for edge, right, expected in (
@@ -293,7 +300,10 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
         and number != values["rates.ratio"]
         and number > (most := longest_delay(values))
     ):
-        limit = "rates.ratio" if values["rates.ratio"] == most else 'the longest frame, or "frame"'
+        if values["rates.ratio"] == most:
+            limit = "rates.ratio"
+        else:
+            limit = 'the longest frame, or "frame"'
         return f"a whole number <= {most} ({limit})"
     rate = values["rates.fast_hz"]
     if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:

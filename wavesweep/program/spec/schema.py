@@ -190,7 +190,9 @@ def _value(key: Key, *, text: bool = False) -> Schema:
 
 def _described(key: Any) -> str:
     """The description of a key or of a wish, with its unit."""
-    return f"{key.description} ({key.unit})" if key.unit not in ("", "1") else key.description
+    if key.unit not in ("", "1"):
+        return f"{key.description} ({key.unit})"
+    return key.description
 
 
 def _nested(paths: Mapping[str, Schema]) -> Schema:
@@ -227,7 +229,10 @@ class Shapes:
     @property
     def numbers(self) -> dict[str, Key]:
         """The numbers with known names, by symbol and by path."""
-        paths = () if self.drawn else (path for path, key in KEYS.items() if key.numeric)
+        if self.drawn:
+            paths = ()
+        else:
+            paths = (path for path, key in KEYS.items() if key.numeric)
         return {path: KEYS[path] for path in paths} | {
             name: KEYS[path] for name, path in SYMBOLS.items() if not self.drawn
         }

@@ -49,7 +49,10 @@ class Spec(Studies):
 
     def __repr__(self) -> str:
         """Its name, what it describes and its file."""
-        of_what = f"{len(self.drawing.blocks)} blocks drawn" if self.drawing else self.kind
+        if self.drawing:
+            of_what = f"{len(self.drawing.blocks)} blocks drawn"
+        else:
+            of_what = self.kind
         return f"<Spec {self.name}: {of_what}, {self.source or 'from tables'}>"
 
     def __getattr__(self, name: str) -> TableValue | None:
@@ -58,7 +61,9 @@ class Spec(Studies):
         if name not in asked:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         value = asked[name]
-        return None if value is None else value.on(self._given.device())
+        if value is None:
+            return None
+        return value.on(self._given.device())
 
     def _asked(self) -> list[TableValue]:
         """The values of the tables that the spec has."""
@@ -124,7 +129,9 @@ class Spec(Studies):
     def preset(self) -> str | None:
         """The name of the device in `device.preset`, None without one; its numbers are in
         `values` and `hardware`."""
-        return str(self._given.leaves["device.preset"].value) if self._given.device() else None
+        if self._given.device():
+            return str(self._given.leaves["device.preset"].value)
+        return None
 
     @property
     def assumed(self) -> frozenset[str]:
@@ -210,17 +217,23 @@ class Spec(Studies):
     @property
     def names(self) -> Names:
         """The keys that the spec's values have, and the symbols of some of them."""
-        return self.drawing.names if self.drawing else BUILT_IN
+        if self.drawing:
+            return self.drawing.names
+        return BUILT_IN
 
     @property
     def kind(self) -> str:
         """The controller's name; "drawn" if the spec draws its loop."""
-        return "drawn" if self.drawing else self._values["controller.kind"]
+        if self.drawing:
+            return "drawn"
+        return self._values["controller.kind"]
 
     @property
     def tick_hz(self) -> float:
         """The rate of the ticks, the fast rate, in Hz."""
-        return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
+        if self.drawing:
+            return self.drawing.rate(self._values)
+        return self._values["rates.fast_hz"]
 
     @property
     def wall(self) -> tuple[str, ...]:
@@ -240,7 +253,9 @@ class Spec(Studies):
     def at_port(self, unit: str) -> str:
         """Return a unit at the hand's port, or its counterpart for torques and angles if the
         hand of a drawn loop turns."""
-        return TURNED[unit] if self.drawing and self.drawing.turns else unit
+        if self.drawing and self.drawing.turns:
+            return TURNED[unit]
+        return unit
 
     def own(self, path: str) -> float | int | str | None:
         """Return the own value of the key `path`; None if others stand for it, as order and

@@ -223,7 +223,9 @@ def _along(request: Request, axes: Iterable[Axis]) -> str:
     along = mistakes.check(key, leaf) if leaf else None
     if along is None and request.drawn:  # the only span, or the wall's stiffness
         spans = [axis.name for axis in axes if not axis.values]
-        return spans[0] if len(spans) == 1 else (*((drawing and drawing.wall) or ()), "")[0]
+        if len(spans) == 1:
+            return spans[0]
+        return (*((drawing and drawing.wall) or ()), "")[0]
     if along and (fault := axis_fault(along, request.names)):
         mistakes.refuse(leaf, key.path, "the name of a numeric key", *fault, of_key=False)
     return key.default if along is None else along
@@ -265,7 +267,9 @@ def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
         return f"{show(name)}, which follows from other numbers", ""
     if key is None:
         return show(name), nearest(name, names.symbols) or nearest(name, names.numeric)
-    return None if key.numeric else (f"{show(name)}, which takes no number", "")
+    if key.numeric:
+        return None
+    return (f"{show(name)}, which takes no number", "")
 
 
 def refuse_beyond_half(

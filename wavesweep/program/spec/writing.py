@@ -43,7 +43,9 @@ def _table(name: str, table: Mapping[str, object]) -> Iterator[str]:
 
 
 def _key(name: str) -> str:
-    return name if _BARE.fullmatch(name) else _text(name)
+    if _BARE.fullmatch(name):
+        return name
+    return _text(name)
 
 
 def _value(value: object) -> str:
@@ -56,7 +58,9 @@ def _value(value: object) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):
         return _text(value)
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value)
 
 
 def _text(text: str) -> str:

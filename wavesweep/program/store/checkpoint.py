@@ -241,7 +241,10 @@ class FileCheckpoint:
         self._force = False  # it is anew, and will not be thrown away if the disk is full later on
 
     def _prepare(self, sqlite3, options):
-        address = f"{self.place.absolute().as_uri()}?mode=rwc{options}" if self.place else ""
+        if self.place:
+            address = f"{self.place.absolute().as_uri()}?mode=rwc{options}"
+        else:
+            address = ""
         self._db = sqlite3.connect(
             address, timeout=LOCK_SECONDS, isolation_level=None, check_same_thread=False, uri=True
         )

@@ -41,7 +41,9 @@ def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
 
 
 def _size(count):
-    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"
+    if count >= 1e9:
+        return f"{count / 1e9:.3g} GB"
+    return f"{count / 1e6:.3g} MB"
 
 
 PROBES = 6  # samples of the sweep
@@ -114,9 +116,13 @@ def _samples(job):
 
 def duration(seconds: float) -> str:
     """Seconds, or minutes, in words."""
-    return f"{short(seconds)} s" if seconds < 100 else f"{short(seconds / 60)} min"
+    if seconds < 100:
+        return f"{short(seconds)} s"
+    return f"{short(seconds / 60)} min"
 
 
 def short(number):
     """A number with two digits, or as a whole one."""
-    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
+    if number < 99.5:
+        return f"{number:.2g}"
+    return f"{number:.0f}"

@@ -225,7 +225,10 @@ def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
     changes: all paths that have one, if the fast rate may have one too, from which nothing follows
     then.
     """
-    building = spec.names.find(path).structural if changes is None else spec.builds(path, changes)
+    if changes is None:
+        building = spec.names.find(path).structural
+    else:
+        building = spec.builds(path, changes)
     return not building and isinstance(spec.values.get(path), float)
 
 

@@ -138,12 +138,16 @@ class Job:
     @property
     def slices(self) -> int:
         """Number of slices that are computed."""
-        return self.chunks.loops * self.chunks.points if self.total is None else self.total
+        if self.total is None:
+            return self.chunks.loops * self.chunks.points
+        return self.total
 
     @property
     def size(self) -> int:
         """Number of combinations that have rows."""
-        return self.grid.size * self.chunks.points if self.kind.has_rows else 0
+        if self.kind.has_rows:
+            return self.grid.size * self.chunks.points
+        return 0
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination, points innermost."""
@@ -196,7 +200,10 @@ def naming_values(job: Job) -> Iterator[None]:
         )
         raise
     except IllPosedLoopError as error:
-        values = "" if error.chunk is None else _unsolvable(job, job.chunks[error.chunk])
+        if error.chunk is None:
+            values = ""
+        else:
+            values = _unsolvable(job, job.chunks[error.chunk])
         if not values:
             raise
         raise IllPosedLoopError(f"{values}: {error}") from error

@@ -233,7 +233,9 @@ def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
     if whose not in ("guarantee", "hand"):
         return ""
     words = set(columns[whose].tolist()) - set(row_kinds())
-    return f"rows of {', '.join(sorted(words))}" if words else ""
+    if words:
+        return f"rows of {', '.join(sorted(words))}"
+    return ""
 
 
 def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:

@@ -48,7 +48,9 @@ class Hands:
     def without_operator(self, spec: Spec) -> Spec | None:
         """The spec for the free device; None if it has no operator anyway."""
         operated = spec.drawing is None and any(spec.values[path] for path in HAND)
-        return spec.with_values(dict.fromkeys(HAND, 0.0)) if operated else None
+        if operated:
+            return spec.with_values(dict.fromkeys(HAND, 0.0))
+        return None
 
 
 def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:

@@ -144,7 +144,9 @@ class Sentences:
     def of_one_without(self) -> str:
         """What keeps a slice from what is required, if others have it; empty otherwise."""
         reason = self._in_the_way()
-        return f"none {reason}" if reason and self._numbers["largest"] else ""
+        if reason and self._numbers["largest"]:
+            return f"none {reason}"
+        return ""
 
     def _in_the_way(self) -> str:
         """The slice and the mode that keeps it from being stable or from what is required; empty if none is known."""
@@ -171,7 +173,10 @@ class Sentences:
             said += ", below which it is not known"
         said += claim.unless(least["certified"])
         if upwards:
-            goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
+            if self._numbers["stable_intervals"] > 1:
+                goes = "every interval goes"
+            else:
+                goes = "it goes"
             said += f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends"
         return said
 
@@ -204,7 +209,9 @@ class Sentences:
     def _inside(self, felt: Numbers) -> str:
         """An end of an interval, rounded into it."""
         at_low = felt["with"] == felt["from"]
-        return rounded_up(felt["with"]) if at_low else rounded_down(felt["with"])
+        if at_low:
+            return rounded_up(felt["with"])
+        return rounded_down(felt["with"])
 
     def title(self) -> str:
         """What the rows of a kind say of which loops, with the word of the kind."""
@@ -265,7 +272,9 @@ class Sentences:
             places.append(f"{name} = {value:g}{self._unit_of(name)}{edge}")
         said = f" at {', '.join(places)}"
         others = extreme["equal_rows"] - 1
-        return f"{said}, and in {count(others, 'other row')}" if others else said
+        if others:
+            return f"{said}, and in {count(others, 'other row')}"
+        return said
 
 
 def interval_lines(numbers: Numbers) -> Iterator[Line]:

@@ -55,7 +55,9 @@ class Extreme:
 
 def _plain(value: Any) -> Any:
     """An entry of an array as a value of Python."""
-    return value.item() if hasattr(value, "item") else value
+    if hasattr(value, "item"):
+        return value.item()
+    return value
 
 
 class LoopSummary:
@@ -246,9 +248,13 @@ class LoopSummary:
     def _ended_by(self, row: Mapping[str, Any]) -> str:
         """What ends the interval of a row: stability, the swept range, or nothing that is known."""
         if self.claim.guaranteed:
-            return "range" if row["high"] == self._range[1] else "stability"
+            if row["high"] == self._range[1]:
+                return "range"
+            return "stability"
         if np.isnan(row["high_omega"]):
-            return "unknown" if row["open_high"] > row["high"] else "range"
+            if row["open_high"] > row["high"]:
+                return "unknown"
+            return "range"
         return "stability"
 
     def _least_numbers(self) -> dict[str, Any] | None:
@@ -286,7 +292,9 @@ class LoopSummary:
     def _unit(self, name: str) -> str:
         """The unit of an axis; empty if it has none."""
         key = numbers_of(self._facts).get(name) or find_key(name)
-        return key.unit if key is not None and key.unit != "1" else ""
+        if key is not None and key.unit != "1":
+            return key.unit
+        return ""
 
 
 def _refuters(row: Mapping[str, Any]) -> Refuters:

@@ -259,7 +259,9 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         return {}
     if empty is None:
         nothing_decides = spec.drawing and conserves(own_loop(spec))
-        return {"conserves": True} if nothing_decides else {}
+        if nothing_decides:
+            return {"conserves": True}
+        return {}
     changes = {other.path: empty[other.name] for other in job.grid.axes}
     if changes:
         spec = spec.with_values(changes)
@@ -271,7 +273,9 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         beyond = require.bound.over(frames_per_clock(spec, loops_of(spec, spec.values))).beyond
     span = axis.start, axis.stop
     mode = mode_in_the_way(loops, axis.path, span, beyond, by_lines=by_lines)
-    return {"in_the_way": {"at": empty, **mode}} if mode else {}
+    if mode:
+        return {"in_the_way": {"at": empty, **mode}}
+    return {}
 
 
 def _first_without(
@@ -301,7 +305,9 @@ def _limits_of_walls(spec, along, swept) -> dict:
     if any(map(deciding, swept)):
         return {}
     limits = limits_of_walls(spec)
-    return {"limits_of_walls": limits} if limits else {}
+    if limits:
+        return {"limits_of_walls": limits}
+    return {}
 
 
 def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:

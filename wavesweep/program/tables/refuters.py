@@ -75,7 +75,9 @@ def repeated(pattern: list[str]) -> str:
         times, rest = divmod(len(pattern), length)
         if not rest and pattern[:length] * times == pattern:
             said = repeated(pattern[:length])
-            return f"({said}) x {times}" if length > 1 else f"{said} x {times}"
+            if length > 1:
+                return f"({said}) x {times}"
+            return f"{said} x {times}"
     parts: list[str] = []
     for each, run in groupby(pattern):
         count = len(list(run))
@@ -89,4 +91,6 @@ def repeated(pattern: list[str]) -> str:
 def _message(late: str) -> str:
     if not late.isdigit():
         return late
-    return f"{late} tick{'s' * (late != '1')} late" if int(late) else "in time"
+    if int(late):
+        return f"{late} tick{'s' * (late != '1')} late"
+    return "in time"

@@ -162,7 +162,9 @@ def spans_held(spec, along: str = "") -> Iterator[str]:
 def held(spec, path: str) -> str:
     """Words for an axis that is not swept."""
     value = spec.own(path)
-    return "held as the spec has it" if value is None else f"held at the spec's {value:g}"
+    if value is None:
+        return "held as the spec has it"
+    return f"held at the spec's {value:g}"
 
 
 def digest_of(specs) -> str:

@@ -105,7 +105,9 @@ class ExampleHost:
             wires = own.loop.wires.get(port, ())
             terms = [term for term in wires if term[1] in own.loop.inputs]
         share = sum(float(gain) for gain, name in terms if name == self.entry)
-        return product_in_c(share, "given") if share else ""
+        if share:
+            return product_in_c(share, "given")
+        return ""
 
     def _moved(self, names: Mapping[str, str]) -> Iterator[tuple[str, str]]:
         """Yield the name in C of each state, and the sum that it is in the next tick."""

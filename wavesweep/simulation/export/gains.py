@@ -153,4 +153,6 @@ class CoefficientTable:
 
 def _bare(text):
     """An expression without the parentheses around all of it."""
-    return text[1:-1] if text.startswith("(") else text
+    if text.startswith("("):
+        return text[1:-1]
+    return text

@@ -73,7 +73,10 @@ def steps_of(spec: Spec) -> Steps | None:
     proved = _proved_lengths(spec)
     _refuse_unproved(simulated, proved)
     lengths = tuple(sorted(proved or simulated or {int(spec.values[RATIO])}))
-    usual = NEXT_SLOW_STEP if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
+    if spec.delay_of_frame:
+        usual = NEXT_SLOW_STEP
+    else:
+        usual = int(spec.values.get(DELAY, 0))
     delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (
         usual,
     ) * len(lengths)
@@ -100,7 +103,10 @@ def _refuse_unproved(simulated: set[int], proved: set[int]) -> None:
 
 def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:
     """A frame of each length. usual: the delay of its results in ticks, or NEXT_SLOW_STEP."""
-    nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
+    if spec.step == "nominal" and spec.drawing is None:
+        nominal = spec.values[RATIO]
+    else:
+        nominal = None
     every = tuple(length if usual == NEXT_SLOW_STEP else usual for length in lengths)
     return FrameClock(lengths, every, nominal)
 
@@ -124,7 +130,9 @@ def loop_with(
         drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames
     )
     refuse(loop, effects)
-    return loop if effects.wall is None else loop.behind(effects.wall, effects.pulls)
+    if effects.wall is None:
+        return loop
+    return loop.behind(effects.wall, effects.pulls)
 
 
 def march_of(

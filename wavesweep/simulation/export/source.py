@@ -270,7 +270,10 @@ def _steps(steps: Steps) -> dict[str, Any]:
     """The texts about slow steps that the caller triggers."""
     nominal = steps.frames.nominal
     longest = max(steps.lengths)
-    over = f"always over {nominal:g} ticks" if nominal else "over the ticks since their last one"
+    if nominal:
+        over = f"always over {nominal:g} ticks"
+    else:
+        over = "over the ticks since their last one"
     places = {length: place for place, length in enumerate(steps.lengths)}
     lengths = ", ".join(map(str, steps.lengths))
     return {
@@ -292,7 +295,10 @@ def _gains(spec: Spec, table: CoefficientTable, constant: Sequence[str]) -> dict
     given = []
     for path, name in table.members.items():
         value = spec.values[path]
-        unit = f" {comment(keys[path].unit)}" if path in keys and keys[path].unit != "1" else ""
+        if path in keys and keys[path].unit != "1":
+            unit = f" {comment(keys[path].unit)}"
+        else:
+            unit = ""
         declared.append(f"    double {name}; /* {path}: {value:g}{unit} */")
         given.append(f"    s->gains.{name} = {number(value)};")
     indent = " *   "
@@ -345,7 +351,9 @@ def _note(own: ExportedController, name: str) -> str:
         terms = own.loop.wires[output.removesuffix(" besides")]
         if any(source == name for _, source in terms):
             ports.append(as_drawn(output))
-    return f"; part of {', '.join(ports)}: 0 where it acts on the device itself" if ports else ""
+    if ports:
+        return f"; part of {', '.join(ports)}: 0 where it acts on the device itself"
+    return ""
 
 
 def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[int]]:

@@ -24,7 +24,9 @@ def factor(value: float) -> str:
     its name."""
     if isinstance(value, Named):
         return value.made
-    return number(value) if value >= 0 else f"({number(value)})"
+    if value >= 0:
+        return number(value)
+    return f"({number(value)})"
 
 
 def constants(numbers: Mapping[str, float]) -> dict[str, str]:
