@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -368,9 +368,8 @@ def fitted(
         except WavesweepError:  # somewhere in the range there is no loop
             return whole_plane
         columns = [intervals for intervals, _ in curve.columns.values()]
-        limits = [
-            interval.high for intervals in columns for interval in intervals if interval.high < end
-        ]
+        highs = [interval.high for interval in chain.from_iterable(columns)]
+        limits = [high for high in highs if high < end]
         if limits:
             top = low + float(f"{ROOM_OF_PLANE * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, end)))

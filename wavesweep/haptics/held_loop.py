@@ -118,10 +118,9 @@ def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
     def held(block):
         if block.name != device:
             return block
-        keys = (
-            (name, tree + Tree.name(added[name]) if name in added else tree)
-            for name, tree in block.keys
-        )
+        keys = []
+        for name, tree in block.keys:
+            keys.append((name, tree + Tree.name(added[name]) if name in added else tree))
         return replace(block, keys=tuple(keys))
 
     return replace(drawing, blocks=tuple(map(held, drawing.blocks)))

@@ -195,12 +195,12 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
         if not (inside or complete):
             unknown += 1
         elif bool(inside) != stable:
-            ends = [
-                end
-                for low, high, real in inside or intervals
-                for end in [low] * (low > 0) + [high] * bool(real)
-                if K > 0
-            ]
+            ends = []
+            for low, high, real in inside or intervals:
+                if K > 0 and low > 0:
+                    ends.append(low)
+                if K > 0 and real:
+                    ends.append(high)
             end = min(ends, key=lambda end: _far(end / K), default=None)
             point = {
                 "B_VE": B,

@@ -321,14 +321,13 @@ def turned(unit: str) -> str:
 
 def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
     """The columns of a table with what is measured, of a device that turns with its own units."""
-    log_fields = [
-        field for field in COLUMNS["identify"] if field.name == measured or field.name not in READ
-    ]
-    units = [READ[measured] if field.unit == "m" else field.unit for field in log_fields]
-    return tuple(
-        replace(field, unit=turned(unit) if turns else unit)
-        for field, unit in zip(log_fields, units, strict=True)
-    )
+    log_fields = []
+    for field in COLUMNS["identify"]:
+        if field.name in READ and field.name != measured:
+            continue
+        unit = READ[measured] if field.unit == "m" else field.unit
+        log_fields.append(replace(field, unit=turned(unit) if turns else unit))
+    return tuple(log_fields)
 
 
 def _parameters(

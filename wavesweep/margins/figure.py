@@ -191,14 +191,12 @@ def ends_of_ranges(spec: Spec) -> list[tuple[str, Spec]]:
 
     Numbers that change from frame to frame are left out, since they make no loop of their own.
     """
-    axes = [
-        axis for axis in (spec.for_all.unknown if spec.for_all else ()) if axis.start < axis.stop
-    ]
+    unknown = spec.for_all.unknown if spec.for_all else ()
+    axes = [axis for axis in unknown if axis.start < axis.stop]
     if 2 ** len(axes) <= MOST_MEMBERS:
-        places = [
-            {axis.name: end for axis, end in zip(axes, ends, strict=True)}
-            for ends in product(*map(_ends, axes))
-        ]
+        names = [axis.name for axis in axes]
+        corners = product(*map(_ends, axes))
+        places = [dict(zip(names, ends, strict=True)) for ends in corners]
     else:
         places = [{axis.name: end} for axis in axes for end in _ends(axis)][:MOST_MEMBERS]
     return named_specs(spec, [place for place in places if place])
@@ -211,17 +209,13 @@ def _ends(axis: Axis) -> tuple[float, float]:
 def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple[str, Spec]]:
     """The spec with other numbers, and these in words; places: their names, as axes have them,
     and values."""
-    paths, facts = (
-        {name: spec.names.find(name).path for place in places for name in place},
-        {"spec": spec.tables()},
-    )
-    return [
-        (
-            ", ".join(valued(name, value, facts) for name, value in place.items()),
-            spec.with_values({paths[name]: value for name, value in place.items()}),
-        )
-        for place in places
-    ]
+    facts = {"spec": spec.tables()}
+    named = []
+    for place in places:
+        said = ", ".join(valued(name, value, facts) for name, value in place.items())
+        changes = {spec.names.find(name).path: value for name, value in place.items()}
+        named.append((said, spec.with_values(changes)))
+    return named
 
 
 def _closed_step(spec: Spec, cut: str) -> Step | None:

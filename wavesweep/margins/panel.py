@@ -117,26 +117,23 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     margins, doubt = margins_of(loop)
     margins = in_seconds(spec, cut, margins)
     marks = marks_of(loop, {margin.name: (margin.value, margin.omega) for margin in margins})
-    rows = [
-        {
-            "name": margin.name,
-            "value": margin.value,
-            "unit": UNITS.get(margin.name, RATIO),
-            "hz": margin.omega / (2 * np.pi),
-            "line_hz": line,
-            "doubt": word,
-            "limited": margin.limited,
-            "at": [marks[margin.name].real, marks[margin.name].imag]
-            if margin.name in marks
-            else None,
-        }
-        for margin, word, line in zip(
-            margins,
-            words([margin.doubt for margin in margins]),
-            lines_at(spec, cut, loop, margins),
-            strict=True,
+    doubts = words([margin.doubt for margin in margins])
+    lines = lines_at(spec, cut, loop, margins)
+    rows = []
+    for margin, word, line in zip(margins, doubts, lines, strict=True):
+        at = marks.get(margin.name)
+        rows.append(
+            {
+                "name": margin.name,
+                "value": margin.value,
+                "unit": UNITS.get(margin.name, RATIO),
+                "hz": margin.omega / (2 * np.pi),
+                "line_hz": line,
+                "doubt": word,
+                "limited": margin.limited,
+                "at": None if at is None else [at.real, at.imag],
+            }
         )
-    ]
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}
 
 

@@ -100,16 +100,16 @@ def _row_names(columns: Columns, facts: Mapping[str, Any]) -> tuple[str, list[st
     name for all of their axes."""
     count = len(columns["channel_norm"])
     swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
-    names = [
-        ", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)
-    ]
+    names = []
+    for row in range(count):
+        names.append(", ".join(valued(name, columns[name][row], facts) for name in swept))
     if max(map(len, names), default=0) <= _NAME:
         return "", names
     axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
-    return axes, [
-        ", ".join(assignment.partition(" = ")[2] for assignment in name.split(", "))
-        for name in names
-    ]
+    values = []
+    for name in names:
+        values.append(", ".join(each.partition(" = ")[2] for each in name.split(", ")))
+    return axes, values
 
 
 def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:

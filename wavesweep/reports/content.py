@@ -3,6 +3,7 @@ nothing is computed here alone."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -192,13 +193,8 @@ def _own_lines(spec: Spec) -> tuple[list[Line], Verdict, str]:
         claims += found["claims"]
         lines += [line for _, line in judging.verdict_lines(spec, found)]
     lines += [*unusual(spec), *over_preset(spec)]
-    marked = [
-        (
-            line,
-            any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE")),
-        )
-        for line in lines
-    ]
+    warning = re.compile("not certified|not known|not stable|UNSTABLE")
+    marked = [(line, bool(warning.search(line))) for line in lines]
     own = own_claim(spec, found)
     certified = all(limit["certified"] for limit in found.get("limits", ()))
     ranges = Property("ranges of each number alone", "figures")

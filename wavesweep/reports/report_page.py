@@ -118,11 +118,13 @@ def _headings(lines: Iterable[tuple[str, bool]]) -> list[tuple[int, str, bool]]:
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table of texts."""
-    cells = [("th", head), *(("td", row) for row in rows)]
-    lines = "\n".join(
-        f"<tr>{''.join(element(name, text) for text in row)}</tr>" for name, row in cells
-    )
-    return f'<div class="wide"><table>\n{lines}\n</table></div>'
+    lines = [_row("th", head), *(_row("td", row) for row in rows)]
+    return '<div class="wide"><table>\n' + "\n".join(lines) + "\n</table></div>"
+
+
+def _row(name: str, texts: Sequence[str]) -> str:
+    """A row of cells with the name of an element."""
+    return f"<tr>{''.join(element(name, text) for text in texts)}</tr>"
 
 
 # times its size on paper, a figure on the page: its smallest texts have 11 pixels
