@@ -160,9 +160,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     tried = f"{searched} tried"
     if "proved" in found:
-        over = (
-            " and some short patterns of frames" if found.get("ranked") else ", without [for_all]"
-        )
+        if found.get("ranked"):
+            over = " and some short patterns of frames"
+        else:
+            over = ", without [for_all]"
         evaluated += f"{over}; {found['proved']} of them were then tried for all of [for_all]"
         tried = f"these {found['proved']}"
     yield evaluated, False

@@ -112,11 +112,10 @@ def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors:
     UsageError for too many numbers."""
     varying = spec.for_all.boxes.varying(spec)
-    refusal = (
-        "messages may be late or lost"
-        if varying == ["messages"]
-        else f"{', '.join(varying)} of [for_all] may vary"
-    )
+    if varying == ["messages"]:
+        refusal = "messages may be late or lost"
+    else:
+        refusal = f"{', '.join(varying)} of [for_all] may vary"
     said = "no margins for every case: they need numbers that are constant, and here"
     return f"{said} {refusal}" if varying else ""
 
@@ -375,7 +374,10 @@ class _Case:
             ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
             ends[0, 0] = size if name != "phase" and self._delayed else 0.0
             return self.boxes.proved_stable(loops, sides, ends, *rest)
-        ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
+        if name == "gain_up":
+            ends = np.array([[0.0], [size]])
+        else:
+            ends = np.array([[-size], [0.0]])
         return self.boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
     def _late(self, size) -> tuple[float, list[tuple[float, ...]]]:
