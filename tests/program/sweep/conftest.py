@@ -3,6 +3,7 @@
 import pytest
 from support.tables import same
 
+from wavesweep.program.analyses import interval_jobs
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -31,6 +32,14 @@ def changed(**sweep):
 def mixed():
     """The wall's axis between those of the loop, an axis that is not read, one in whole numbers, and holes."""
     return load(TABLES)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_chunks():
+    """A few thousand slices are several chunks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interval_jobs, "MOST", 4096)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.columns import joined
 from wavesweep.program.store.checkpoint import MemoryCheckpoint
 from wavesweep.program.sweep import running
-from wavesweep.program.sweep.job import Chunks, cut_otherwise, cut_up
+from wavesweep.program.sweep.job import MOST, Chunks, cut_otherwise, cut_up
 from wavesweep.program.sweep.running import compute
 from wavesweep.program.sweep.workers import Workers
 from wavesweep.program.tables.interval_table import intervals
@@ -56,7 +56,7 @@ def test_chunks_cover_every_column_once(loops, points):
     assert columns == list(range(loops * points))
     owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
     assert np.array_equal(chunks.of(np.arange(loops * points)), owner)
-    assert chunks[0].slices == min(loops * points, 4096 // points * points or 4096)
+    assert chunks[0].slices == min(loops * points, MOST // points * points or MOST)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 64, 1000])

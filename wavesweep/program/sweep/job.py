@@ -21,7 +21,8 @@ SECONDS_OF_CHUNK = 0.3
 # loops whose numbers are checked before anything is computed; those of more are checked chunk by
 # chunk
 CHECKED = 100_000
-FEWEST, MOST = 16, 4096  # slices of a chunk; with more, none takes less time
+# slices of a chunk; each costs some 16 ms by itself, and with twice as many a worker takes 70 MB more
+FEWEST, MOST = 16, 8192
 MOST_DRAWN = 256  # of drawn loops
 MOST_SLOW = 128  # of those by panels or with dead times: one may take 20 ms
 
