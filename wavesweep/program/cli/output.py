@@ -8,7 +8,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -89,14 +89,8 @@ def produce(
         beside["date"] = datetime.now(UTC).isoformat(timespec="seconds")
         beside["command"] = shlex.join(["wavesweep", *verbosity().words])
         tables = [replace(table, facts={**table.facts, **beside}) for table in tables]
-        try:
+        with _telling_of(checkpoint):
             finished = _written(tables, directory, options)
-        except BaseException as error:
-            if checkpoint is not None and checkpoint.is_file():
-                error.add_note(
-                    f"All that was computed is kept in {checkpoint}; the same command goes on from there."
-                )
-            raise
         if options.to_folder:
             for kind in set(kinds) - {table.kind for table in tables}:
                 results.discard(kind, directory)  # of another spec, it would pass for this run's
@@ -114,6 +108,19 @@ def produce(
         changed,
         time.perf_counter() - started,
     )
+
+
+@contextmanager
+def _telling_of(checkpoint: Path | None) -> Iterator[None]:
+    """Have errors say that a checkpoint keeps what was computed."""
+    try:
+        yield
+    except BaseException as error:
+        if checkpoint is not None and checkpoint.is_file():
+            error.add_note(
+                f"All that was computed is kept in {checkpoint}; the same command goes on from there."
+            )
+        raise
 
 
 def _facts_of_run(specs: Sequence[Spec], kind: str, place: str) -> dict[str, Any]:

@@ -1,14 +1,20 @@
 """`wavesweep export`."""
 
+from __future__ import annotations
+
 import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, folder, override, overwriting
+
+if TYPE_CHECKING:
+    from wavesweep.program.analyses.claims import Claim
 
 
 @click.command("export")
@@ -75,56 +81,55 @@ def export(
     wanted = len(hand_force(simulated).force)
     outputs = terms_of(loaded)
     claim = claim_of(loaded)
-    assumed = model_in_words(loaded, told=claim.scope.paths())
     seconds = time.perf_counter() - started
-    ticks = program["vectors.csv"].count("\n") - 1
-    notices = list(over_preset(loaded))
+    facts = {
+        "command": "export",
+        "specs": [loaded.name],
+        "spec_sha256": simulated.sha256,
+        "assumes": model_in_words(loaded, told=claim.scope.paths()),
+        "claims": {"spec": claim.fact()},
+        "notices": list(over_preset(loaded)),
+        "computed": {port: made["sum"] for port, made in outputs.items()},
+        "terms": {port: made["terms"] for port, made in outputs.items()},
+        "ticks": program["vectors.csv"].count("\n") - 1,
+        "wanted_ticks": wanted,
+        "linear_loop": linear,
+        "files": [str(path) for path in paths],
+        "seconds": round(seconds, 3),
+    }
     if verbosity().as_json:
-        show_json(
-            {
-                "command": "export",
-                "specs": [loaded.name],
-                "spec_sha256": simulated.sha256,
-                "assumes": assumed,
-                "claims": {"spec": claim.fact()},
-                "notices": notices,
-                "computed": {port: made["sum"] for port, made in outputs.items()},
-                "terms": {port: made["terms"] for port, made in outputs.items()},
-                "ticks": ticks,
-                "wanted_ticks": wanted,
-                "linear_loop": linear,
-                "files": [str(path) for path in paths],
-                "seconds": round(seconds, 3),
-            }
-        )
+        show_json(facts)
     elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
-        say(
-            f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit"
-        )
+        check = f"`make -C {quote(str(folder))} check` compares every bit"
+        say(f"{loaded.name}, {loaded.kind}: vectors of {facts['ticks']} ticks; {check}")
         if gains and "ws_tune" not in program["controller.h"]:
             say(
                 "--gains: besides the wall's, no number enters this controller by arithmetic; all are constants"
             )
-        for port, made in outputs.items():
-            say(
-                f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}"
-            )
-        if ticks < wanted:
-            say(
-                f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why",
-                warning=True,
-            )
-        if assumed:
-            say(f"assumes: {assumed}")
-        if claim.scope.run:
-            say(f"vectors: {claim.said()}")
-        for line in notices:
-            say(line)
-        say(
-            f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s"
-        )
+        for line, warning in _lines(facts, claim):
+            say(line, warning=warning)
+        names = [str(paths[0]), *(path.name for path in paths[1:])]
+        say(f"Wrote {', '.join(names)} in {seconds:.2f} s")
+
+
+def _lines(facts: Mapping[str, Any], claim: Claim) -> Iterator[tuple[str, bool]]:
+    """Lines about the program and its vectors, and whether each is a warning."""
+    for port, computed in facts["computed"].items():
+        terms = _coefficients(facts["terms"][port])
+        yield f"computed from samples, in C: {port} = {computed}{terms}", False
+    ticks = facts["ticks"]
+    wanted = facts["wanted_ticks"]
+    if ticks < wanted:
+        ends = f"the vectors end after {ticks} of {wanted} ticks, where the run stops"
+        yield f"{ends}; simulate says why", True
+    if facts["assumes"]:
+        yield f"assumes: {facts['assumes']}", False
+    if claim.scope.run:
+        yield f"vectors: {claim.said()}", False
+    for notice in facts["notices"]:
+        yield notice, False
 
 
 def _coefficients(terms: list[dict[str, Any]]) -> str:
