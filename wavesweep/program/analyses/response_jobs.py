@@ -1,8 +1,9 @@
 """Frequency responses of a spec over axes, at the hand or between an input and an output."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -275,7 +276,7 @@ def _doubts(errors, stable, lost, marginal=False):
     return np.broadcast_to(codes, np.broadcast_shapes(codes.shape, rounded.shape))
 
 
-def own_value(spec, name, read):
+def own_value(spec: Any, name: str, read: Collection[str]) -> Any:
     """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys
     (`read`)."""
     key = spec.names.find(name)

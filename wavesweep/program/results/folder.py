@@ -229,7 +229,7 @@ def refuse_unusable(directory: str | Path) -> None:
         ) from error
 
 
-def _refuse_unusable(directory, place):
+def _refuse_unusable(directory: str | Path, place: Path) -> None:
     if long := [segment for segment in place.parts if len(os.fsencode(segment)) > LONGEST_NAME]:
         raise UsageError(
             f"the folder {long[0][:40]}...: expected a name of at most {LONGEST_NAME} bytes; name another with --out"

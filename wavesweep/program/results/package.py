@@ -138,7 +138,7 @@ def loaded(package: Path) -> dict[str, Any]:
         text = file.read(LARGEST_PACKAGE + 1)
     if len(text) > LARGEST_PACKAGE:
         raise ValueError(f"expected at most {LARGEST_PACKAGE} bytes, found more")
-    content = parsed(text)
+    content: dict[str, Any] = parsed(text)
     _check_resources(content.get("resources") if isinstance(content, dict) else None)
     return content
 

@@ -567,7 +567,7 @@ def _numpy(column: Any) -> np.ndarray:
     ):  # of a file that another program wrote
         import pandas  # noqa: F401 - here a Ctrl-C is not dropped
 
-        return column.to_numpy()
+        return np.asarray(column.to_numpy())
     if kind == "bool":
         column = column.cast("uint8")
     elif column.null_count:
@@ -621,7 +621,7 @@ def _made(kind: str, length: int, *buffers: Any) -> Any:
     return pyarrow.Array.from_buffers(getattr(pyarrow, kind)(), length, wrapped)
 
 
-def _encoded(values: list) -> tuple[np.ndarray, bytes]:
+def _encoded(values: list[Any]) -> tuple[np.ndarray, bytes]:
     """The offset of each text, and all texts in UTF-8 one behind the other; equal ones are encoded once."""
     try:
         texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}

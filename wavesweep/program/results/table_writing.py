@@ -30,7 +30,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import is_folder, put, random_part, scratch, sync
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.results.folder import (
-    BEST,
     FIGURES,
     existing_facts,
     names_of,
@@ -38,6 +37,7 @@ from wavesweep.program.results.folder import (
 )
 from wavesweep.program.results.lock import at_work
 from wavesweep.program.results.package import (
+    BEST,
     OWN_FACTS,
     package_text,
     packaged_files,
@@ -189,7 +189,7 @@ def _write_all(
             writers.append(lambda group: csv.write(csv_rows(group)))
         # Arrow lets them run at once, also while the next group of rows is read.
         threads = opened.enter_context(ThreadPoolExecutor(len(writers) or 1))
-        writing: list[Future] = []
+        writing: list[Future[None]] = []
         for group in rows.groups(partition):
             for written in writing:
                 written.result()
@@ -201,7 +201,7 @@ def _write_all(
         stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
 
 
-def _draw_all(stem: Path, table: Table, formats) -> None:
+def _draw_all(stem: Path, table: Table, formats: Iterable[str]) -> None:
     """Draw the figure of a table, if it has one, in each format."""
     draw: Any = table.figure
     for form in formats if draw else ():

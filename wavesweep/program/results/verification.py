@@ -13,8 +13,9 @@ from wavesweep.capabilities import WITH_SPECS, offered
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.columns import Columns
 from wavesweep.program.platform_compat import versions
-from wavesweep.program.results.folder import BEST, PACKAGE
+from wavesweep.program.results.folder import PACKAGE
 from wavesweep.program.results.package import (
+    BEST,
     file_facts,
     loaded,
     package_differences,
@@ -120,7 +121,7 @@ def _of_package(
     rows: int,
     seed: int,
     prove: int,
-    proved: list,
+    proved: list[Mapping[str, str | int]],
     progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield (sentence, whether it is about a difference) for one table."""
@@ -346,7 +347,11 @@ def _starts(parquet: Path) -> np.ndarray | None:
 
 
 def _proved_again(
-    parquet: Path, again: Recompute, most: int, proved: list, progress: Callable[[int, int], None]
+    parquet: Path,
+    again: Recompute,
+    most: int,
+    proved: list[Mapping[str, str | int]],
+    progress: Callable[[int, int], None],
 ) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
     try:
@@ -413,10 +418,10 @@ def first_difference(
 
 def _equal(found: np.ndarray, expected: np.ndarray, exact: bool) -> np.ndarray:
     if found.dtype.kind != "f" or expected.dtype.kind != "f":
-        return found == expected
-    missing = np.isnan(found) & np.isnan(expected)
+        return np.asarray(found == expected)
     if exact:
-        return missing | (found.view(np.int64) == expected.astype(float).view(np.int64))
-    return missing | (
-        np.abs(found - expected) <= SAME_NUMBER * np.maximum(np.abs(found), np.abs(expected))
-    )
+        same = found.view(np.int64) == expected.astype(float).view(np.int64)
+    else:
+        size = np.maximum(np.abs(found), np.abs(expected))
+        same = np.abs(found - expected) <= SAME_NUMBER * size
+    return np.asarray(same | (np.isnan(found) & np.isnan(expected)))

@@ -208,7 +208,8 @@ def _signals_of_ports(side: str, ports: Mapping[str, Any], meaning: str) -> dict
 
 def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:
     """Give the columns whose unit differs between the specs of a run, with the specs of each unit."""
-    return (facts or {}).get("unlike_units", {})
+    unlike: Mapping[str, Mapping[str, list[str]]] = (facts or {}).get("unlike_units", {})
+    return unlike
 
 
 def missing_command(kind: str, facts: Mapping[str, Any]) -> str:

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 
-class Shared(dict):
+class Shared(dict[str, Any]):
     """A dict for the `.attrs` of a DataFrame, which pandas copies at every access to a column: its copies are itself."""
 
     def __deepcopy__(self, memo: Any) -> Shared:
         return self
 
-    def __reduce__(self) -> tuple[type[dict], tuple[dict[str, Any]]]:
+    def __reduce__(self) -> tuple[type[dict[str, Any]], tuple[dict[str, Any]]]:
         return dict, (dict(self),)  # who reads a pickled DataFrame needs no part of this package
 
 

@@ -1,7 +1,7 @@
 """Which lengths of frames decide what is proved for frames in any order, and which may be left out."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,7 @@ def lengths_in_words(numbers: Mapping[str, Any]) -> str:
     return f"frames of {decide} ticks decide: without those of {left_out} no end moves by more than {rounded_up(share, 2)} %"
 
 
-def _runs(lengths):
+def _runs(lengths: Iterable[int]) -> str:
     """Numbers in words, three and more in a row by their first and last."""
     runs: list[list[int]] = []
     for length in lengths:

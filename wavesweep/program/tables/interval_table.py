@@ -164,7 +164,7 @@ def proved_again(
         yield prover.prove_again(search, intervals_claimed)
 
 
-def _finished(block, stage, stages, hands) -> Columns:
+def _finished(block: Columns, stage: Stage, stages: Sequence[Stage], hands: Any) -> Columns:
     """The block, with a column that says whose its rows are if there are several kinds, and the columns of all."""
     from wavesweep.haptics.felt import RECORD
 
@@ -173,7 +173,7 @@ def _finished(block, stage, stages, hands) -> Columns:
     rows = len(block["along"])
     columns: dict[str, np.ndarray] = {}
     for other in stages:
-        for name in other.job.dtype.names:
+        for name in other.job.dtype.names or ():
             if name in (RECORD.names or ()):
                 continue
             if other.job.dtype[name].kind == "U":
@@ -188,7 +188,7 @@ def _finished(block, stage, stages, hands) -> Columns:
     return columns
 
 
-def _notices(spec, stages) -> Iterator[str]:
+def _notices(spec: Spec, stages: Sequence[Stage]) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
     job = stages[0].job
     axis = job.asked.axis
@@ -203,7 +203,13 @@ def _notices(spec, stages) -> Iterator[str]:
             yield from stage.job.asked.guarantee.notices(job)
 
 
-def _facts(spec, hands, stages, certified, timings) -> dict:
+def _facts(
+    spec: Spec,
+    hands: Any,
+    stages: Sequence[Stage],
+    certified: int,
+    timings: Mapping[str, float],
+) -> dict[str, Any]:
     computed = sum(stage.job.slices for stage in stages)
     combinations = sum(stage.job.grid.size for stage in stages)
     counts = {"computed": computed, "skipped": combinations - computed, "certified": certified}
@@ -295,7 +301,7 @@ def _first_without(
     return empty, False
 
 
-def _limits_of_walls(spec, along, swept) -> dict:
+def _limits_of_walls(spec: Spec, along: str, swept: Iterable[str]) -> dict[str, Any]:
     """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
     hardware = spec.hardware["resolution"] or spec.hardware["friction"]
     if spec.drawing or not hardware or along != spec.wall[0]:

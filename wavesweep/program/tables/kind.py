@@ -154,7 +154,7 @@ class SingleBlockSummary:
 def whole_kind(
     name: str,
     measure: Callable[[Columns, Numbers], Numbers],
-    lines: Callable,
+    lines: Callable[..., Iterator[Line]],
     figure: str,
     **more: Any,
 ) -> Kind:

@@ -87,7 +87,7 @@ def _units(
     return units
 
 
-def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:
+def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict[str, Any]:
     """The facts of a run; a table of responses certifies none."""
     grids = [job.grid for job in result.jobs.values()]
     computed = sum(grid.loops for grid in grids)
@@ -104,7 +104,7 @@ def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:
     return facts | {"warnings": result.warnings}
 
 
-def routes_of(spec: Spec) -> tuple:
+def routes_of(spec: Spec) -> tuple[tuple[str, str] | None, ...]:
     """The routes of a spec, or None for the hand. Errors: SpecError for a drawn loop without either."""
     if spec.drawing and not spec.drawing.hand and not spec.routes:
         lacking = "no input" if not spec.drawing.inputs else "no output"
@@ -201,7 +201,8 @@ class BodeTally:
 
 def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Where two columns differ; a missing number equals another."""
-    return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
+    known = (one == one) | (other == other)  # noqa: PLR0124 - a missing number is unequal to itself
+    return np.asarray((one != other) & known)
 
 
 def bode_lines(found: Numbers) -> Iterator[Line]:

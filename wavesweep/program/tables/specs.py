@@ -1,8 +1,8 @@
 """Several specs beside each other: the stable intervals of the wall's stiffness of each, as one table."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
         units[f"{what}high"] = unit_in_specs
     facts = with_unlike_units(_facts(specs, tables, [axis.path for axis in axes]), units)
 
-    def forget():
+    def forget() -> None:
         for table in tables:
             table.forget()
 
@@ -67,7 +67,9 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
     return with_spec | rest
 
 
-def _facts(specs, tables, swept):
+def _facts(
+    specs: Sequence[Spec], tables: Sequence[Table], swept: Collection[str]
+) -> dict[str, Any]:
     counts = dict.fromkeys(("computed", "skipped", "certified"), 0)
     compute_s = 0.0
     notices: list[str] = []

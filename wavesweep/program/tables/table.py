@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -15,6 +15,8 @@ from wavesweep.program.tables import HOMES, kind_named
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.claims import Claim
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.fields import Field
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +36,7 @@ class Table:
     blocks: Callable[[], Iterable[Columns]]
     facts: Mapping[str, Any]
     axes: Mapping[str, tuple[float, ...]] | None = None
-    fields: tuple | None = None
+    fields: tuple[Field, ...] | None = None
     figure: Callable[[Path], None] | None = None
     text: str | None = None
     extra_files: Callable[[Path], None] | None = None
@@ -69,15 +71,15 @@ class Table:
 
 
 def facts_of(
-    specs,
-    methods,
-    slices,
-    timings,
-    notices=(),
-    swept=(),
+    specs: Spec | Sequence[Spec],
+    methods: Mapping[str, str],
+    slices: Mapping[str, int],
+    timings: Mapping[str, float],
+    notices: Iterable[str] = (),
+    swept: Collection[str] = (),
     *,
     claims: Mapping[str, Claim] = MappingProxyType({}),
-) -> dict:
+) -> dict[str, Any]:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of
@@ -109,7 +111,7 @@ def facts_of(
     return facts
 
 
-def _assumed(specs, swept, claims: Mapping[str, Claim]) -> str:
+def _assumed(specs: Sequence[Spec], swept: Collection[str], claims: Mapping[str, Claim]) -> str:
     """What is assumed of the walls of the specs; by their names if it is not the same of all."""
     from wavesweep.program.analyses.assumptions import model_in_words
 
@@ -126,7 +128,9 @@ def _assumed(specs, swept, claims: Mapping[str, Claim]) -> str:
     return "\n".join(f"{spec.name}: {model}" for spec, model in named if model)
 
 
-def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
+def with_unlike_units(
+    facts: dict[str, Any], units: Mapping[str, Iterable[tuple[str, str]]]
+) -> dict[str, Any]:
     """The facts of a table of several specs, with a notice for columns that do not have the same unit in all of them.
 
     units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of
@@ -152,14 +156,14 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
     return facts | {"notices": notices, "unlike_units": unlike}
 
 
-def spans_held(spec, along: str = "") -> Iterator[str]:
+def spans_held(spec: Spec, along: str = "") -> Iterator[str]:
     """Yield notices of the axes of [sweep] that have only a span, but for the path `along`."""
     for axis in spec.sweep:
         if not axis.values and axis.path != along:
             yield f"{axis.name} is not swept, because it has a range and no values: {held(spec, axis.path)}"
 
 
-def held(spec, path: str) -> str:
+def held(spec: Spec, path: str) -> str:
     """Words for an axis that is not swept."""
     value = spec.own(path)
     if value is None:
@@ -167,7 +171,7 @@ def held(spec, path: str) -> str:
     return f"held at the spec's {value:g}"
 
 
-def digest_of(specs) -> str:
+def digest_of(specs: Sequence[Spec]) -> str:
     """The SHA-256 of a spec, or of the digests of several."""
     if len(specs) == 1:
         return specs[0].sha256
