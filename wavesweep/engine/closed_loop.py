@@ -357,7 +357,8 @@ class ClosedLoop:
         keep all digits of their distance from 1.
         """
         loops = self._single(numbers).read
-        drawn, drift = loops.drawn(), loops.drift_of_frames()
+        drawn = loops.drawn()
+        drift = loops.drift_of_frames()
         E, hidden = loops.frames_with_reliability(drift, drawn)
         if not np.isfinite(E).all():
             raise UsageError(
@@ -417,10 +418,8 @@ class ClosedLoop:
             )
 
         def of_batch(loops: Loops, size: int) -> tuple[Any, Any, Bools]:
-            value, error = (
-                np.empty((size, frequency.size), complex),
-                np.empty((size, frequency.size)),
-            )
+            value = np.empty((size, frequency.size), complex)
+            error = np.empty((size, frequency.size))
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], error[members] = transfer(Lifted.of(port), frequency)
             return value, error, loops.read.radii(size) < 1
@@ -534,7 +533,8 @@ class ClosedLoop:
             tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names)
             for names in (self.inputs, self.outputs)
         )
-        labels, period = drawn.labels(), float(np.asarray(drawn.period)) * drawn.ticks
+        labels = drawn.labels()
+        period = float(np.asarray(drawn.period)) * drawn.ticks
         named = (labels.get(state, state) for state in ticks.states)
         states = tuple(self.state_names.get(name, name) for name in named)
         return LiftedStateSpace(np.eye(len(E)) + E, B, C, D, period, inputs, outputs, states)
@@ -574,7 +574,8 @@ class ClosedLoop:
         """The shape that the values given have together, and path -> values, flat. Errors: UsageError."""
         arrays: dict[str, Floats] = {}
         for name, argument in (numbers or {}).items():
-            key, values = self._key(name), real_numbers(argument)
+            key = self._key(name)
+            values = real_numbers(argument)
             if values is None or not computable(values).all() or key.path in arrays:
                 raise UsageError(
                     f"{name}: expected a finite number, or an array of them, once, found {argument!r:.60}"
@@ -671,9 +672,11 @@ class ClosedLoop:
                 port.batch,
             )
             frame = ticks.frame()
-            stable, lost = is_stable(frame) & (port.outputs == 1), ~np.isfinite(frame).all((-1, -2))
+            stable = is_stable(frame) & (port.outputs == 1)
+            lost = ~np.isfinite(frame).all((-1, -2))
             value = np.where(lost, np.nan, unbounded)
-            theta, certified = np.full(ticks.loops, np.nan), ~stable & ~lost
+            theta = np.full(ticks.loops, np.nan)
+            certified = ~stable & ~lost
             stable_loops = np.flatnonzero(stable)
             if stable_loops.size:
                 value[stable_loops], theta[stable_loops], certified[stable_loops] = extreme(
@@ -682,7 +685,9 @@ class ClosedLoop:
             return value, theta * port.rate / (2 * np.pi * port.kind.size), certified
 
         def of_batch(loops: Loops, size: int) -> tuple[Floats, Floats, Bools]:
-            value, frequency, certified = np.empty(size), np.empty(size), np.empty(size, bool)
+            value = np.empty(size)
+            frequency = np.empty(size)
+            certified = np.empty(size, bool)
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], frequency[members], certified[members] = of_port(port.observable())
             radius = loops.read.radii(size)

@@ -90,7 +90,8 @@ def loop_from_drawing(tables: Mapping[str, Any]) -> ClosedLoop:
     >>> loop.stable_intervals("kp", (0, 10_000)).high.round(6)
     array([2003.338893])
     """
-    place, mistakes = Place(), Mistakes()
+    place = Place()
+    mistakes = Mistakes()
     leaves = {}
     for path, leaf in leaves_of(read_dict(tables), place):
         if mistakes.is_known(path[0], ("type", *TABLES), leaf, ".".join(path), "an unknown table"):

@@ -23,8 +23,10 @@ def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
     """
     names = {block.name for block in drawing.blocks}
     blocks = tuple(replace(block, name=block.name + TWIN) for block in drawing.blocks)
-    wires, couplings = _inside(drawing.wires, names), _inside(drawing.couplings, names)
-    twin_wires, twin_couplings = _twins(wires), _twins(couplings)
+    wires = _inside(drawing.wires, names)
+    couplings = _inside(drawing.couplings, names)
+    twin_wires = _twins(wires)
+    twin_couplings = _twins(couplings)
     ((signal, _),) = wires[f"{BLOCK}.u"]
     ((twin, _),) = twin_wires[f"{BLOCK}{TWIN}.u"]
     wires[f"{BLOCK}.u"] = ((signal, re), (twin, -im))

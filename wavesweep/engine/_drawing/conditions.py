@@ -32,12 +32,10 @@ class Condition:
     """
 
     def __init__(self, holds, expected, subject, *others):
-        self.path, self.reads, self.holds, self.expected = (
-            subject[0],
-            (subject, *others),
-            holds,
-            expected,
-        )
+        self.path = subject[0]
+        self.reads = (subject, *others)
+        self.holds = holds
+        self.expected = expected
         self.names = frozenset(name for _, tree in self.reads for name in tree.names)
 
 

@@ -40,7 +40,8 @@ def parted(
     alone: list[tuple[str, Tree]] = []
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name in summand.names if name in signals}
-        far_plants, terms = plants.keys() & blocks - {own}, summand.linear(signals)
+        far_plants = plants.keys() & blocks - {own}
+        terms = summand.linear(signals)
         if far_plants and own in blocks:
             continuous += terms
         else:
@@ -92,7 +93,8 @@ def _springs(
             [term for term in terms if term[0] in of_bodies] for terms in (alone, halves)
         )
         if near_ends and far_ends and not _balance([*near_ends, *far_ends]):
-            (signal, gain), (far, _) = near_ends[0], far_ends[0]
+            signal, gain = near_ends[0]
+            far, _ = far_ends[0]
             raise Fault(
                 min(at for name, at in tree.places_of_names() if name == signal),
                 f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
@@ -104,9 +106,11 @@ def _springs(
 
 def _blocks_read(wires: Wires, couplings: Wires, seen: Terms) -> set[str]:
     """Return the blocks that the hand's port reads, by itself or through other blocks."""
-    read, before = {port.rpartition(".")[0] for port, _ in wires}, None
+    read = {port.rpartition(".")[0] for port, _ in wires}
+    before = None
     while read != before:
-        before, read = read, {signal.rpartition(".")[0] for signal, _ in seen}
+        before = read
+        read = {signal.rpartition(".")[0] for signal, _ in seen}
         for port, terms in (*wires, *couplings):
             if (block := port.rpartition(".")[0]) in before:
                 read |= {signal.rpartition(".")[0] for signal, _ in terms} - {block}
@@ -120,7 +124,9 @@ def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, W
     A block that nothing reads itself does not count as a reader. What such a plant does to itself
     stays a coupling. seen: signals at the hand's port.
     """
-    read, held, continuous = _blocks_read(wires, couplings, seen), {}, []
+    read = _blocks_read(wires, couplings, seen)
+    held = {}
+    continuous = []
     for port, terms in couplings:
         block = port.rpartition(".")[0]
         inside = tuple(

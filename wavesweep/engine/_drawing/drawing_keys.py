@@ -251,7 +251,9 @@ class KeyReader:
         return kind
 
     def read_block(self, name: str, leaves: Mapping[str, Leaf]) -> DrawnBlock | None:
-        path, before, self.ports[name] = f"block.{name}", len(self.mistakes), None
+        path = f"block.{name}"
+        before = len(self.mistakes)
+        self.ports[name] = None
         kind = self.read_type(name, leaves)
         if kind is None:
             return None
@@ -424,7 +426,9 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
 
 def _matrix_fault(keys: Mapping[str, object]) -> tuple[str, str, str] | None:
     """`_shape_fault` of a state-space model."""
-    n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
+    n = len(keys["A"])
+    m = len(keys["inputs"])
+    p = len(keys["outputs"])
     if not p:
         return "outputs", "at least one port", "none"
     for name, height, width in (("A", n, n), ("B", n, m), ("C", p if n else 0, n), ("D", p, m)):

@@ -175,8 +175,10 @@ class _TableReader(PortReader):
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
         wires, couplings = self.read_wires(tables["wire"], plants)
-        hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
-        inputs, outputs = self.read_inputs(ports), self.read_outputs(ports)
+        hand = self.read_hand(ports["hand"])
+        wall = self.read_wall(ports["wall"])
+        inputs = self.read_inputs(ports)
+        outputs = self.read_outputs(ports)
         outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
         named = self.read_named(tables["signals"])
         self.refuse_names_of_others(ports, outputs, blocks, tables["wire"])
@@ -219,9 +221,12 @@ class _TableReader(PortReader):
         return wires, tuple((port, terms[1]) for port, terms in read.items() if terms and terms[1])
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
-        numbers, values, derived = [], {}, {}
+        numbers = []
+        values = {}
+        derived = {}
         for name, keys in table.items():
-            path, first = path_of(name), next(iter(keys.values()))
+            path = path_of(name)
+            first = next(iter(keys.values()))
             place = first.place if "" in keys else first.place.parent()
             self.check_names_of_number(name, keys, place)
             leaf = keys.get("") or keys.get("value")
@@ -321,7 +326,8 @@ class _TableReader(PortReader):
         self, port: str, leaf: Leaf, plants: Mapping[str, str]
     ) -> tuple[Terms, Terms] | None:
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
-        path, block = f"wire.{port}", port.rpartition(".")[0]
+        path = f"wire.{port}"
+        block = port.rpartition(".")[0]
         if port not in self.inputs and not self.is_hidden(block):
             terms = "an output of a block" if port in self.signals else "an unknown port"
             expected = (

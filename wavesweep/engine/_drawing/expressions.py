@@ -374,9 +374,11 @@ class Tree:
         if not left and not right:
             return {"": self}
         if right:
-            factor, of_signals = of_operands[0][""], of_operands[1]
+            factor = of_operands[0][""]
+            of_signals = of_operands[1]
         else:
-            factor, of_signals = of_operands[1][""], of_operands[0]
+            factor = of_operands[1][""]
+            of_signals = of_operands[0]
         products = {}
         for name, gain in of_signals.items():
             if self.operation == "*" and gain == ONE:

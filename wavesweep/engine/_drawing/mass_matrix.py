@@ -21,7 +21,9 @@ Rows = list[list[Any]]
 
 def at_axes(keys: Mapping[str, Any], name: str) -> Rows:
     """Return one of the matrices at the axes, `J' m J`; a single row of m is its diagonal."""
-    J, m, n = keys["through"], keys[name], len(keys["axes"])
+    J = keys["through"]
+    m = keys[name]
+    n = len(keys["axes"])
     if not m:
         return [[0] * n for _ in range(n)]
     if len(m) == 1 < len(m[0]):
@@ -64,7 +66,8 @@ def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     of MASS, in order."""
     left = iter(entries)
     matrices = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
-    m, M = matrices["mass"], at_axes({**keys, **matrices}, "mass")
+    m = matrices["mass"]
+    M = at_axes({**keys, **matrices}, "mass")
     pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
     good = [abs(a - b) <= SYMMETRIC * (abs(a) + abs(b)) for a, b in pairs]
     return reduce(
@@ -85,7 +88,8 @@ def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
         return "axes", f"1 to {MOST_AXES} names; a plant with more is one of type ss", f"{n}"
     many = len(keys["through"]) or n
     for name in ("through", *MATRICES):
-        rows, shapes = keys[name], [(many, n)] if name == "through" else [(many, many), (1, many)]
+        rows = keys[name]
+        shapes = [(many, n)] if name == "through" else [(many, many), (1, many)]
         if (rows or name == "mass") and not any(_has_shape(rows, *shape) for shape in shapes):
             expected = " or ".join(f"{h} row{'s' * (h > 1)} of {w} numbers" for h, w in shapes)
             return (

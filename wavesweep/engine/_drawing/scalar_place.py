@@ -59,7 +59,8 @@ def _split(drawing, port, number):
     """Whether a number multiplies what a dead time brings to a plant, or both what it reads of
     plants and other signals."""
     multiplied = {signal for signal, gain in dict(drawing.wires)[port] if _reads(gain, number)}
-    brought, sensed = set(), set()
+    brought = set()
+    sensed = set()
     for plant in drawing.plants:
         brought.update(f"{name}.y" for arrives_at, name in plant.arriving if arrives_at == port)
         sensed.update(signal for signal, name in plant.sensed if f"{name}.u" == port)

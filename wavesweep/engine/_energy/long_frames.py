@@ -58,13 +58,16 @@ def squared_norm_of_one(ticks: TickMaps, tolerance: float) -> Norm:
     lifted = ticks.lifted(measured=False)
     if not all(np.isfinite(matrix).all() for matrix in (lifted.E, lifted.T, lifted.O, lifted.G)):
         return Norm(np.nan, 0.0, certified=False)
-    square, theta, candidates = 0.0, 0.0, START
+    square = 0.0
+    theta = 0.0
+    candidates = START
     for _ in range(RAISES):
         gains = largest_gains(lifted, candidates) ** 2
         best = int(np.argmax(np.nan_to_num(gains)))
         if not gains[best] > square * (1 + tolerance):
             break
-        square, theta = float(gains[best]), float(candidates[best])
+        square = float(gains[best])
+        theta = float(candidates[best])
         edges = angles(ticks.loss_pencil([0], np.array([square * (1 + tolerance)])))[0]
         edges = np.unique(np.append(edges[np.isfinite(edges)], [0.0, np.pi]))
         candidates = np.concatenate([[0.0, np.pi], (edges[1:] + edges[:-1]) / 2])
@@ -81,7 +84,9 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     By bidiagonalisation (G. Golub, W. Kahan, SIAM J. Numer. Anal. 2, 1965), all angles together:
     every value on the way is that of an input.
     """
-    T, O, G = lifted.T[0], lifted.O[0], lifted.G[0]
+    T = lifted.T[0]
+    O = lifted.O[0]
+    G = lifted.G[0]
     most = max(1, NUMBERS_AT_ONCE_OF_FRAME // (2 * len(T) + len(O[0]) * G.shape[-1]))
     if theta.size > most:
         parts = np.array_split(theta, -(-theta.size // most))
@@ -91,12 +96,12 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
     inner_conj = inner.conj()
     right = np.cos(np.arange(1, G.shape[-1] + 1)) + np.zeros((theta.size, 1), complex)
     right /= np.linalg.norm(right, axis=-1, keepdims=True)
-    left, beta, found = (
-        np.zeros((theta.size, len(T)), complex),
-        np.zeros((theta.size, 1)),
-        np.zeros(theta.size),
-    )
-    diagonal, beside, steps = [], [], min(LOOK_AT_STEPS[-1], *T.shape)
+    left = np.zeros((theta.size, len(T)), complex)
+    beta = np.zeros((theta.size, 1))
+    found = np.zeros(theta.size)
+    diagonal = []
+    beside = []
+    steps = min(LOOK_AT_STEPS[-1], *T.shape)
     with np.errstate(all="ignore"):
         for step in range(1, steps + 1):
             reached = _times(right, T.T) + _times((inner @ right[..., None])[..., 0], O.T)
@@ -107,10 +112,8 @@ def largest_gains(lifted: LiftedMap, theta) -> np.ndarray:
             right = back - alpha * right
             diagonal.append(alpha[:, 0])
             if step in LOOK_AT_STEPS or step == steps:
-                before, found = (
-                    found,
-                    np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0],
-                )
+                before = found
+                found = np.linalg.svd(_bidiagonal(diagonal, beside), compute_uv=False)[:, 0]
                 if found.max() - before.max() <= SETTLED_GAIN * found.max():
                     break
             beta = np.linalg.norm(right, axis=-1, keepdims=True)
@@ -197,14 +200,17 @@ def _energies(maps, kinds, square, asked):
         elements.append(tick(np.eye(len(E)) + E, B, *costs))
     frame = in_a_row(kinds, elements, then)
     for _ in range(DOUBLINGS):
-        Q, frame = frame.Q, then(frame, frame)
+        Q = frame.Q
+        frame = then(frame, frame)
         if not np.isfinite(frame.Q).all() or (np.abs(frame.Q - Q) <= EPS * np.abs(Q).max()).all():
             break
-    high, low = -frame.Q, np.zeros_like(frame.Q)
+    high = -frame.Q
+    low = np.zeros_like(frame.Q)
     missed = np.inf
     for _ in range(GAIN_STEPS):
         stored, closed = _over_frame(balances, kinds, high, low)
-        missed_before, missed = missed, _unreturned(stored)
+        missed_before = missed
+        missed = _unreturned(stored)
         if not EPS < missed < missed_before / 2:
             break
         once = stored.high[0] - high + (stored.low[0] - low)
@@ -235,7 +241,8 @@ def _over_frame(balances, kinds, high, low):
     closed = np.eye(len(high))
     for kind in reversed(kinds):
         E, B, of_states, of_both, of_inputs = balances[kind]
-        of_E, of_B = high @ E, high @ B
+        of_E = high @ E
+        of_B = high @ B
         cross = of_B + E.T @ of_B - of_both
         chosen = solve(of_inputs - B.T @ of_B, cross.T)
         change = of_E + of_E.T + E.T @ of_E - of_states + cross @ chosen
@@ -280,7 +287,8 @@ def _of_lemma(tick_map, square, stored, ticks):
 
     def terms(E, B, after, gained, given, shown):
         """Their terms, of which the sizes are those of the sizes of all."""
-        of_E, of_B = after @ E, after @ B
+        of_E = after @ E
+        of_B = after @ B
         sums = np.zeros((len(after), n + m, n + m))
         sums[:, :n, :n] = gained + of_E + np.swapaxes(of_E, -1, -2) + E.T @ of_E
         sums[:, :n, n:] = of_B + E.T @ of_B

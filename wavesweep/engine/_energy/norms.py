@@ -31,11 +31,9 @@ def squared_norm(ticks: TickMaps) -> Peak:
     open_ = np.flatnonzero(~peak.certified & np.isfinite(peak.value))
     if open_.size:
         again = _by_responses(ticks.at(open_))
-        peak.value[open_], peak.theta[open_], peak.certified[open_] = (
-            again.value,
-            again.theta,
-            again.certified,
-        )
+        peak.value[open_] = again.value
+        peak.theta[open_] = again.theta
+        peak.certified[open_] = again.certified
     return peak
 
 

@@ -21,7 +21,9 @@ class Rejected(ValueError):
 
     def __init__(self, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
-        self.expected, self.found, self.suggestion = expected, found, suggestion
+        self.expected = expected
+        self.found = found
+        self.suggestion = suggestion
 
 
 class Mistakes(list[Mistake]):
@@ -71,7 +73,8 @@ class Mistakes(list[Mistake]):
         ):
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
             return []
-        values, before = [], len(self)
+        values = []
+        before = len(self)
         for index, item in enumerate(leaf.value):
             if len(self) == before + MOST_MISTAKES:
                 rest = f"many wrong ones; the {len(leaf.value) - index} values from [{index}] on were not looked at"

@@ -30,7 +30,8 @@ def matrix(rows) -> np.ndarray:
     together."""
     if all(isinstance(entry, int | float) for row in rows for entry in row):
         return np.array(rows, float)
-    height, width = len(rows), len(rows[0])
+    height = len(rows)
+    width = len(rows[0])
     entries = [numbers(entry) for row in rows for entry in row]
     batch = np.broadcast_shapes(*(entry.shape for entry in entries))
     stacked = np.empty((*batch, height, width), np.result_type(*entries))
@@ -104,7 +105,9 @@ class Block:
 
     def __post_init__(self):
         """Check the shapes once and make the arrays read-only."""
-        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
+        n = len(self.states)
+        m = len(self.inputs)
+        p = len(self.outputs)
         for name, shape in (("E", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
             array = frozen(getattr(self, name))
             if array.shape[-2:] != shape:

@@ -118,7 +118,9 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
 
     rests: of a discrete one, the parts of the entries of A that rounding has taken.
     """
-    n, m, p = len(A), len(inputs), len(outputs)
+    n = len(A)
+    m = len(inputs)
+    p = len(outputs)
     A = _matrix(A, (n, n))
     B = _matrix(B, (n, m))
     C = _matrix(C, (p, n))
@@ -328,7 +330,8 @@ def held(A, B, period, sizes=None):
     if sizes is None and not doublings.any():
         return E, G
     if sizes is None:
-        of_E, of_G = np.abs(E), np.abs(G)
+        of_E = np.abs(E)
+        of_G = np.abs(G)
     else:
         of_A, of_B = (size * np.abs(T) * step for size in sizes)
         of_E, of_G = _series(of_A, of_B)

@@ -215,13 +215,15 @@ def _whole_at(beyond, low, high):
 
     beyond: the functions, one for each cell, of an array of values.
     """
-    at_low, at_high = beyond(low), beyond(high)
+    at_low = beyond(low)
+    at_high = beyond(high)
     at_an_end = _nearer(low, high, at_low, at_high)
     passed = at_low * at_high < 0
     for _ in range(CELL_HALVINGS):
         middle = (low + high) / 2
         before = (beyond(middle) < 0) == (at_low < 0)
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
+        low = np.where(before, middle, low)
+        high = np.where(before, high, middle)
     within = _nearer(low, high, beyond(low), beyond(high))
     return np.where(passed, within, at_an_end).tolist()
 

@@ -24,7 +24,8 @@ def domain(
     values: flat numbers, or arrays over the loops of a sweep, of which up to LOOPS_AT_ONCE are
     examined; see `domains`.
     """
-    below, above = -np.inf, np.inf
+    below = -np.inf
+    above = np.inf
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
         rows, _ = _different(values_of_others, LOOPS_AT_ONCE)
         low, high = _limits(key, guard, root, rows, name_of(path), span)
@@ -51,7 +52,8 @@ def domains(
     above = np.full(size, np.inf)
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
         rows, row = _different(values_of_others)
-        lows, highs = [], []
+        lows = []
+        highs = []
         for at in range(0, 1 + row.max(initial=0), LOOPS_AT_ONCE):
             block = _rows_of(rows, slice(at, at + LOOPS_AT_ONCE))
             low, high = _limits(key, guard, root, block, name, span)
@@ -159,7 +161,7 @@ def _keep_sign(value):
 
 POINTS_WITHIN = 401  # of a span, at which signs are looked at
 DISTANCES = np.geomspace(1e-6, 1e3, 400)  # from the ends of a span, in widths of it
-ZOOMS = 12  # towards a least size, each by a factor of ten
+LEAST_SIZE_ZOOMS = 12  # towards a least size, each by a factor of ten
 # roundings of the number: the narrowest cell in which a least size is looked for
 NARROWEST_CELL = 40
 VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
@@ -178,7 +180,7 @@ def _touches_zero(guard, known, name, points):
         numbers_at = {
             other: value[loop] if np.ndim(value) else value for other, value in known.items()
         }
-        for _ in range(ZOOMS):
+        for _ in range(LEAST_SIZE_ZOOMS):
             narrowest = NARROWEST_CELL * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             wide = high - low > narrowest
             among = np.linspace(low, high, 21, axis=-1)

@@ -282,7 +282,8 @@ def _between(path, value, salt):
     """A value in the middle half of those of a number; see `scattered`."""
     if not isinstance(value, np.ndarray):
         return value
-    low, high = float(np.min(value.real)), float(np.max(value.real))
+    low = float(np.min(value.real))
+    high = float(np.max(value.real))
     return low + (high - low) * (0.25 + 0.5 * scattered(path, salt)) if low < high else low
 
 

@@ -20,7 +20,8 @@ def product(A, B) -> np.ndarray:
     """
     if A.shape[-1] < SPARSE_ROWS:
         return A @ B
-    batch, size = np.broadcast_shapes(A.shape[:-2], B.shape[:-2]), B.shape[-2:]
+    batch = np.broadcast_shapes(A.shape[:-2], B.shape[:-2])
+    size = B.shape[-2:]
     first, second = (
         np.broadcast_to(M, (*batch, *M.shape[-2:])).reshape(-1, *M.shape[-2:]) for M in (A, B)
     )

@@ -38,8 +38,11 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
 
     An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
     """
-    (E, B, x, v), (dE, dB, dx, dv) = cut.with_integrator(), cut.errors_with_integrator()
-    r, D, dD = np.asarray(radius)[..., None, None], cut.D.copy(), cut.dD.copy()
+    E, B, x, v = cut.with_integrator()
+    dE, dB, dx, dv = cut.errors_with_integrator()
+    r = np.asarray(radius)[..., None, None]
+    D = cut.D.copy()
+    dD = cut.dD.copy()
     D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         E, dE = within(E, radius), errors_within(E, dE, radius)

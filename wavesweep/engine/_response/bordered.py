@@ -42,7 +42,8 @@ class Bordered:
         self.E = E[..., *among_fast]
         self.dC = ENTRY_ROUNDING * of_C[..., self.fast]
         self.dE = ENTRY_ROUNDING * of_E[..., *among_fast]
-        maps, sizes = [], []
+        maps = []
+        sizes = []
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             rows = self._outputs(tick, port.maps[common], -1.0)
             of_rows = self._outputs(
@@ -87,7 +88,8 @@ class Bordered:
         """Return matrix, right side and bounds on their errors of the system, at every point."""
         sums = self.sums_of(self.stretch, points)
         M = self.stretch.ticks
-        p, f = self.outputs_of_port, self.fast.size
+        p = self.outputs_of_port
+        f = self.fast.size
         n = self.slow.size + f
         size = p + f + n
         shape = (*sums.driven.shape[:-2], points.frequency.size, size, size)
@@ -96,8 +98,11 @@ class Bordered:
         # Columns of the outputs o, of the component Y of the fast states at w, and of the state X
         # of the frame. Rows of o, of Y, of what makes that component, and of the slow states of the
         # frame.
-        o, Y, X = slice(0, p), slice(p, p + f), slice(p + f, None)
-        component, slow = slice(p + f, p + 2 * f), slice(p + 2 * f, None)
+        o = slice(0, p)
+        Y = slice(p, p + f)
+        X = slice(p + f, None)
+        component = slice(p + f, p + 2 * f)
+        slow = slice(p + 2 * f, None)
         A[..., : p + f, X] = _at_points(-sums.rows[..., : p + f, :, :] / M)
         dA[..., : p + f, X] = sums.drows[..., None, : p + f, :] / M
         A[..., component, X] = _at_points(-sums.rows[..., p + f :, :, :])

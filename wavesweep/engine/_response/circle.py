@@ -16,7 +16,9 @@ class Circle:
     """
 
     def __init__(self, frequency, rate: float, ratio: int):
-        self.frequency, self.rate, self.ratio = frequency, rate, ratio
+        self.frequency = frequency
+        self.rate = rate
+        self.ratio = ratio
         self.cycles = frequency / rate
         self.powers = np.ones((1, frequency.size), complex)
         product, error = _product(self.cycles, rate)
@@ -71,7 +73,9 @@ def circle_of(frequencies: bytes, rate: float, ratio: int) -> Circle:
 
 def _product(a, b):
     """Return a product and its rounding error (Dekker 1971)."""
-    (high_a, low_a), (high_b, low_b), product = _halves(a), _halves(b), a * b
+    high_a, low_a = _halves(a)
+    high_b, low_b = _halves(b)
+    product = a * b
     return product, ((high_a * high_b - product) + high_a * low_b + low_a * high_b) + low_a * low_b
 
 

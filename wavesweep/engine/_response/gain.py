@@ -184,7 +184,8 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     if frame.impulse:
         H = _of_loops(frame.impulse[0], loop)
         return (H.mT if adjoint else H) @ v
-    first, second = frame.first, frame.second
+    first = frame.first
+    second = frame.second
     early = v[:, : first.ticks]
     late = v[:, first.ticks :]
     results = [

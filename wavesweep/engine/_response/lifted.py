@@ -164,7 +164,8 @@ def _over_lags(later):
     """
     pair = []
     for impulse in (later[0], later[1] + SHORT_SUM_ROUNDING * np.abs(later[0])):
-        batch, (second, first) = impulse.shape[:-2], impulse.shape[-2:]
+        batch = impulse.shape[:-2]
+        second, first = impulse.shape[-2:]
         wide = np.zeros(
             (*batch, second, first + second)
         )  # each row, put into shorter ones, is shifted by one more
@@ -207,7 +208,9 @@ class Sums:
 def _of_leaf(stretch, points):
     z = points.ladder(stretch.ticks)
     rough = long_sum(stretch.ticks)
-    real, imag = z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
+    # contiguous, as BLAS wants them
+    real = z.real.copy()
+    imag = z.imag.copy()
     O, dO = stretch.observability
     forced, dforced = stretch.forced
     G, dG = stretch.controllability
@@ -223,7 +226,8 @@ def _of_leaf(stretch, points):
 
 
 def _of_halves(stretch, points, memo):
-    first, second = stretch.first, stretch.second
+    first = stretch.first
+    second = stretch.second
     a = Sums.of(first, points, memo)
     b = Sums.of(second, points, memo)
     eye = np.eye(first.E[0].shape[-1])
@@ -418,9 +422,12 @@ def held_over_frame(
     """
     ticks = Ticks.of(drawn, signals)
     columns = [ticks.maps[0].inputs.index(name) for name in inputs]
-    n, first = len(ticks.states), ticks.maps[ticks.kind[0]]
-    A, B = np.eye(n), np.zeros((n, len(columns)))
+    n = len(ticks.states)
+    first = ticks.maps[ticks.kind[0]]
+    A = np.eye(n)
+    B = np.zeros((n, len(columns)))
     for tick in (ticks.maps[kind] for kind in ticks.kind.tolist()):
-        A, B = A + tick.E @ A, B + tick.E @ B + tick.B[:, columns]
+        A = A + tick.E @ A
+        B = B + tick.E @ B + tick.B[:, columns]
     index = reached((first.C != 0).any(0), A != 0)
     return A[np.ix_(index, index)], B[index], first.C[:, index], first.D[:, columns]

@@ -35,7 +35,8 @@ def solved(
     column = column / _largest(A * row[..., :, None] * column[..., None, :], -2)
     S = A * row[..., :, None] * column[..., None, :]
     unsure = dA * row[..., :, None] * column[..., None, :]
-    b, db = b * row[..., None], db * row[..., None]
+    b = b * row[..., None]
+    db = db * row[..., None]
     eye = np.eye(A.shape[-1])
     inverse = solve(S, np.broadcast_to(eye, S.shape))
     inverse = inverse + inverse @ (

@@ -32,7 +32,8 @@ class Modal:
     """
 
     def __init__(self, E, error):
-        self.E, self.error = E, error
+        self.E = E
+        self.error = error
         self.poles, self.vectors = np.linalg.eig(E)
         self.vectors = self.vectors.astype(complex)
         eye = np.broadcast_to(np.eye(E.shape[-1]), E.shape)

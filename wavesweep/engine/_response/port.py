@@ -100,7 +100,8 @@ class Port:
         signal watched.
         """
         drawn, drift = with_displacements(drawn, drift)
-        ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
+        ticks = Ticks.of(drawn, (signal,), terms=True)
+        column = drawn.inputs.index(source)
         reads = ticks.maps[0].C
         shifts = _Shifts.of(ticks, drift, reads)
         maps, sizes = _relative_maps(
@@ -193,9 +194,13 @@ def _relative_maps(ticks, columns, shifts, drifting, outputs):
     if drifting is not None and shifts.move(drifting):
         share = shifts.share_of(drifting)
         size = np.abs(share) + np.abs(drifting) @ shifts.dN / ENTRY_ROUNDING
-    maps, sizes = [], []
+    maps = []
+    sizes = []
     for tick in ticks.maps:
-        E, B, C, D = tick.E, tick.B, tick.C, tick.D
+        E = tick.E
+        B = tick.B
+        C = tick.C
+        D = tick.D
         of_E, of_B, of_C, of_D = tick.terms
         exact = StateSpace(E, B[..., columns], C, D[..., columns])
         terms = StateSpace(of_E, of_B[..., columns], of_C, of_D[..., columns])
@@ -331,7 +336,8 @@ def _fixed(ticks, followers, leads):
     weight = np.where(finite, 1 / np.where(largest > 0, largest, 1), 0.0)
     E = np.where(np.isfinite(E), E, 0.0) * weight
     sizes = np.where(np.isfinite(sizes), sizes, 0.0) * weight
-    A, b = E[..., followers], -E[..., leads]
+    A = E[..., followers]
+    b = -E[..., leads]
     dA = ENTRY_ROUNDING * sizes[..., followers] + SHORT_SUM_ROUNDING * np.abs(A)
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)

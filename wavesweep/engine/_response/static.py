@@ -61,8 +61,10 @@ def relative_response(quantities, error) -> Response:
     """
     relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * EPS
     relative = np.where(relative < LOST_DIGITS, relative, np.nan)
-    position, force = quantities[..., 0, :], quantities[..., 1, :]
-    of_position, of_force = relative[..., 0, :], relative[..., 1, :]
+    position = quantities[..., 0, :]
+    force = quantities[..., 1, :]
+    of_position = relative[..., 0, :]
+    of_force = relative[..., 1, :]
     admittance = np.where(np.isnan(of_position), np.nan, position)
     impedance = np.where(np.isnan(of_force), np.nan, force / admittance)
     finite = np.isfinite(
@@ -201,7 +203,8 @@ class _Limit(NamedTuple):
 
 def _limits(loop) -> list[_Limit]:
     """Return the limit of each output of the port."""
-    frame, M = loop.frame, loop.frame.ticks
+    frame = loop.frame
+    M = loop.frame.ticks
     rough = loop.port.rough
     E, dE = frame.E
     sums = Sums.of(frame, _AtRest())

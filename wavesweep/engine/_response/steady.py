@@ -86,7 +86,8 @@ def transfer(
     unsure = np.empty(shape)
     frame = loop.frame
     with np.errstate(all="ignore"):
-        to_state, to_output = frame.sizes[1], frame.sizes[0]
+        to_state = frame.sizes[1]
+        to_output = frame.sizes[0]
         through_states = (to_output @ to_state)[..., :1, 0]
         terms = (frame.forced_size[..., :1] + through_states) / frame.ticks
         for at in _portions(loop, np.flatnonzero(~still)):

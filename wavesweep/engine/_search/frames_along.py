@@ -169,7 +169,8 @@ class FramesAlong:
                 order = max(2, len(self.drift.remaining))
                 unknown = np.full((1, order, order), np.nan)
                 return unknown, unknown
-            frames, bounds = [], []
+            frames = []
+            bounds = []
             for one, value in zip(*np.broadcast_arrays(number, p), strict=True):
                 E, dE = self.errors(one[None], value[None], tight=tight)
                 frames.append(E)
@@ -232,7 +233,8 @@ def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:
     of the tick follows from."""
     if name_of(along) not in loops.drawing.rating:
         return intervals
-    of_rows, omegas = loops.some(intervals.column), {}
+    of_rows = loops.some(intervals.column)
+    omegas = {}
     for end in ("low", "high"):
         rate = of_rows.changed({along: getattr(intervals, end)}).rate
         omegas[f"{end}_omega"] = getattr(intervals, f"{end}_omega") * (rate / of_rows.rate)

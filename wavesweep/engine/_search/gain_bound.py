@@ -22,7 +22,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The stable intervals, as far as the gain is small enough."""
     from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
 
-    loops, bound = slices.loops, question.bound
+    loops = slices.loops
+    bound = question.bound
     stable = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
     together = [stable]

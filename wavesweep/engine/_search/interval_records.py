@@ -46,7 +46,8 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
         if dtype[name].kind == "f":
             records[name] = np.nan
     records["slice"] = rows.column
-    records["intervals"], records["interval"] = rows.count, np.maximum(rows.index, 0)
+    records["intervals"] = rows.count
+    records["interval"] = np.maximum(rows.index, 0)
     for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
         records[name] = getattr(rows, name)
     for name, _ in OPEN:
@@ -64,7 +65,9 @@ def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndar
             records[name] = np.nan
     records["intervals"] = low.size
     if low.size:
-        records["interval"], records["low"], records["high"] = np.arange(low.size), low, high
+        records["interval"] = np.arange(low.size)
+        records["low"] = low
+        records["high"] = high
     return records
 
 

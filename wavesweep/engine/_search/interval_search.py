@@ -81,7 +81,9 @@ class Search:
 
     def records(self) -> np.ndarray:
         """The intervals as records, with what is asked at their ends."""
-        question, groups, batches = self.question, self.opened_groups(), []
+        question = self.question
+        groups = self.opened_groups()
+        batches = []
         for members, slices in groups:
             intervals = intervals_of(question, slices)
             batches.append(replace(intervals, column=members[intervals.column]))
@@ -107,7 +109,8 @@ class Search:
     def opened_groups(self) -> list[tuple[np.ndarray, Slices]]:
         """The members and the slices of each group; groups that may have a loop without the
         number in common are one."""
-        groups, question = self.groups, self.question
+        groups = self.groups
+        question = self.question
         for _, loops in () if self.checked else groups:
             loops.refuse_unsuitable()
         if (merged := self._with_zeros()) is not None:

@@ -61,14 +61,17 @@ def lines_of_each(
     ranges: whether `range_of_lines` is wanted in place of `lines_of`.
     """
     told = range_of_lines if ranges else lines_of
-    drawn, drift, size = loops.drawn(), loops.drift(), len(modes[0]) if modes else 0
+    drawn = loops.drawn()
+    drift = loops.drift()
+    size = len(modes[0]) if modes else 0
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     if drawn.ticks == 1:
         yield from (told(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
         return
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         ticks, _ = drift.relative_ticks(Ticks.of(drawn, alone=True, terms=True))
-        n, leads = len(ticks.states), drift.leads
+        n = len(ticks.states)
+        leads = drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         balanced, units = balance(
@@ -80,8 +83,10 @@ def lines_of_each(
             nearest = np.argmin(np.abs(values[..., None] - np.expm1(s)[:, None]).min(-1), -1)
             delta = values[np.arange(size), nearest]
             left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
-            state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
-            state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
+            state = np.zeros((size, n, 1), complex)
+            participation = np.zeros((size, n))
+            state[:, inner, 0] = right * units
+            participation[:, inner] = np.abs(left * right)
             for lead in leads:
                 state[:, lead, 0] = np.where(
                     delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta
@@ -543,11 +548,9 @@ def _shown_by(
     """
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
-    blocks, rows, taking = (
-        np.array([name.rpartition(".")[0] for name in states]),
-        np.eye(len(states)),
-        taking.copy(),
-    )
+    blocks = np.array([name.rpartition(".")[0] for name in states])
+    rows = np.eye(len(states))
+    taking = taking.copy()
     for lead, factors in drift.constant:
         rows[[index for index, _ in factors], lead] = [factor for _, factor in factors]
         taking[..., lead] = (taking & (blocks == blocks[lead])).any(-1)
@@ -578,13 +581,17 @@ def strongest_in_cut(
 
     bound: see `Question`.
     """
-    loops, label, hz = opened.loops, opened.loop_of[place], np.abs(omega) / (2 * np.pi)
+    loops = opened.loops
+    label = opened.loop_of[place]
+    hz = np.abs(omega) / (2 * np.pi)
     if loops.frame.ticks.kind.size == 1:
         return hz
-    cut, n = loops.batch(int(opened.loop_of.max()) + 1), len(loops.frame.ticks.states)
+    cut = loops.batch(int(opened.loop_of.max()) + 1)
+    n = len(loops.frame.ticks.states)
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[label]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
-    modes, order = ModesOfCut.of(drawing, loops, cut), np.argsort(label, kind="stable")
+    modes = ModesOfCut.of(drawing, loops, cut)
+    order = np.argsort(label, kind="stable")
     # there nothing moves but the integrator
     order = order[s[order] != 0] if cut.integrates else order
     few = max(1, STATES_AT_ONCE // (n * np.bincount(label[order]).max(initial=1)))
@@ -602,10 +609,8 @@ def _share_of_first(modes, label, order, s, few):
     """The share of the first line in what is shown of each mode, in this order, which is that of
     their loops `label`."""
     first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
-    row, column = (
-        np.repeat(np.arange(first.size), counts),
-        np.arange(order.size) - np.repeat(begins, counts),
-    )
+    row = np.repeat(np.arange(first.size), counts)
+    column = np.arange(order.size) - np.repeat(begins, counts)
     index = np.repeat(
         order[begins][:, None], counts.max(initial=1), axis=1
     )  # of each loop's modes, filled up with its first
@@ -636,10 +641,8 @@ class ModesOfCut:
     def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> "ModesOfCut":
         """The modes of a batch of loops."""
         states = loops.frame.ticks.states
-        inner, all_states = (
-            np.array([states.index(name) for name in cut.states]),
-            np.arange(len(states)),
-        )
+        inner = np.array([states.index(name) for name in cut.states])
+        all_states = np.arange(len(states))
         rows, shown = cut.remembered(
             "shown", lambda: _shown_by(drawing, states, loops.drift, np.isin(all_states, inner))
         )
@@ -648,8 +651,11 @@ class ModesOfCut:
     def in_ticks(self, index, w):
         """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of
         eigenvalue 1 + w, `(k, columns)`."""
-        cut, frame, ticks = self.cut, self.loops.frame, self.loops.frame.ticks
-        kinds, n = ticks.kind.tolist(), len(ticks.states)
+        cut = self.cut
+        frame = self.loops.frame
+        ticks = self.loops.frame.ticks
+        kinds = ticks.kind.tolist()
+        n = len(ticks.states)
         single = (
             cut.batch[0] == index.size == 1
             and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= STATES_AT_ONCE
@@ -681,13 +687,15 @@ class ModesOfCut:
         return _in_ticks(kinds, changes, state, self.rows)
 
     def _form(self, index):
-        E, B = self.cut.E[index], self.cut.B[index]
+        E = self.cut.E[index]
+        B = self.cut.B[index]
         return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
 
     def _in_one_product(self):
         """What is shown in all ticks, as rows over the states and the product of a single loop,
         `(ticks, rows, n + 1)`."""
-        ticks, rows = self.loops.frame.ticks, self.rows
+        ticks = self.loops.frame.ticks
+        rows = self.rows
         n = len(ticks.states)
         matrices = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
         for matrix, tick in zip(matrices, ticks.maps, strict=True):
@@ -721,10 +729,8 @@ def vectors_of(E, w):
     """
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is
     # not known.
-    step, back = (
-        BESIDE_EIGENVALUE * np.abs(w) + BESIDE_ROUNDINGS * EPS * np.abs(E).max((-1, -2)),
-        np.full(E.shape, np.nan + 0j),
-    )
+    step = BESIDE_EIGENVALUE * np.abs(w) + BESIDE_ROUNDINGS * EPS * np.abs(E).max((-1, -2))
+    back = np.full(E.shape, np.nan + 0j)
     for farther in FARTHER:
         rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
         if rest.size:
@@ -732,11 +738,13 @@ def vectors_of(E, w):
                 E[rest] - (w + farther * step)[rest, None, None] * np.eye(E.shape[-1])
             )
     start = np.cos(np.arange(1, E.shape[-1] + 1))
-    right, left = back @ start[:, None], start @ back
+    right = back @ start[:, None]
+    left = start @ back
     right, left = (
         v / np.abs(v).max((-1, -2) if v.ndim > 2 else -1, keepdims=True) for v in (right, left)
     )
-    right, left = back @ right, left[:, None] @ back
+    right = back @ right
+    left = left[:, None] @ back
     right, left = (v / np.abs(v).max((-1, -2), keepdims=True) for v in (right, left))
     return left / (left @ right), right
 
@@ -821,19 +829,20 @@ def _with_conjugate(share, conjugate):
 def share_of_first(observed, ticks, s) -> np.ndarray:
     """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`;
     observed: the states, tick by tick, `(..., states, columns)`, or an array of all of them."""
-    near, total, turn, step = (
-        0.0,
-        0.0,
-        np.ones_like(s)[..., None, :],
-        np.exp(-s / ticks)[..., None, :],
-    )
+    near = 0.0
+    total = 0.0
+    turn = np.ones_like(s)[..., None, :]
+    step = np.exp(-s / ticks)[..., None, :]
     if isinstance(observed, np.ndarray):
         moved = observed * np.multiply.accumulate(np.stack([turn, *[step] * (ticks - 1)]))
-        near, total = moved.sum(0), (moved.real**2 + moved.imag**2).sum(0)
+        near = moved.sum(0)
+        total = (moved.real**2 + moved.imag**2).sum(0)
     else:
         for states in observed:
             moved = states * turn
-            near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
+            near = near + moved
+            total = total + (moved.real**2 + moved.imag**2)
+            turn = turn * step
     is_half = np.abs(s.imag) >= np.pi - REAL_ANGLE
     with np.errstate(invalid="ignore"):  # of states that stand still, or of none that move
         share = (near.real**2 + near.imag**2) / (ticks * total)

@@ -27,7 +27,8 @@ def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
 def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the
     rest is asked."""
-    loops, opened = slices.loops, slices.opened
+    loops = slices.loops
+    opened = slices.opened
     intervals = of_cut(opened, question.span, question.bound)
     doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
     if not doubtful.size:
@@ -56,8 +57,10 @@ def of_cut(
     """The intervals of slices whose loops are cut, sorted by slice; loops with equally many
     slices go together."""
     cut = opened.loops.batch(int(opened.loop_of.max()) + 1)
-    order, counts = np.argsort(opened.loop_of, kind="stable"), np.bincount(opened.loop_of)
-    starts, batches = np.cumsum(counts) - counts, []
+    order = np.argsort(opened.loop_of, kind="stable")
+    counts = np.bincount(opened.loop_of)
+    starts = np.cumsum(counts) - counts
+    batches = []
     for count in different(counts[counts > 0]).tolist():
         alike = np.flatnonzero(counts == count)
         slices = order[starts[alike][:, None] + np.arange(count)]

@@ -85,12 +85,12 @@ def open_loops(
     drawing = loops.drawing
     if not drawing.scalar_place(number):
         return None
-    read, both = (
-        (FACTOR, BESIDE)[: 1 + bool(second)],
-        dict.fromkeys(map(path_of, filter(None, (number, second))), ANY),
-    )
-    with_both, loops = loops.changed(both), loops.changed(dict.fromkeys(both, 0.0))
-    closed, drift = with_both.drift(), loops.drift(number, read, second)
+    read = (FACTOR, BESIDE)[: 1 + bool(second)]
+    both = dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
+    with_both = loops.changed(both)
+    loops = loops.changed(dict.fromkeys(both, 0.0))
+    closed = with_both.drift()
+    drift = loops.drift(number, read, second)
     if drift.varying or closed != with_both.drift_of_frames():
         return None
     if second:

@@ -34,7 +34,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
         inside = rest(replace(question, bound=None, prover=None), slices)
         open_ = np.isfinite(inside.low)
         if open_.any():
-            low, high = inside.low[open_].min(), inside.high[open_].max()
+            low = inside.low[open_].min()
+            high = inside.high[open_].max()
             beside = BESIDE_STABLE * (high - low)
             span = max(low - beside, question.span[0]), min(high + beside, question.span[1])
             columns = different(inside.column[open_])

@@ -422,7 +422,8 @@ class _Evaluation:
 
     def _arranged(self, equations):
         """The matrices of equations whose entries are models or numbers."""
-        n, p = len(equations.states), len(equations.D)
+        n = len(equations.states)
+        p = len(equations.D)
         m = len(equations.D[0]) if p else 0
         return BlockModel(
             self._matrix(equations.E, (n, n)),

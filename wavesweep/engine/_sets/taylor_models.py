@@ -128,7 +128,9 @@ def _pairs(numbers, order, one, two, at_once, degree=None):
     kept = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
     if degree is not None:
         kept &= table.sum(1)[target] == degree
-    first, second, target = first[kept], second[kept], target[kept]
+    first = first[kept]
+    second = second[kept]
+    target = target[kept]
     starts = np.flatnonzero(np.diff(target, prepend=-1))
     ends = np.append(starts[1:], target.size)
     pieces = []
@@ -206,7 +208,10 @@ class TaylorModel:
         order: int,
         bounds: tuple[Any, Any] = (-np.inf, np.inf),
     ):
-        self.terms, self.rest, self.numbers, self.order = terms, rest, numbers, order
+        self.terms = terms
+        self.rest = rest
+        self.numbers = numbers
+        self.order = order
         self.low, self.high = bounds
         self.inverted: TaylorModel | None = None  # once it is known
 
@@ -274,14 +279,16 @@ class TaylorModel:
     def times(self, other: TaylorModel, bounds: tuple[Any, Any] = (-np.inf, np.inf)) -> TaylorModel:
         """Return the product by its polynomial; bounds: what else is known of it."""
         shape = np.broadcast_shapes(np.shape(self.rest), np.shape(other.rest))
-        one, two = np.abs(self.terms), np.abs(other.terms)
+        one = np.abs(self.terms)
+        two = np.abs(other.terms)
         present = [each.reshape(len(each), -1).any(1) for each in (one, two)]
         at_once = max(1, PIECE // max(1, int(np.prod(shape))))
         terms = np.zeros((len(self.terms), *shape))
         plan = _pairs(self.numbers, self.order, *(each.tobytes() for each in present), at_once)
         _multiply_into(terms, self.terms, other.terms, plan, np.multiply)
         one, two = (_by_degree(each, self.numbers, self.order) for each in (one, two))
-        all_one, all_two = one.sum(0), two.sum(0)
+        all_one = one.sum(0)
+        all_two = two.sum(0)
         # of degrees above the index
         above = (
             np.maximum(all_two - np.cumsum(two, 0), 0.0) + 4 * len(two) * UNIT_ROUNDING * all_two
@@ -304,7 +311,9 @@ class TaylorModel:
 
     def __pow__(self, exponent):
         if isinstance(exponent, int | float) and exponent == int(exponent):
-            power, base, left = self._constant(1.0), self, abs(int(exponent))
+            power = self._constant(1.0)
+            base = self
+            left = abs(int(exponent))
             while left:
                 power = power * base if left % 2 else power
                 base = base * base if left > 1 else base
@@ -421,7 +430,8 @@ class TaylorModel:
         """Return the root: `sqrt(c) sum_k binomial(1/2, k) (d/c)^k`, whose coefficients get
         smaller."""
         centre, tail = self._shares()
-        coefficients, sizes = [], []
+        coefficients = []
+        sizes = []
         for c in _each(centre):
             own = [arb(c).sqrt()]
             for k in range(self.order + 1):
@@ -452,7 +462,8 @@ class TaylorModel:
         """Return the exponential: `exp(c) sum_k d^k/k!`; the rest is at most `exp(c + r)
         r^(order + 1)/(order + 1)!`."""
         centre, radius = self._about()
-        coefficients, largest = [], []
+        coefficients = []
+        largest = []
         for c, r in zip(_each(centre), _each(radius), strict=True):
             own = [arb(c).exp()]
             for k in range(1, self.order + 1):
@@ -493,7 +504,8 @@ class TaylorModel:
         centre, radius = self._about()
         coefficients = []
         for c in _each(centre):
-            sine, cosine = (arb(c) + by).sin(), (arb(c) + by).cos()
+            sine = (arb(c) + by).sin()
+            cosine = (arb(c) + by).cos()
             coefficients.append(_derivatives((sine, cosine, -sine, -cosine), self.order))
         last = self._last(radius)
         found = self._composed(coefficients, last)
@@ -625,7 +637,8 @@ class Polynomials:
         for i, row in enumerate(rows):
             for j, entry in enumerate(row):
                 if isinstance(entry, TaylorModel):
-                    terms[..., i, j], rest[..., i, j] = entry.terms, entry.rest
+                    terms[..., i, j] = entry.terms
+                    rest[..., i, j] = entry.rest
                 elif not (isinstance(entry, int) and entry == 0):
                     terms[0, ..., i, j], rest[..., i, j] = midpoint(entry)
         return Polynomials(terms, rest, numbers, order)
@@ -691,7 +704,8 @@ class Polynomials:
         return self._product(other, np.multiply, 1)
 
     def _product(self, other, multiply, summed):
-        one, two = self.sizes, other.sizes
+        one = self.sizes
+        two = other.sizes
         # No more terms make one of the product; `above` is a difference of sums over the degrees.
         roundings = (
             2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT_ROUNDING
@@ -769,7 +783,8 @@ class Polynomials:
 
         With `inverse B = I + D` they are `(I + D)^-1 inverse A B`.
         """
-        size, n = np.abs(inverse), basis.shape[-1]
+        size = np.abs(inverse)
+        n = basis.shape[-1]
         terms = inverse @ self.terms @ basis
         rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT_ROUNDING * (
             size @ np.abs(self.terms).sum(0) @ np.abs(basis)

@@ -161,7 +161,8 @@ def _in_variable(balls, into, out):
     """`balls` for ends in the variable."""
 
     def proved_there(column, low, high):
-        a, b = float(out(low)), float(out(high))
+        a = float(out(low))
+        b = float(out(high))
         intervals = balls(column, a, b)
         if intervals is None:
             return None
@@ -229,7 +230,8 @@ class _Search:
 
     def _resolved(self, names, column, low, high):
         """Whether frames have no narrow features for the variable from low to high."""
-        offset, scale = self.variable.offset, self.variable.scale
+        offset = self.variable.offset
+        scale = self.variable.scale
         return self.family.resolved(names[column], low, high, offset, scale)
 
 

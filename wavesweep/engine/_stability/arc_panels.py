@@ -12,20 +12,21 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import Rows
 
 NODES = 20  # samples of a panel
-KEPT = 14  # of the Chebyshev coefficients; the others must have decayed, and bound the error
+# of the Chebyshev coefficients; the others must have decayed, and bound the error
+KEPT_COEFFICIENTS = 14
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 # of its width a panel reaches beyond each end, so that no root stays on an edge
 OVERLAP = 0.035
 # an interpolant is cut to these one by one, and what is cut away is added to its error
-CUT_DEGREES = (1, 2, 4, 7, 10, KEPT)
+CUT_DEGREES = (1, 2, 4, 7, 10, KEPT_COEFFICIENTS)
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
-ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
+PANEL_ELLIPSE = 2.5  # sum of the semi-axes of the ellipse about a panel, in half widths of it
 RIM_POINTS = 8  # on its upper half
-RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
+RIM = PANEL_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 RIM = (RIM + 1 / RIM) / 2
 # over the largest value on the ellipse
-INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)
+INTERPOLANT_ERROR = 4 * PANEL_ELLIPSE ** (1 - NODES) / (PANEL_ELLIPSE - 1)
 # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
 ROUGH_VALUE = 10.0
 # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
@@ -256,7 +257,7 @@ def _scaled(sign, log, trend):
 def _tail(sign, log, trend):
     """Return the largest of the last Chebyshev coefficients of the samples without their trend."""
     value, _ = _scaled(sign, log, trend)
-    return np.abs(_transformed(value, TRANSFORM[:, KEPT:])).max(-1)
+    return np.abs(_transformed(value, TRANSFORM[:, KEPT_COEFFICIENTS:])).max(-1)
 
 
 def _transformed(value, transform):
@@ -294,16 +295,16 @@ def _hidden(sample, panels, index, trend, peak):
 
 
 def _interpolate(value, size):
-    """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the
+    """Return second-kind Chebyshev coefficients `(panels, KEPT_COEFFICIENTS)`, their error bound on the
     panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
     largest = np.abs(first).max(-1)
-    tail = np.abs(first[:, KEPT:]).max(-1)
+    tail = np.abs(first[:, KEPT_COEFFICIENTS:]).max(-1)
     floor = LEBESGUE * EPS * size.max(-1)
-    second = first[:, :KEPT] / 2
+    second = first[:, :KEPT_COEFFICIENTS] / 2
     second[:, 0] *= 2
-    second[:, :-2] -= first[:, 2:KEPT] / 2
+    second[:, :-2] -= first[:, 2:KEPT_COEFFICIENTS] / 2
     decayed = np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
     return second, NODES * (8 * tail + floor), decayed
 
@@ -315,7 +316,7 @@ def _proved_roots(coefficients, noise):
     High coefficients that have decayed to rounding would leave the discs without a significant
     leading coefficient.
     """
-    weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
+    weight = np.arange(1, KEPT_COEFFICIENTS + 1) * np.abs(coefficients)
     # A value at an end that may be zero leaves that end open at every degree.
     rows = np.flatnonzero(np.min(np.abs(at_ends(coefficients)), axis=0) > noise)
     for degree in CUT_DEGREES:

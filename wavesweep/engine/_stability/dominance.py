@@ -449,7 +449,9 @@ class DominanceTests:
         parts = self.parts.take(tests)
         KBK = self.KBK[tests]
         slope = self.slope[tests]
-        w, b, c = np.abs(mu.w), np.abs(mu.b), np.abs(mu.c)
+        w = np.abs(mu.w)
+        b = np.abs(mu.b)
+        c = np.abs(mu.c)
         most = np.maximum(np.abs(start), np.abs(stop))[:, None]
         r = radius[:, None]
         excess = self.excess[tests] + (1 - r**2)

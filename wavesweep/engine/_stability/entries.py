@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from wavesweep.engine._stability.arc_panels import ELLIPSE, LEBESGUE, OVERLAP, RIM
+from wavesweep.engine._stability.arc_panels import LEBESGUE, OVERLAP, PANEL_ELLIPSE, RIM
 from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
 from wavesweep.engine.doubles import EPS, LEAST_NORMAL
 from wavesweep.engine.rows import Rows
@@ -22,7 +22,7 @@ MOST_MISSED_OF_NOISY = 1e-8
 # times MOST_MISSED: with less predicted for the higher degree it is tried, since coefficients fall
 # unevenly
 PREDICTED = 100
-EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
+EXTENT = (PANEL_ELLIPSE + 1 / PANEL_ELLIPSE) / 2  # of its real axis
 PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
 BETWEEN_PLACES = 4.0  # times the bounds at these places: that at any other point of the panel
 # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to
@@ -197,7 +197,8 @@ def panels_of(
         high = high[again]
         cut_at = (low + high) / 2
         column = np.tile(column[again], 2)
-        low, high = np.append(low, cut_at), np.append(cut_at, high)
+        low = np.append(low, cut_at)
+        high = np.append(cut_at, high)
     panels = Panels.joined(done) if done else None
     if not lost:
         return panels, tuple(np.zeros((4, 0)))

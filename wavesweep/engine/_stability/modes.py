@@ -34,7 +34,8 @@ def modes_of(E) -> Modes:
     n = E.shape[-1]
     if not np.isfinite(E).all():
         return Modes(np.zeros(0, complex), np.zeros((0, n)))
-    delta, shares = np.zeros(n, complex), np.zeros((n, n))
+    delta = np.zeros(n, complex)
+    shares = np.zeros((n, n))
     first = 0
     for at in states_of_blocks(E):
         values, right = np.linalg.eig(E[np.ix_(at, at)])
@@ -62,7 +63,8 @@ def named_modes(
 ) -> tuple[list[str], Modes]:
     """Return the names of the states of a loop, without those of its drift, and their modes; see
     `modes_of`."""
-    labels, order = drawn.labels(), len(drift.remaining)
+    labels = drawn.labels()
+    order = len(drift.remaining)
     return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:order, :order])
 
 

@@ -22,12 +22,13 @@ RIM_POINTS = 8  # on its upper half
 NUMBER_RIM = NUMBER_ELLIPSE * np.exp(1j * np.pi * (np.arange(RIM_POINTS) + 0.5) / RIM_POINTS)
 NUMBER_RIM = (NUMBER_RIM + 1 / NUMBER_RIM) / 2
 NUMBER_EXTENT = (NUMBER_ELLIPSE + 1 / NUMBER_ELLIPSE) / 2
-COARSE = (-1.0, 0.0, 1.0)  # places of the other numbers at which the ellipse about one is evaluated
+# of the other numbers, at which the ellipse about one is evaluated
+COARSE_PLACES = (-1.0, 0.0, 1.0)
 # largest error of the interpolant, relative to the smallest value seen
 LARGEST_INTERPOLANT_ERROR = 0.25
 MOST_GRID = 20_000  # nodes in all
 # ratio of the ends of a number above which it is divided at their geometric mean
-GEOMETRIC_RATIO = 3.0
+LOGARITHMIC_FROM = 3.0
 # logarithm of the factor by which each further number increases the error of an interpolant
 LOG_LEBESGUE = 0.7
 SHORTENED_BY = 0.25  # part of the smallest value at a node by which an interpolant may be shortened
@@ -164,7 +165,7 @@ class _BoxProof:
         """The unstable points found in a piece, and its parts that are not proved."""
         piece = _Piece(ends, self.functions)
         wide = piece.wide
-        grid = _grid([COARSE] * wide.size)
+        grid = _grid([COARSE_PLACES] * wide.size)
         points = piece.placed(grid)
         phase, log, error, pivots = self._values(points, piece.units)
         negative = (phase.real < 0) & (EPS * error < 1)
@@ -192,7 +193,7 @@ class _BoxProof:
         its Lebesgue constant in each number.
         """
         wide = piece.wide
-        grid = _grid([COARSE] * wide.size)
+        grid = _grid([COARSE_PLACES] * wide.size)
         scale = _Scale.of(log, grid)
         least = np.exp((log - scale.trend @ grid.T).min(1) - scale.peak)
         centre = pivots.real.mean(0)
@@ -260,15 +261,15 @@ class _BoxProof:
 
     def _beyond(self, piece, at, scale, centre):
         """Bounds on the size of each function on the ellipse about one number, with the others
-        at COARSE, infinite near a pole; and the change of its logarithm along each of the
+        at COARSE_PLACES, infinite near a pole; and the change of its logarithm along each of the
         others."""
         count = piece.wide.size
-        coarse = _grid([COARSE] * (count - 1))
+        coarse = _grid([COARSE_PLACES] * (count - 1))
         places = coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1)
         places = np.insert(places, at, NUMBER_RIM, axis=2).reshape(-1, count)
         _, log, error, pivots = self._values(piece.placed(places), piece.units)
         log = scale.removed(log + np.log1p(np.minimum(EPS * error, 10.0)), places)
-        log = log.reshape(len(log), *[len(COARSE)] * (count - 1), RIM_POINTS)
+        log = log.reshape(len(log), *[len(COARSE_PLACES)] * (count - 1), RIM_POINTS)
         # Between two points it may be larger than at both, by no more than they differ.
         axes = tuple(range(1, count + 1))
         steps = [np.abs(np.diff(log, axis=axis)).max(axes) for axis in axes]
@@ -292,7 +293,7 @@ def _halves(ends, axis):
     """The halves of a piece along a number, in the logarithm if its ends differ by much."""
     low, high = ends[:, axis]
     middle = (low + high) / 2
-    if high > GEOMETRIC_RATIO * low > 0:
+    if high > LOGARITHMIC_FROM * low > 0:
         middle = np.sqrt(low * high)
     lower = ends.copy()
     lower[1, axis] = middle
@@ -310,7 +311,8 @@ def _trend(log, grid):
 @lru_cache
 def _to_bernstein(count):
     """From coefficients of Chebyshev polynomials to Bernstein coefficients on [-1, 1]."""
-    k, x = np.arange(count), np.linspace(-1, 1, count)
+    k = np.arange(count)
+    x = np.linspace(-1, 1, count)
     T = np.polynomial.chebyshev.chebvander(x, count - 1)
     B = np.stack(
         [
@@ -346,23 +348,30 @@ def _positive(values, noise):
         50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(matrix, np.inf) for matrix in to])
     )
     pieces = _turned(series, to)
-    pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
+    pieces = pieces[None]
+    low = np.full((1, dimensions), -1.0)
+    high = np.full((1, dimensions), 1.0)
     over = tuple(range(1, dimensions + 1))
     for _ in range(HALVES * dimensions):
         open_ = pieces.min(over) <= noise + rounding
-        pieces, low, high = pieces[open_], low[open_], high[open_]
+        pieces = pieces[open_]
+        low = low[open_]
+        high = high[open_]
         if not len(pieces) or len(pieces) > MOST_PIECES:
             break
         slopes = [
             np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0)
             for axis in range(dimensions)
         ]
-        steepest, halves = np.stack(slopes).argmax(0), []
+        steepest = np.stack(slopes).argmax(0)
+        halves = []
         for axis in np.unique(steepest):
             index = steepest == axis
-            lower, upper = low[index], high[index]
+            lower = low[index]
+            upper = high[index]
             middle = (lower[:, axis] + upper[:, axis]) / 2
-            below, above = upper.copy(), lower.copy()
+            below = upper.copy()
+            above = lower.copy()
             below[:, axis] = above[:, axis] = middle
             halves += zip(
                 _halved(pieces[index], 1 + axis), (lower, above), (below, upper), strict=True
@@ -374,7 +383,8 @@ def _positive(values, noise):
 def _shortened(series, room):
     """The series without its highest degrees in each number, and the sum of the dropped terms,
     at most `room`."""
-    size, low = np.abs(series), []
+    size = np.abs(series)
+    low = []
     for axis in range(size.ndim):
         by_degree = size.sum(tuple(i for i in range(size.ndim) if i != axis))
         tail = np.cumsum(by_degree[::-1])[::-1]  # of this degree and all above
@@ -386,7 +396,10 @@ def _shortened(series, room):
 def _halved(b, axis):
     """The Bernstein coefficients of both halves, by de Casteljau's algorithm."""
     b = np.moveaxis(b, axis, -1)
-    count, left, right, now = b.shape[-1], [], [], b
+    count = b.shape[-1]
+    left = []
+    right = []
+    now = b
     for _ in range(count):
         left.append(now[..., 0])
         right.append(now[..., -1])

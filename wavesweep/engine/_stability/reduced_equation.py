@@ -34,7 +34,7 @@ from wavesweep.engine.rows import Rows
 LONG_LINES = 24  # states of delay lines, from which on this costs less than eigenvalues
 FIRST_TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
-NEXT = 4  # sizes of a box to the crossing next to it, at most
+NEXT_SIZES = 4  # sizes of a box to the crossing next to it, at most
 STEPS_TO_CROSSING = 8  # towards that crossing
 CONVERGED_STEP = 1e-9  # of the last step, in parts of a panel
 BESIDE_CROSSING = 1e-7  # next to a crossing, in parts of a panel, where S is not singular
@@ -256,7 +256,7 @@ class ReducedEquation:
     def crossings(self, boxes: _Boxes) -> _Crossings:
         """The crossings to which Newton's method leads from boxes next to them."""
         step = self.newton_step(boxes.panel, boxes.x, boxes.theta)
-        boxes = boxes.take((np.abs(step) <= NEXT * np.stack([boxes.arc, boxes.wide])).all(0))
+        boxes = boxes.take((np.abs(step) <= NEXT_SIZES * np.stack([boxes.arc, boxes.wide])).all(0))
         panel = boxes.panel
         x = boxes.x
         theta = boxes.theta

@@ -178,7 +178,8 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
             columns.owner, crossings.growth_to_infinity, follows, least, count_first
         )
     else:
-        begins, counted = np.array([from_zero]), np.array([False])
+        begins = np.array([from_zero])
+        counted = np.array([False])
     unstable = (rise + begins[spans.column]).astype(int)
     doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known

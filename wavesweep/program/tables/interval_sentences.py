@@ -14,7 +14,7 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import lengths_in_words
-from wavesweep.program.tables.interval_summary import NEXT_TO_ZERO
+from wavesweep.program.tables.interval_summary import BEGINS_NEAR_ZERO
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.number_words import (
     rounded_down,
@@ -245,7 +245,7 @@ class Sentences:
         start = self._numbers["range"][0]
         at_start = start is not None and low <= start
         if claim.status is Status.PROVED:
-            at_start |= low <= NEXT_TO_ZERO * self._numbers["largest"]["value"]
+            at_start |= low <= BEGINS_NEAR_ZERO * self._numbers["largest"]["value"]
         said = []
         if not at_start:
             begins = "met" if self._numbers["required"] else claim.everywhere()

@@ -18,7 +18,7 @@ from wavesweep.program.tables.refuters import Refuters
 Axes = Mapping[str, Sequence[float]]
 
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
-NEXT_TO_ZERO = 2e-3  # of the largest value, up to where what is proved begins next to 0
+BEGINS_NEAR_ZERO = 2e-3  # of the largest value, up to where what is proved begins next to 0
 
 
 class Extreme:
@@ -263,7 +263,7 @@ class LoopSummary:
         value = -self._least.value
         if not least or value <= self._range[0]:
             return None
-        if self._proved and value <= NEXT_TO_ZERO * self._largest.value:
+        if self._proved and value <= BEGINS_NEAR_ZERO * self._largest.value:
             return None  # what is proved begins there, next to 0
         row = self._least.row
         largest = self._largest_numbers()
