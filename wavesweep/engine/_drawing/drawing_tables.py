@@ -79,11 +79,9 @@ def read_drawing(
         text = f"{show(leaf.value)}: {reason}" if isinstance(leaf.value, str) else reason
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
+    names = names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = replace(
-        names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names,
-        following=following,
-    )
+    names = replace(names, following=following)
     return ReadDrawing(None if reader.mistakes else drawing, values, reader.leaves, names)
 
 
@@ -110,22 +108,24 @@ def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
 def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
     """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by
     side."""
-    force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
-    inputs = [
-        leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))
-    ]
-    return {signal for signal in inputs if isinstance(signal, str)}
+    leaves = [keys["signal"] for keys in ports["inputs"].values()]
+    if "force" in ports["hand"]:
+        leaves.append(ports["hand"]["force"])
+    return {leaf.value for leaf in leaves if isinstance(leaf.value, str)}
 
 
 def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]) -> list[str]:
     """Return the ports of springs that need no wire: velocities without damping, and the second
     end of those to the ground."""
-    undamped = [
-        name for name, block in springs.items() if not block or dict(block.keys)["d"].is_number(0.0)
-    ]
-    ground = [[f"{name}.{port}" for port in ("x2", "v2")] for name in springs]
-    at_ground = [port for ports in ground if not {*ports} & {*wires} for port in ports]
-    return [f"{name}.{port}" for name in undamped for port in ("v1", "v2")] + at_ground
+    velocities = []
+    at_ground = []
+    for name, block in springs.items():
+        if not block or dict(block.keys)["d"].is_number(0.0):
+            velocities += [f"{name}.v1", f"{name}.v2"]
+        second_end = [f"{name}.x2", f"{name}.v2"]
+        if {*second_end}.isdisjoint(wires):
+            at_ground += second_end
+    return velocities + at_ground
 
 
 def with_whole_numbers(
@@ -185,10 +185,11 @@ class _TableReader(PortReader):
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
         blocks += registers
-        wires += tuple(
-            (f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers
-        )
-        shown_terms = [term for terms in shown for term in terms or ()]
+        for block in registers:
+            wires += ((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)),)
+        shown_terms = []
+        for terms in shown:
+            shown_terms += terms or ()
         wires, couplings = watching_held(wires, couplings, shown_terms)
         self.refuse_loose_ends(tables)
         self.refuse_two_meanings(tables, plants)
@@ -217,8 +218,15 @@ class _TableReader(PortReader):
         one."""
         read = {port: self.read_wire(port, leaf, plants) for port, leaf in table.items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
-        wires = tuple((port, terms[0]) for port, terms in read.items() if terms)
-        return wires, tuple((port, terms[1]) for port, terms in read.items() if terms and terms[1])
+        wires = []
+        couplings = []
+        for port, terms in read.items():
+            if terms:
+                held, continuous = terms
+                wires.append((port, held))
+                if continuous:
+                    couplings.append((port, continuous))
+        return tuple(wires), tuple(couplings)
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
         numbers = []
@@ -237,9 +245,9 @@ class _TableReader(PortReader):
             self.leaves[path] = leaf
             if isinstance(leaf.value, str):
                 derived[name] = path, leaf
-                self.leaves |= {
-                    f"{path}.{key}": keys[key] for key in ("unit", "description") if key in keys
-                }
+                for key in ("unit", "description"):
+                    if key in keys:
+                        self.leaves[f"{path}.{key}"] = keys[key]
                 continue
             value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
             if value is not None:
@@ -266,25 +274,24 @@ class _TableReader(PortReader):
         blocks = tuple(block for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
-        kinds = {
-            name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports
-        }
-        self.inputs, outputs = (
-            [f"{name}.{port}" for name in kinds for port in self.ports[name][side]]
-            for side in (0, 1)
-        )
-        self.optional = ports_at_rest(
-            {name: read[name] for name, kind in kinds.items() if kind == "spring"}, tables["wire"]
-        )
-        self.signals = {*outputs} | self.outside
-        moments = [
-            (block, *moment) for block, kind in kinds.items() for moment in TYPES[kind].moments
-        ]
-        for block, port, text in moments:  # which stand for expressions in outputs that are held
-            name = f"{block}.{port}"
-            self.meanings[name] = parse(text.format(name=block))
-            self.extents[name] = self.meanings[name].extent({})
-            self.signals.add(name)
+        self.inputs = []
+        self.signals = {*self.outside}
+        springs = {}
+        for block, ports in self.ports.items():
+            if not ports:
+                continue
+            inputs, outputs = ports
+            self.inputs += [f"{block}.{port}" for port in inputs]
+            self.signals |= {f"{block}.{port}" for port in outputs}
+            kind = tables["block"][block]["type"].value
+            if kind == "spring":
+                springs[block] = read[block]
+            for port, text in TYPES[kind].moments:  # expressions in outputs that are held
+                name = f"{block}.{port}"
+                self.meanings[name] = parse(text.format(name=block))
+                self.extents[name] = self.meanings[name].extent({})
+                self.signals.add(name)
+        self.optional = ports_at_rest(springs, tables["wire"])
         return blocks
 
     def read_signals(self, table: Mapping[str, Leaf]) -> None:
@@ -396,11 +403,8 @@ class _TableReader(PortReader):
         with suppress(Fault):  # without the name, the rest may be no spring
             block = port.rpartition(".")[0]
             full, less = (parted(tree, self.signals, block, plants) for tree in trees)
-            differ = [
-                any(dict(full[i]).get(name) != dict(less[i]).get(name) for name in signals)
-                for i in (0, 1)
-            ]
-            return differ[1] if any(differ) else None
+            held, continuous = map(partial(_differ, signals), full, less)
+            return continuous if held or continuous else None
         return None
 
     def made_registers(
@@ -414,26 +418,26 @@ class _TableReader(PortReader):
 
         shown: terms that are read in every tick, in addition to the ports of blocks.
         """
-        runs = {block.name: (block.every.text, block.phase.text) for block in blocks}
+        runs = {}
+        for block in blocks:
+            runs[block.name] = block.every.text, block.phase.text
+        sources = {block.name: block for block in blocks}
         registers = []
         for register, signal in self.registers.items():
-            source = next(
-                (block for block in blocks if block.name == signal.rpartition(".")[0]), None
-            )
-            readers = {
-                runs.get(port.rpartition(".")[0])
-                for port, terms in wires
-                if register in dict(terms)
-            }
-            readers |= {None for terms in shown if register in dict(terms or ())}
-            every, phase = (
-                (source.every, source.phase)
-                if source and readers == {runs[source.name]}
-                else (ONE, Plant.phase)
-            )
-            registers.append(
-                DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase)
-            )
+            readers = set()  # when what reads it runs
+            for port, terms in wires:
+                if register in dict(terms):
+                    readers.add(runs.get(port.rpartition(".")[0]))
+            if any(register in dict(terms or ()) for terms in shown):
+                readers.add(None)
+            source = sources.get(signal.rpartition(".")[0])
+            every = ONE
+            phase = Plant.phase
+            if source and readers == {runs[source.name]}:
+                every = source.every
+                phase = source.phase
+            name = register.rpartition(".")[0]
+            registers.append(DrawnBlock(name, "delay", (("steps", ONE),), every, phase))
         return tuple(registers)
 
     def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
@@ -442,12 +446,8 @@ class _TableReader(PortReader):
         for port in self.inputs:
             if port not in tables["wire"] and port not in self.optional:
                 expected = f'a wire to this input, "{port}" = "..." in [wire]'
-                self.refuse(
-                    self.leaf(f"block.{port.rpartition('.')[0]}"),
-                    f"block.{port}",
-                    expected,
-                    "none (0 leaves it at rest)",
-                )
+                block = self.leaf(f"block.{port.rpartition('.')[0]}")
+                self.refuse(block, f"block.{port}", expected, "none (0 leaves it at rest)")
         if self.mistakes:  # one may be why a number is not read
             return
         paths = {name: path_of(name) for name in self.numbers}
@@ -455,9 +455,12 @@ class _TableReader(PortReader):
         for name, path in paths.items():
             if name not in self.read:
                 kind = "number" if name in self.numbers else "signal"
-                self.refuse(
-                    self.leaf(path),
-                    path,
-                    f"a {kind} that an expression reads",
-                    "one that nothing reads",
-                )
+                expected = f"a {kind} that an expression reads"
+                self.refuse(self.leaf(path), path, expected, "one that nothing reads")
+
+
+def _differ(signals: Iterable[str], one: Terms, other: Terms) -> bool:
+    """Whether a signal has another gain in the other terms."""
+    gains = dict(one)
+    other_gains = dict(other)
+    return any(gains.get(name) != other_gains.get(name) for name in signals)

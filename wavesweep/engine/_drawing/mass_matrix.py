@@ -22,20 +22,32 @@ Rows = list[list[Any]]
 def at_axes(keys: Mapping[str, Any], name: str) -> Rows:
     """Return one of the matrices at the axes, `J' m J`; a single row of m is its diagonal."""
     J = keys["through"]
-    m = keys[name]
+    m: Rows = keys[name]
     n = len(keys["axes"])
     if not m:
         return [[0] * n for _ in range(n)]
     if len(m) == 1 < len(m[0]):
-        m = [[entry if i == j else 0 for j in range(len(m[0]))] for i, entry in enumerate(m[0])]
-    return _product([list(column) for column in zip(*J, strict=True)], _product(m, J)) if J else m
+        m = _diagonal(m[0])
+    if not J:
+        return m
+    return _product([list(column) for column in zip(*J, strict=True)], _product(m, J))
+
+
+def _diagonal(entries: Sequence[Any]) -> Rows:
+    rows = []
+    for i, entry in enumerate(entries):
+        row = [0] * len(entries)
+        row[i] = entry
+        rows.append(row)
+    return rows
 
 
 def _product(left: Rows, right: Rows) -> Rows:
     columns = list(zip(*right, strict=True))
-    return [
-        [sum(a * b for a, b in zip(row, column, strict=True)) for column in columns] for row in left
-    ]
+    product = []
+    for row in left:
+        product.append([sum(map(operator.mul, row, column)) for column in columns])
+    return product
 
 
 def determinant(rows: Rows, sign: int = -1) -> Any:
@@ -43,22 +55,24 @@ def determinant(rows: Rows, sign: int = -1) -> Any:
     entries are sizes."""
     if not rows:
         return 1
-    terms = (
-        sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows)
-    )
-    return sum(terms)
+    total = 0
+    for i, row in enumerate(rows):
+        total = total + sign**i * row[0] * determinant(_without(rows, i, 0), sign)
+    return total
 
 
 def adjugate(rows: Rows, sign: int = -1) -> Rows:
     """Return the inverse times the determinant; with sign 1 the sizes of its terms."""
     n = range(len(rows))
-    return [[sign ** (p + q) * determinant(_without(rows, q, p), sign) for q in n] for p in n]
+    adjugate_rows = []
+    for p in n:
+        adjugate_rows.append([sign ** (p + q) * determinant(_without(rows, q, p), sign) for q in n])
+    return adjugate_rows
 
 
 def _without(rows: Rows, i: int, j: int) -> Rows:
-    return [
-        [entry for q, entry in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i
-    ]
+    """The matrix without a row and a column."""
+    return [[*row[:j], *row[j + 1 :]] for row in (*rows[:i], *rows[i + 1 :])]
 
 
 def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
@@ -67,13 +81,17 @@ def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     left = iter(entries)
     matrices = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
     m = matrices["mass"]
+    good = []
+    for i in range(len(m)):
+        for j in range(i):
+            a = m[i][j]
+            b = m[j][i]
+            good.append(abs(a - b) <= SYMMETRIC * (abs(a) + abs(b)))
     M = at_axes({**keys, **matrices}, "mass")
-    pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
-    good = [abs(a - b) <= SYMMETRIC * (abs(a) + abs(b)) for a, b in pairs]
-    return reduce(
-        operator.and_,
-        good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)],
-    )
+    for n in range(1, len(M) + 1):
+        leading = [row[:n] for row in M[:n]]
+        good.append(determinant(leading) > 0)
+    return reduce(operator.and_, good)
 
 
 def _has_shape(rows: Sequence[Sequence[Any]], height: int, width: int) -> bool:
@@ -92,9 +110,6 @@ def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
         shapes = [(many, n)] if name == "through" else [(many, many), (1, many)]
         if (rows or name == "mass") and not any(_has_shape(rows, *shape) for shape in shapes):
             expected = " or ".join(f"{h} row{'s' * (h > 1)} of {w} numbers" for h, w in shapes)
-            return (
-                name,
-                expected,
-                f"{len(rows)} of {', '.join(dict.fromkeys(str(len(row)) for row in rows)) or '0'}",
-            )
+            widths = ", ".join(dict.fromkeys(str(len(row)) for row in rows)) or "0"
+            return name, expected, f"{len(rows)} of {widths}"
     return None

@@ -295,8 +295,8 @@ def _hidden(sample, panels, index, trend, peak):
 
 
 def _interpolate(value, size):
-    """Return second-kind Chebyshev coefficients `(panels, KEPT_COEFFICIENTS)`, their error bound on the
-    panel, and whether they decayed."""
+    """Return second-kind Chebyshev coefficients `(panels, KEPT_COEFFICIENTS)`, their error bound on
+    the panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
     largest = np.abs(first).max(-1)

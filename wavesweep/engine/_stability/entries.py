@@ -1,8 +1,10 @@
 """Entries of the frames of loops along a number: polynomials on panels of it, each entry with a
 bound on what it misses."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -180,9 +182,9 @@ def panels_of(
             chosen = chosen[resolved(column[chosen], left[chosen], right[chosen])]
         for first in range(0, chosen.size, few):
             portion = chosen[first : first + few]
-            spans = column[portion], low[portion], high[portion], middle[portion], half[portion]
+            places = (fact[portion] for fact in (column, low, high, middle, half))
             with np.errstate(all="ignore"):
-                followed, at, finite = _followed(frames, errors, spans)
+                followed, at, finite = _followed(_Spans(frames, errors, *places))
             good[portion[at]] = True
             overflown[portion] = ~finite.all(1)
             hopeless[portion] = ~finite.any(1)
@@ -205,41 +207,78 @@ def panels_of(
     return panels, tuple(np.concatenate(facts) for facts in zip(*lost, strict=True))
 
 
-def _followed(frames, errors, spans):
-    """Return panels, those among `spans` that are followed, which these are, and which frames are
-    finite, `(spans, points)`.
+class _Spans(NamedTuple):
+    """Parts of columns in which frames may be polynomials, as fields of `Panels`; frames, errors:
+    see `panels_of`."""
 
-    spans: column, low, high, middle, half.
-    """
-    column, _, _, middle, half = spans
+    frames: Callable
+    errors: Callable
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    middle: np.ndarray
+    half: np.ndarray
 
-    def sample(index, x):
-        sampled = Frames.of(
-            frames(column[index, None], middle[index, None] + half[index, None] * x)
-        )
+    def places(self, index, x):
+        """The numbers at places x of some spans, `(spans, points)`."""
+        return self.middle[index, None] + self.half[index, None] * x
+
+    def sample(self, index, x):
+        """Frames at places x of some spans, `(spans, points, n, n)`, and their pivots."""
+        sampled = Frames.of(self.frames(self.column[index, None], self.places(index, x)))
         shape = index.size, x.size
         E = sampled.E.reshape(*shape, *sampled.E.shape[1:])
         return E, sampled.pivots.reshape(*shape, *sampled.pivots.shape[1:])
 
+    def error_of(self, index, degree, A, c):
+        """By how much entries of polynomials of a degree may be off in some spans, what the frames
+        themselves are off there, each `(spans, n, n)`, and the pivots on the rim; None if frames
+        have other states on the rim.
+
+        A, c: frames at the nodes, and coefficients of what goes through them. The first is twice
+        the largest of `(f - f_n)/q` on the rim, see `panels_of`; the second is taken at both ends
+        and in the middle.
+        """
+        n = A.shape[-1]
+        x, _ = nodes(degree)
+        rim, pivots = self.sample(index, RIM)
+        at = np.array(PLACES) * (degree // 2)
+        exact, off = self.errors(self.column[index, None], self.places(index, x[at]))
+        if not rim.shape[2:] == exact.shape[1:] == (n, n):
+            return None
+        basis, vanishing = _rim(degree)
+        on_rim = np.einsum("rk,pkmn->prmn", basis, c, optimize=True)
+        missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
+        off = off + np.abs(exact - A[:, at].reshape(exact.shape))
+        off = off.reshape(index.size, -1, n, n).max(1)
+        return missed, off, pivots
+
+
+def _followed(spans: _Spans):
+    """Return panels, those among the spans that are followed, which these are, and which frames are
+    finite, `(spans, points)`.
+
+    A polynomial of the next degree is tried where the last coefficients are not small enough, but
+    shall be by how they fall.
+    """
     done = []
     followed = []
-    open_ = np.arange(column.size)
+    open_ = np.arange(spans.column.size)
     A = None
     for degree in DEGREES:
         x, transform = nodes(degree)
         if A is None:
-            A, pivots = sample(open_, x)
+            A, pivots = spans.sample(open_, x)
             inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
             finite = np.isfinite(A).all((2, 3))
         else:
-            between, _ = sample(open_, x[1::2])
+            between, _ = spans.sample(open_, x[1::2])
             if between.shape[2:] != A.shape[2:]:
                 break
             all_nodes = np.empty((open_.size, x.size, *A.shape[2:]))
             all_nodes[:, ::2] = A
             all_nodes[:, 1::2] = between
             A = all_nodes
-        n = A.shape[-1]
         c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
         size = np.maximum(np.abs(A).max((1, 2, 3)), LEAST_NORMAL)
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
@@ -247,32 +286,19 @@ def _followed(frames, errors, spans):
         calm = size < ENTRY_RATIO * np.maximum(1, least)
         enough = MOST_MISSED if degree < DEGREES[-1] else MOST_MISSED_OF_NOISY
         ready = np.flatnonzero((last < enough) & calm)
-        if ready.size:
-            rim, pivots = sample(open_[ready], RIM)
-            at = np.array(PLACES) * (degree // 2)
-            at_places = middle[open_[ready], None] + half[open_[ready], None] * x[at]
-            exact, off = errors(column[open_[ready], None], at_places)
-            if rim.shape[2:] == exact.shape[1:] == (n, n):
-                basis, vanishing = _rim(degree)
-                on_rim = np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)
-                missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
-                off = off + np.abs(exact - A[ready][:, at].reshape(exact.shape))
-                off = off.reshape(ready.size, -1, n, n).max(1)
-                fine = missed.max((1, 2)) < np.maximum(MOST_MISSED * size[ready], off.max((1, 2)))
-                fine &= ~pole_inside(pivots, inner[open_[ready]])
-                fine &= np.isfinite(off).all((1, 2))
-                error = (
-                    missed
-                    + LEBESGUE * BETWEEN_PLACES * off
-                    + 2 * degree * EPS * np.abs(c[ready]).sum(1)
-                )
-                ready = ready[fine]
-                done.append(_panels(spans, open_[ready], c[ready], error[fine]))
-                followed.append(open_[ready])
-            else:
-                ready = ready[:0]
-        if degree == DEGREES[-1] or not open_.size:
-            break
+        errors = spans.error_of(open_[ready], degree, A[ready], c[ready]) if ready.size else None
+        if errors is None:
+            ready = ready[:0]
+        else:
+            missed, off, pivots = errors
+            fine = missed.max((1, 2)) < np.maximum(MOST_MISSED * size[ready], off.max((1, 2)))
+            fine &= ~pole_inside(pivots, inner[open_[ready]])
+            fine &= np.isfinite(off).all((1, 2))
+            rounding = 2 * degree * EPS * np.abs(c[ready]).sum(1)
+            error = missed + LEBESGUE * BETWEEN_PLACES * off + rounding
+            ready = ready[fine]
+            done.append(_panels(spans, open_[ready], c[ready], error[fine]))
+            followed.append(open_[ready])
         going = last ** (DEGREES[-1] / degree) < PREDICTED * MOST_MISSED
         going[ready] = False
         going &= calm
@@ -284,14 +310,18 @@ def _followed(frames, errors, spans):
 
 
 def _panels(spans, index, c, error):
+    """Panels of some spans. The derivative of order TAYLOR_ORDER of the Chebyshev polynomial of
+    degree k, over its factorial, is largest at x = 1 (Markov 1892): `prod (k^2 - i^2)/((2 i + 1)(i
+    + 1))`."""
     k = np.arange(c.shape[1])
-    steepest = np.prod(
-        [(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(TAYLOR_ORDER)], 0
-    )  # at x = 1 (Markov 1892)
+    steepest = np.ones(k.size)
+    for i in range(TAYLOR_ORDER):
+        steepest = steepest * ((k**2 - i**2) / ((2 * i + 1) * (i + 1)))
     padded = np.zeros((index.size, DEGREES[-1] + 1, *c.shape[2:]))
     padded[:, : c.shape[1]] = c
     rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))
-    return Panels(*(fact[index] for fact in spans), padded, error, rest)
+    places = spans.column, spans.low, spans.high, spans.middle, spans.half
+    return Panels(*(fact[index] for fact in places), padded, error, rest)
 
 
 @cache
