@@ -226,11 +226,13 @@ def _frames_of_run(
     spec: Spec, file: str | None, columns: tuple[str, ...], scales: tuple[str, ...]
 ) -> Facts | None:
     """Whether the frames of a run are among those of the spec; None without a file."""
-    from wavesweep.program.csv_files import factors, pairs
-
-    if file is None and (columns or scales):
+    if file is None and not (columns or scales):
+        return None
+    if file is None:
         option = "column" if columns else "scale"
         raise click.UsageError(f"--{option}: expected --frames, whose column it names, found none")
+    from wavesweep.program.csv_files import factors, pairs
+
     named = pairs(columns, "--column")
     scaled = factors(pairs(scales, "--scale"))
     if file is None:

@@ -16,7 +16,6 @@ from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
-from wavesweep.program.analyses.plane_columns import seconds_of_curves
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.spec import Spec
@@ -101,6 +100,8 @@ def _interval_lines(spec, command, along, estimated):
     ]
     if not estimated:
         return lines
+    from wavesweep.program.analyses.plane_columns import seconds_of_curves
+
     workers = choose(None, None, None, len(job.chunks), expected)
     if workers.backend is None:
         who = "no workers"

@@ -13,9 +13,10 @@ if TYPE_CHECKING:
 
 def refuse(spec: Spec) -> None:
     """Raise UsageError for a file of [measured] that cannot be used."""
-    from wavesweep.identification.measured import read_points
+    if spec.measured:
+        from wavesweep.identification.measured import read_points
 
-    read_points(spec)
+        read_points(spec)
 
 
 def facts(spec: Spec, own: Facts, _: object = None) -> dict[str, Any]:

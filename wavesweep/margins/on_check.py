@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:
     """Whether `margins` goes on from a verdict: for a stable drawn loop without a hand that can
     be broken."""
+    if not (found["stable"] and spec.drawing) or spec.drawing.hand:
+        return False
     from wavesweep.margins.broken_loops import cuts_of
 
-    return bool(found["stable"] and spec.drawing and not spec.drawing.hand and cuts_of(spec))
+    return bool(cuts_of(spec))

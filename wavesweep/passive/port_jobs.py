@@ -11,7 +11,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.held_loop import device_of, held_loop
 from wavesweep.passive.channel import channel_norm, channel_of, numbers_of_channel
 from wavesweep.passive.margin import LONGEST_MAP, more_damping, port_margin
-from wavesweep.passive.port_rows import curve, pair_margin
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import (
@@ -122,6 +121,8 @@ def _port(loops):
         )
         if not loop.drawing.environment:
             return columns
+        from wavesweep.passive.port_rows import pair_margin
+
         pairs = [pair_margin(loop.at(at)) for at in range(margin.margin.size)]
         return *columns, *(
             np.array(column).reshape(loop.batch) for column in zip(*pairs, strict=True)
@@ -152,6 +153,8 @@ def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarr
 def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of the response of each combination with two ports over frequency; see
     `port_rows.curve`."""
+    from wavesweep.passive.port_rows import curve
+
     grid = make_grid(spec, axes)
     of_loop = {}
     for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
