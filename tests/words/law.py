@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pandas
 from words.explanations import hold_columns
-from words.loops import AT_RANDOM, drawn, greatest
+from words.loops import AT_RANDOM, T, drawn, greatest
 from words.report import hold_page
-from words.sentences import Run, hold
+from words.sentences import Run, hold, pole
 
 from wavesweep.program.cli import main
 from wavesweep.program.spec.writing import as_toml
@@ -104,6 +104,17 @@ def hold_spec(seed, others=OTHERS):
         hold_page(run, verdict)
 
 
+def hold_oscillations(run, row):
+    """The mode at an end turns with half the rate of the frame or not at all, as the pole there does."""
+    n, c = run.case.own_length, row.get("c", run.case.tables["numbers"]["c"])
+    for end in ("low", "high"):
+        hz = row[f"{end}_hz"]
+        if not pandas.isna(hz):
+            assert any(abs(hz - each) <= 1e-9 * each for each in (0.0, 0.5 / (n * T))), row
+            of_a_peak = run.case.asks in ("gain", "Ms", "disk")
+            assert of_a_peak or (hz == 0) == (pole(run, n, c, row[end]) > 0), row
+
+
 def hold_verdict(case, verdict, first):
     """The answer of `check`, as JSON and in words, agree; what is refuted comes first."""
     answer = verdict["answer"]
@@ -134,6 +145,7 @@ def hold_rows(run, table, facts):
         if row["intervals"] and not pandas.isna(row.get("fails_from")):
             assert row["fails_from"] >= row["high"]
             assert not any(a < row["fails_from"] < b * (1 - 1e-9) for a, b in truth), (row, truth)
+        hold_oscillations(run, row)
     if "for_all" in run.claims:
         scope = run.claims["for_all"]["scope"]
         if case.asks in ("frames", "both") and len(case.members["n"]) > 1:

@@ -128,11 +128,16 @@ def own_line(run, said, radius, ms):
 
 
 @shape(r"((?:Rows|By what each line names|Ranges|Limits|Margins|A run|Responses)\b.*)", "report")
-@shape(r"(?:K )?([A-Z][a-z]*[, ].*)", "drawn")
+@shape(r"(?:K )?((?:elasticity: .* )?(?:(?:low|high) end, K = .* no bars|[A-Z][a-z]*[, ]).*)", "drawn")
 def claimed(run, said):
     for each in re.findall(rf"step response: c = {N}", said):
         assert float(each) in run.case.members["c"], said
-    return of_members(run, re.sub(rf"step response: c = {N}|cut off around -1", "", said))
+        assert abs(pole(run, run.case.own_length, float(each), run.case.tables["numbers"]["K"])) > 0.999, said
+    for each in re.findall(rf"end, K = {N}: no bars", said):
+        assert any(near(float(each), row["limit_value"]) for row in run.table), said
+    return of_members(
+        run, re.sub(rf"step response: c = {N}|cut off around -1|end, K = {N}: no bars(?:, as a limit of 0\b)?", "", said)
+    )
 
 
 @shape(r"Figure (\d+)\. ([^:]*): wavesweep [a-z-]* mine\.toml(?: --plot| --cut [hp]\.y| --set simulate\.input=step)?", "report")

@@ -438,6 +438,7 @@ def in_doubt(run, some=1, count=1, again=1):
 def searched(run, what, which, name, low, high):
     found = along(run, name, what != "stable")
     assert are_ends(low, high, found) if which == "every" else not found, found
+    assert name == "K" or (low, high) == (0.1, 10.0)
 
 
 @shape(rf"  slowest mode: falls to 1/e in {N} s, damping ratio (?:not known|{N})(?:, {N} Hz)?(?:, .*)?", "check")
@@ -635,13 +636,13 @@ class Loop:
 
 def loops(run, all_members):
     members = run.case.members if all_members else run.case.own()
-    K = run.case.tables["numbers"]["K"]
-    found = []
-    for n, c in product(members["n"], members["c"]):
-        # At p.y the leak is cut too.
-        q = 1.0 if run.cut == "p.y" else (1 - run.case.leak * T) ** n
-        found.append(Loop(q - pole(run, n, c, K), q))
-    return found
+    return [loop_of(run, n, c) for n, c in product(members["n"], members["c"])]
+
+
+def loop_of(run, n, c):
+    # At p.y the leak is cut too.
+    q = 1.0 if run.cut == "p.y" else (1 - run.case.leak * T) ** n
+    return Loop(q - pole(run, n, c, run.case.tables["numbers"]["K"]), q)
 
 
 REST = rf"(?:, at {N} rad/s \({N} Hz\))?(?:, refuted from {N} on by (.*))?"
@@ -663,6 +664,7 @@ def margin(run, value, omega, hz, refuted, refuter, of, better=1):
         assert better * value <= better * refuted
         c = float(refuter.removeprefix("c = "))
         assert min(run.case.members["c"]) <= c <= max(run.case.members["c"]), refuter
+        assert better * of(loop_of(run, run.case.own_length, c)) <= better * refuted * (1 + better * 1e-6), (refuted, refuter)
     flat = abs(own(run)[0]) < 1e-9  # the closed loop is then a delay, as large at all frequencies
     if omega is not None and refuted is None and not flat:
         places = {pi, 0.0, *(each.crossing for each in loops(run, constant))}
