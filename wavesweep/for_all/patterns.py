@@ -87,6 +87,7 @@ def growing(
     more: int = 1,
     longest: int = LONGEST_WORD,
     norms: Norms | None = None,
+    changed: int = IMPROVED,
 ) -> list[Word]:
     """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or
     more, fastest growth per matrix first.
@@ -94,8 +95,8 @@ def growing(
     basis: one in which the matrices are small. known: words to start from. norms: in which the
     matrices nearly shrink. Of words of each length, `more` times WORDS_KEPT, those with the largest
     matrices, are extended. Beside these there are words of two runs, and the ends of walks. The
-    best of all are changed matrix by matrix. This is a search: it may return nothing although there
-    are such words.
+    best of all, so many, are changed matrix by matrix. This is a search: it may return nothing
+    although there are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
     rates = {word: _rate(A, word) for word in known}
@@ -121,7 +122,7 @@ def growing(
         graph = norms.graph
         P = basis.T @ norms.P @ basis
     rates |= _of_walks(A, follows, Norms(P, graph))
-    for word in sorted(rates, key=rates.get, reverse=True)[:IMPROVED]:
+    for word in sorted(rates, key=rates.get, reverse=True)[:changed]:
         better = improved(A, follows, word)
         rates[better] = _rate(A, better)
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
@@ -386,7 +387,8 @@ def seems_refuted(family: Family, x: float, known: list[Word]) -> bool:
     A = family.at(x)
     if not np.isfinite(A).all() or growing_of(A, known):
         return True
-    found = growing(A, family.follows, np.eye(A.shape[-1]), longest=RANKING_LENGTH)
+    basis = np.eye(A.shape[-1])
+    found = growing(A, family.follows, basis, longest=RANKING_LENGTH, changed=1)
     known += found[:1]
     return bool(found)
 

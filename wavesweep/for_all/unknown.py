@@ -322,7 +322,7 @@ class Case:
         whole = as_sides(box, sides)
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
-            return self._covered(frames, sides, whole, self.left, up=True)
+            return self._covered(frames, sides, whole, self.left, lambda share: share, up=True)
         begun = np.full(2, low + PROOF_START * (high - low))
         if known is not None and max(low, known.low) < min(high, known.high):
             begun = np.clip([known.low, known.high], low, high)
@@ -330,10 +330,28 @@ class Case:
         upper = whole.copy()
         lower[1, 0], upper[0, 0] = sides[0].place(begun)
         above = below = Proved(float(low), float(high))
-        if upper[0, 0] < upper[1, 0]:
-            above = self._covered(frames, sides, upper, self.left / 2, up=True)
-        if lower[0, 0] < lower[1, 0]:
-            below = self._covered(frames, sides, lower, self.left, up=False)
+        # Which share of all of it is proved with a share of the upper or of the lower part.
+        bottom, low_begun, high_begun, top = *lower[:, 0], *upper[:, 0]
+        if high_begun < top:
+            above = self._covered(
+                frames,
+                sides,
+                upper,
+                self.left / 2,
+                lambda share: (
+                    (high_begun - low_begun + share * (top - high_begun)) / (top - bottom)
+                ),
+                up=True,
+            )
+        if bottom < low_begun:
+            below = self._covered(
+                frames,
+                sides,
+                lower,
+                self.left,
+                lambda share: (top - low_begun + share * (low_begun - bottom)) / (top - bottom),
+                up=False,
+            )
         return Proved(
             below.low if below.stopped else float(low),
             above.high if above.stopped else float(high),
@@ -342,14 +360,17 @@ class Case:
             above.whole and below.whole,
         )
 
-    def _covered(self, frames, sides, box, work, *, up):
-        """What is proved of a box of sides from its low end on, or from its high end on down."""
+    def _covered(self, frames, sides, box, work, share_of_all, *, up):
+        """What is proved of a box of sides from its low end on, or from its high end on down.
+
+        share_of_all: of all that is to be proved, from that of this box.
+        """
         first = sides[0]
         begun = float(first.number(box[1 - up, 0]))
 
         def report(reached, share):
             ends = sorted((begun, float(first.number(reached))))
-            PROOF_LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share)
+            PROOF_LOGGER.info(SO_FAR, name_of(first.path), *ends, 100 * share_of_all(share))
 
         found = cover(frames, box, ALWAYS, work, up, report=report)
         self.left -= found.used
