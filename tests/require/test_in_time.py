@@ -243,11 +243,15 @@ def test_what_has_no_value_is_refused(changes, require, said):
         loop.stable_intervals(require={require: {**ENDS, "at_most": 0.1}})
 
 
+@pytest.mark.asks("check")
 @pytest.mark.slow
 def test_a_range_in_which_the_loop_comes_to_rest_too_slowly_is_left_open():
-    sweep = {"along": "K", "K": {"start": 0, "stop": 150}}
-    loop = wavesweep.compile(INTEGRATOR | {"sweep": sweep})
-    (row,) = loop.stable_intervals(require={"peak_to_peak": {**ENDS, "at_most": 1.5}}).itertuples()
+    """A design beside it is known."""
+    sweep = {"along": "K", "K": {"start": 0, "stop": 150}, "require": {"peak_to_peak": {**ENDS, "at_most": 1.5}}}
+    tables = INTEGRATOR | {"sweep": sweep}
+    (question,) = wavesweep.verdict(tables)["questions"]
+    assert question["status"] == "certified"
+    (row,) = wavesweep.stability_region(tables).itertuples()
     assert (row.certified, row.doubt, row.open_places) == (False, "search", 1)
     assert 0 < row.low < 0.02
     assert row.high == pytest.approx(120, rel=1e-8)

@@ -71,11 +71,15 @@ def _along(spec: Spec) -> str:
 
 
 def _status(rows: Columns, value: float, intervals: Sequence[tuple[float, float]]) -> Status:
-    """What the rows of intervals say of a value; at an end of one, nothing."""
+    """What the rows of intervals say of a value; at an end of one, nothing.
+
+    Beside its open places a row whose search was given up is known.
+    """
     inside = (rows["low"] < value) & (value < rows["high"])
     inside |= (rows["low"] == value) & np.isnan(rows["low_omega"])
     inside |= (rows["high"] == value) & np.isnan(rows["high_omega"])
-    known = bool(rows["certified"].all())
+    beside = (value < rows["open_low"]) | (rows["open_high"] < value)
+    known = bool((rows["certified"] | ((rows["doubt"] == "search") & beside)).all())
     if inside.any():
         if known:
             return Status.CERTIFIED

@@ -424,8 +424,11 @@ def expected_cost(order: int, way: Way) -> float:
 
 
 def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
-    """Expected s per slice of the spec along the axis, and its way."""
+    """Expected s per slice of the spec along the axis, with what [sweep] requires, and its way."""
     order, method = _order_of(spec, own_loop(spec, axis.path), axis)
+    required = spec.require.bound.cost if spec.require else 0.0
+    if required:
+        return required, Way.DOMINANCE
     return expected_cost(order, method), method
 
 
