@@ -7,7 +7,6 @@ from wavesweep.engine import on_demand
 if TYPE_CHECKING:
     from wavesweep.engine._monodromy.cut import (
         ADVANCE,
-        FIRST,
         OFFSET,
         VELOCITY,
         LinearFractional,
@@ -35,7 +34,6 @@ else:
         {
             "_monodromy.cut": (
                 "ADVANCE",
-                "FIRST",
                 "LinearFractional",
                 "OFFSET",
                 "VELOCITY",

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
         LiftedMap,
         TickMaps,
         closure,
+        connected,
         damping_peak,
-        reached,
         read,
     )
     from wavesweep.engine._energy.norms import NORM_TOLERANCE, squared_norm
@@ -42,7 +42,7 @@ else:
                 "TickMaps",
                 "closure",
                 "damping_peak",
-                "reached",
+                "connected",
                 "read",
             ),
             "_energy.norms": ("NORM_TOLERANCE", "squared_norm"),

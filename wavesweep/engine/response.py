@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wavesweep.engine._response.port import NoPositionError, Port
     from wavesweep.engine._response.static import Response
     from wavesweep.engine._response.steady import respond, static_response, transfer
-    from wavesweep.engine._response.step import BAND, MOST_SAMPLED_STATES, Step, step_of
+    from wavesweep.engine._response.step import BAND, MOST_SAMPLED_STATES, Step
 else:
     __getattr__ = on_demand(
         {
@@ -32,6 +32,6 @@ else:
             "_response.port": ("NoPositionError", "Port"),
             "_response.static": ("Response",),
             "_response.steady": ("respond", "static_response", "transfer"),
-            "_response.step": ("BAND", "MOST_SAMPLED_STATES", "Step", "step_of"),
+            "_response.step": ("BAND", "MOST_SAMPLED_STATES", "Step"),
         }
     )

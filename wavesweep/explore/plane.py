@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.frames import LinearFractional, on_circle, solve
-from wavesweep.engine.intervals import terms_of, times
+from wavesweep.engine.intervals import terms_at
 from wavesweep.engine.poles import is_stable
 
 
@@ -48,8 +48,7 @@ def _terms(cut, theta):
     with np.errstate(all="ignore"):
         A = w[:, None, None] * np.eye(cut.E.shape[-1]) - cut.E
         state = solve(A, cut.B + 0 * w[:, None, None])
-        response = times(cut.C, state) + cut.D
-        return terms_of(cut, w, response[..., 0])
+        return terms_at(cut, w, state)
 
 
 class WallCurve(NamedTuple):

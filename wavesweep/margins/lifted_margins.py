@@ -27,8 +27,7 @@ from wavesweep.engine.norms import (
     START,
     LiftedMap,
     TickMaps,
-    reached,
-    read,
+    connected,
     squared_norm,
 )
 from wavesweep.margins.loop_margins import (
@@ -93,8 +92,7 @@ class LiftedLoop:
     @property
     def returns(self) -> bool:
         """Whether the signal comes back to itself."""
-        acts_on_itself = read(self._maps) & reached(self._maps)
-        return bool(acts_on_itself.any() or self.returned.T.any())
+        return bool(connected(self._maps).any() or self.returned.T.any())
 
     def response(self, theta) -> np.ndarray:
         """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`;

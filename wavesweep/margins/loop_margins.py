@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.engine.doubles import EPS, NEXT_TO_ZERO
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing import GAIN, path_of
-from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
+from wavesweep.engine.frames import LinearFractional, on_circle, solve
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import (
     NORM_TOLERANCE,
@@ -76,12 +76,12 @@ class BrokenLoop:
     @cached_property
     def parts(self) -> tuple[np.ndarray, ...]:
         """E, B, C and D."""
-        return self.cut.open_in(FIRST, np.zeros(()))
+        return self.cut.open_alone()
 
     @cached_property
     def errors(self) -> tuple[np.ndarray, ...]:
         """Bounds on the errors of their entries."""
-        errors = self.cut.of_errors().open_in(FIRST, np.zeros(()))
+        errors = self.cut.of_errors().open_alone()
         if self.cut.integrates:  # which is read with a factor of exactly 1
             errors[2][..., -1] = 0.0
         return errors

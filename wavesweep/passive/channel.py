@@ -11,7 +11,7 @@ from wavesweep.engine.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.norms import NORM_TOLERANCE, TickMaps, reached, read, squared_norm
+from wavesweep.engine.norms import NORM_TOLERANCE, TickMaps, connected, squared_norm
 from wavesweep.haptics.controller_page import loop_drawing
 
 # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
@@ -126,7 +126,7 @@ def _between(ticks, runs, periods, batch, senders, receivers):
         C = block.C[..., received, :] * of_received
         D = (block.D[..., received, :] * of_received)[..., sent] / of_sent
         maps.append((block.E, B, C, D))
-    reachable = read(maps) & reached(maps)
+    reachable = connected(maps)
     return TickMaps.of(
         [
             (E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D)

@@ -13,7 +13,7 @@ from wavesweep.engine.frames import MarginalModes, Ticks, pole_inside
 from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.norms import reached, read
+from wavesweep.engine.norms import connected
 from wavesweep.engine.response import Bounded, Port
 from wavesweep.require.disc_panels import BAD, HALF_RIM
 from wavesweep.require.maps import over_frame
@@ -61,7 +61,7 @@ def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
 
 def needed(maps) -> np.ndarray:
     """The states that the input reaches and the signal depends on."""
-    states = np.flatnonzero(read(maps) & reached(maps))
+    states = np.flatnonzero(connected(maps))
     return states if states.size else np.arange(1)
 
 

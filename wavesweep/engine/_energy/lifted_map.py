@@ -146,10 +146,11 @@ def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     return closure([E for E, *_ in maps], at_once)
 
 
-def reached(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
-    """Whether each state depends on the inputs of some tick, `(n,)`."""
+def connected(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
+    """Whether inputs of some tick reach each state, and outputs read it, at once or later,
+    `(n,)`."""
     at_once = np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps])
-    return closure([E.mT for E, *_ in maps], at_once)
+    return read(maps) & closure([E.mT for E, *_ in maps], at_once)
 
 
 def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:

@@ -42,6 +42,62 @@ class Step:
     error: float
     tail: float
 
+    @staticmethod
+    def of(port: Port, most: int = MOST_SAMPLED_STATES) -> "Step":
+        """Return the step response of a single loop, given by its port between an input and a
+        signal (see `Port.between`).
+
+        The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n
+        more frames follow from A^n. In units in which no state exceeds 1, a power A^n of a size q <
+        1/2 shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`. So a change d of the states
+        between the last two frames moves no later sample by more than `S |d|`, and a residual r of
+        the recursion, which has the rounding and the errors of A and g, no sample by more than `S
+        |r|`. Errors: UsageError for a loop that is not stable, or that does not come to rest within
+        `most` samples times states, and for a signal that a constant input moves without end.
+        Accuracy: as bounded; the bounds themselves are computed to first order.
+        """
+        loop = Lifted.of(port)
+        ticks = port.kind.size
+        if port.outputs > 1 or ticks > MOST_STEP_TICKS or loop.lost.any():
+            fault = (
+                "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
+            )
+            expected = f"a signal that comes to rest, in frames of at most {MOST_STEP_TICKS} ticks"
+            raise UsageError(f"step: expected {expected}, found {fault}")
+        frame = Stretch.of(port)
+        rough = long_sum(ticks)
+        E, dE = frame.E
+        C, dC = (outputs[0] for outputs in frame.observability)
+        impulse = frame.impulse_map()
+        D = impulse.sum(-1)
+        dD = (frame.impulse_map(1) + rough * np.abs(impulse)).sum(-1)
+        into, of_into = frame.controllability
+        g = into.sum(-1)
+        dg = (of_into + rough * np.abs(into)).sum(-1)
+        moved = reached(g != 0, (E != 0).T)
+        E, dE = (matrix[np.ix_(moved, moved)] for matrix in (E, dE))
+        C, dC = (rows[:, moved] for rows in (C, dC))
+        g, dg = (column[moved] for column in (g, dg))
+        rest = _until_rest(E, g, C, D, most)
+        X = rest.states
+        later = np.vstack([X[1:], rest.after])
+        steps = X @ E.T + g
+        terms = np.abs(X) @ np.abs(E).T + np.abs(g)
+        rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
+        residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
+        of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
+        read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
+        error = rest.gain * float((residual / rest.unit).max(initial=0.0)) + float(read.max())
+        final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
+        if np.isnan(of_final * final):
+            # which all later frames have, but for the tail
+            final = float(rest.value[-1].mean())
+            error = error + rest.tail
+        else:
+            error = error + of_final * abs(final)
+        time_s = np.arange(rest.value.size) * port.period
+        return Step(time_s, rest.value.ravel(), port.period, ticks, final, error, rest.tail)
+
     @property
     def known(self) -> bool:
         """Whether the final value is known and is not 0, so that times and overshoot are shares
@@ -103,60 +159,6 @@ class Step:
         return float(self.time_s[at[0]]) if at.size else np.nan
 
 
-def step_of(port: Port, most: int = MOST_SAMPLED_STATES) -> Step:
-    """Return the step response of a single loop, given by its port between an input and a signal
-    (see `Port.between`).
-
-    The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n
-    more frames follow from A^n. In units in which no state exceeds 1, a power A^n of a size q < 1/2
-    shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`. So a change d of the states between
-    the last two frames moves no later sample by more than `S |d|`, and a residual r of the
-    recursion, which has the rounding and the errors of A and g, no sample by more than `S |r|`.
-    Errors: UsageError for a loop that is not stable, or that does not come to rest within `most`
-    samples times states, and for a signal that a constant input moves without end. Accuracy: as
-    bounded; the bounds themselves are computed to first order.
-    """
-    loop = Lifted.of(port)
-    ticks = port.kind.size
-    if port.outputs > 1 or ticks > MOST_STEP_TICKS or loop.lost.any():
-        fault = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
-        expected = f"a signal that comes to rest, in frames of at most {MOST_STEP_TICKS} ticks"
-        raise UsageError(f"step: expected {expected}, found {fault}")
-    frame = Stretch.of(port)
-    rough = long_sum(ticks)
-    E, dE = frame.E
-    C, dC = (outputs[0] for outputs in frame.observability)
-    impulse = frame.impulse_map()
-    D = impulse.sum(-1)
-    dD = (frame.impulse_map(1) + rough * np.abs(impulse)).sum(-1)
-    into, of_into = frame.controllability
-    g = into.sum(-1)
-    dg = (of_into + rough * np.abs(into)).sum(-1)
-    moved = reached(g != 0, (E != 0).T)
-    E, dE = (matrix[np.ix_(moved, moved)] for matrix in (E, dE))
-    C, dC = (rows[:, moved] for rows in (C, dC))
-    g, dg = (column[moved] for column in (g, dg))
-    rest = _until_rest(E, g, C, D, most)
-    X = rest.states
-    later = np.vstack([X[1:], rest.after])
-    steps = X @ E.T + g
-    terms = np.abs(X) @ np.abs(E).T + np.abs(g)
-    rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
-    residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
-    of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
-    read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
-    error = rest.gain * float((residual / rest.unit).max(initial=0.0)) + float(read.max())
-    final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
-    if np.isnan(of_final * final):
-        # which all later frames have, but for the tail
-        final = float(rest.value[-1].mean())
-        error = error + rest.tail
-    else:
-        error = error + of_final * abs(final)
-    time_s = np.arange(rest.value.size) * port.period
-    return Step(time_s, rest.value.ravel(), port.period, ticks, final, error, rest.tail)
-
-
 class _Rest(NamedTuple):
     """Frames of a loop from the step on until it is at rest.
 
@@ -176,7 +178,7 @@ class _Rest(NamedTuple):
 
 def _until_rest(E: np.ndarray, g: np.ndarray, C: np.ndarray, D: np.ndarray, most: int) -> _Rest:
     """Return the frames of `x[j+1] - x[j] = E x[j] + g`, samples `C x[j] + D`, by doubling their
-    number until they are at rest; see `step_of`."""
+    number until they are at rest; see `Step.of`."""
     power = E  # A^n - 1
     X = np.zeros((1, len(g)))  # states at the starts of n frames
     after = g  # and of the one after them

@@ -10,7 +10,6 @@ from wavesweep.engine.response import (
     Route,
     Step,
     ports_of_batch,
-    step_of,
 )
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -28,16 +27,16 @@ def routes_of(spec: Spec) -> list[Route]:
 
 def step_between(spec: Spec, route: Route, most: int = MOST_SAMPLED_STATES) -> Step:
     """The response of an output to a step of an input, route, both of [ports]. most, errors: see
-    `step_of`."""
+    `Step.of`."""
     _, port = next(ports_of_batch(own_loop(spec), 1, route))
-    return step_of(port, most)
+    return Step.of(port, most)
 
 
 def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
     """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is
     read.
 
-    The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
+    The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `Step.of`.
     """
     nominal = own_loop(spec)
     wires = []
@@ -55,4 +54,4 @@ def step_at(spec: Spec, signal: str, most: int = MOST_SAMPLED_STATES) -> Step:
     loop.refuse_unsuitable()
     drawn = loop.drawn()
     with drawn.naming_blocks():
-        return step_of(Port.between(drawn, ADDED, signal, loop.drift(watched=(signal,))), most)
+        return Step.of(Port.between(drawn, ADDED, signal, loop.drift(watched=(signal,))), most)
