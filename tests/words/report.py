@@ -35,7 +35,7 @@ COLUMNS = {  # of the table of intervals, by their heads
 }
 UP, DOWN = ("low", "fails_from"), ("high", "fails_below")  # how bounds are rounded
 TENTH_DIGITS = 1e-12  # relative: by which a rounded bound may miss one that has few digits
-THREE_DIGITS = 6e-3
+THREE_DIGITS = 6e-3  # relative: half of the third one, and what follows from it
 
 
 def last_digit(value, digits):
@@ -52,12 +52,15 @@ def hold_page(run, verdict):
     assert doubt or verdict["answer"] == "yes"
     if verdict["answer"] == "no":
         assert re.search(" not (stable|as required)", headline), headline
-    head, run.figure, run.word, run.cut = [], 0, "spec", ""
+    run.figure = 0
+    run.cut = ""
+    head = []
+    before = None
     rows = iter(run.rows)
-    before = ""
     for section, kind, text in texts:
         if section != before:
-            before, run.word = section, "spec"
+            before = section
+            run.word = "spec"
         if found := re.match(r".*? \((\w+)\):$", text):
             run.word = found[1]
         cells = [each.strip() for each in text.split("|")]
@@ -110,7 +113,7 @@ def question(run, start, stop, said):
     if found := re.search(r", for each of c = ([^,]*, [^,]*)(?=,|$)", said):
         assert [float(each) for each in found[1].split(", ")] == run.case.tables["sweep"]["c"], said
         said = said.replace(found[0], "")
-    assert ("as required" in said or "at" in said or run.case.level == 0) or f"{run.case.level:g}" in said, said
+    assert not run.case.level or f"{run.case.level:g}" in said, said
     return (start, stop) == (run.case.start, STOP) and of_members(run, said)
 
 
@@ -179,16 +182,15 @@ def place(run, said):
     "report",
 )
 def grows_beyond(run, said, K, eigenvalue, more, hz, seconds):
-    c = re.search(rf"c = {N}", said or "")
-    numbers = run.case.tables["numbers"]
-    z = pole(run, numbers["n"], float(c[1]) if c else numbers["c"], K)
+    n = run.case.own_length
+    found = re.search(rf"c = {N}", said or "")
+    c = float(found[1]) if found else run.case.tables["numbers"]["c"]
+    z = pole(run, n, c, K)
     assert near(eigenvalue, z, 1e-5), (eigenvalue, z)
     # K has seven digits, so what is beyond 1 has fewer.
-    spare = 1e-6 * abs(
-        K * (pole(run, numbers["n"], numbers["c"], K * 1.001) - pole(run, numbers["n"], numbers["c"], K)) / K / 0.001
-    )
+    spare = 1e-6 * abs(pole(run, n, c, K * 1.001) - z) / 0.001
     assert abs(more - (abs(z) - 1)) <= spare + THREE_DIGITS * more, (more, z)
-    frame = numbers["n"] * T
+    frame = n * T
     assert abs(frame / seconds - log(abs(z))) <= spare + THREE_DIGITS * log(abs(z)), (seconds, z)
     return abs(z) > 1 and (z > 0 if hz is None else near(hz, 0.5 / frame, 1e-3))
 
@@ -267,34 +269,30 @@ def steps(run):
     return [1 - z**frame for frame in range(4000)]
 
 
+def is_time(run, frames, time, unit):
+    """Whether a printed time is that of so many samples of the signal that is cut, or of a tick in place of none."""
+    return near(time / (1e3 if unit == "ms" else 1), frames * own(run)[1] or T, 1e-3)
+
+
 @shape(rf"rise time (?:< )?{N} (m?s)", "drawn")
 def rises(run, time, unit):
     """From the first sample above a tenth to the first above nine tenths; within a tick it is said that it is shorter."""
     shares = steps(run)
     first, second = (next(frame for frame, share in enumerate(shares) if share >= level) for level in (0.1, 0.9))
-    seconds = time / (1e3 if unit == "ms" else 1)
-    frame = frame_of_cut(run)
-    return near(seconds, (second - first) * frame or T, 1e-3)
-
-
-def frame_of_cut(run):
-    """Seconds between samples of the signal that is cut."""
-    return own(run)[1]
+    return is_time(run, second - first, time, unit)
 
 
 @shape(rf"within 2 % after {N} (m?s)", "drawn")
 def settled_drawn(run, time, unit):
-    shares = steps(run)
-    away = [frame for frame, share in enumerate(shares) if abs(share - 1) > 0.02]
-    seconds = time / (1e3 if unit == "ms" else 1)
-    return near(seconds, (away[-1] + 1) * frame_of_cut(run), 1e-3)
+    away = [frame for frame, share in enumerate(steps(run)) if abs(share - 1) > 0.02]
+    return is_time(run, away[-1] + 1, time, unit)
 
 
 @shape(rf"overshoot {N} % at {N} (m?s)", "drawn")
 def overshoots(run, share, time, unit):
     shares = steps(run)
-    seconds = time / (1e3 if unit == "ms" else 1)
-    return near(share, 100 * (max(shares) - 1), 1e-3) and near(seconds, shares.index(max(shares)) * frame_of_cut(run), 1e-3)
+    most = max(shares)
+    return near(share, 100 * (most - 1), 1e-3) and is_time(run, shares.index(most), time, unit)
 
 
 @shape(r"gain 1", "drawn")

@@ -184,6 +184,7 @@ def of_members(run, said):
     """
     case, members = run.case, run.case.members
     asked = case.tables.get("for_all", {})
+    said = re.sub(r"\.(?= |$)", "", said)  # at the end of a sentence, where it is no part of a number
 
     def values(found):
         assert "start" not in asked.get(found[1], {}), said
