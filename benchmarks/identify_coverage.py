@@ -271,8 +271,9 @@ def simulated(kind, logs, seed, seconds):
 def outcome(kind, log_of_kind):
     """Which intervals of a log contain the truth, by name, the error of the mass, half its interval, and CPU seconds.
 
-    Of a log whose numbers have no intervals, what is missing in place of the first. Where that is friction, it is fitted again
-    with it, as the command says to do.
+    Of a log whose numbers have no intervals, what is missing in place of the first. Where that is friction or a resonance, it
+    is fitted again with it, as the command says to do; the truth is then that of two masses. The command refuses two masses
+    of which load or coupling may be anything within a factor of two: "open".
     """
     _, _, measured = kind.partition(", of ")
     truth = log_of_kind.truth
@@ -285,12 +286,17 @@ def outcome(kind, log_of_kind):
         fit, verdict = identified(model, *log_again)
         if verdict.withheld and verdict.missing == "friction" and not rubs:
             fit, verdict = identified(replace(model, friction=True), *log_again)
+        if verdict.withheld and verdict.missing == "resonance" and log_of_kind.hung:
+            truth = log_of_kind.hung | {"delay": truth["delay"]}
+            fit, verdict = identified(replace(model, load=True), *log_again)
     except UsageError:
         return {"inside": "refused", "seconds": time.process_time() - started}
     used = time.process_time() - started
     if verdict.withheld:
         return {"inside": verdict.missing, "seconds": used}
     reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
+    if any(2 * reach.get(name, 0.0) > log(2) for name in ("log_load", "log_coupling")):
+        return {"inside": "open", "seconds": used}
     found = dict(zip(fit.model.names, fit.theta, strict=True))
     truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
     known = [name for name in found if name in truth and reach[name] < np.inf]

@@ -7,7 +7,7 @@ curve (F_s above F_c) the friction is held over a sixteenth of a tick. h is the 
 does not have. It shares no code with the package.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,7 +36,10 @@ FORCES = {"chirp": 10.0, "noise": 60.0, "steps": 20.0, "sines": 10.0}  # acceler
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """A log with the numbers of its device (SI), the delay in ticks, and the step of its encoder."""
+    """A log with the numbers of its device (SI), the delay in ticks, and the step of its encoder.
+
+    hung: the numbers of the two masses, if a part of the mass hangs on a spring.
+    """
 
     truth: dict[str, float]
     force: np.ndarray
@@ -44,6 +47,7 @@ class SimulatedLog:
     period: float
     step: float
     force_kind: str
+    hung: dict[str, float] = field(default_factory=dict)
 
 
 def force_of(kind: str, ticks: int, period: float, source: np.random.Generator) -> np.ndarray:
@@ -257,10 +261,13 @@ def of_curves(kind: str, logs: int, seed: int, seconds: float, measured: str = "
     reading = steps * np.round(places / steps)
     named = zip(mass, damping, delay, strict=True)
     truths = [dict(zip(("mass", "damping", "delay"), map(float, each), strict=True)) for each in named]
-    return [
-        SimulatedLog(truth, force[:, at], reading[:, at], period, float(steps[at]), kinds[at])
-        for at, truth in enumerate(truths)
-    ]
+    of_two = np.stack([mass - hung, damping, hung, 0.0 * hung, spring, losses])
+    names = ("mass", "damping", "load_mass", "load_damping", "coupling_stiffness", "coupling_damping")
+    made = []
+    for at, truth in enumerate(truths):
+        two = dict(zip(names, map(float, of_two[:, at]), strict=True)) if kind == "resonance" else {}
+        made.append(SimulatedLog(truth, force[:, at], reading[:, at], period, float(steps[at]), kinds[at], two))
+    return made
 
 
 def _usual_speed(mass, damping, force, period):

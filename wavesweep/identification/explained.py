@@ -40,6 +40,8 @@ SWINGING = 0.25  # share of the mass that takes part in it
 # expected significance at which an effect is seen in spite of errors of three sigmas
 SURE_SIGNIFICANCE = 8.0
 NEARLY = 0.95  # share of a force that a curve has to explain to be fitted beside the numbers
+# share of the force of the log, beyond which a force that nothing explains leaves no interval
+MUCH = 0.5
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
@@ -161,6 +163,10 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     if best is not None:
         share = float(1 - best.left / force)
     withheld = bool(share > NAMED_SHARE)
+    # As much force as the log has itself may be that of a motion that no model here has. A log that
+    # leaves the mass open has its own refusal.
+    open_mass = float((fit.half + fit.extra)[0]) > np.log(3) / 2
+    much = not open_mass and force > MUCH * float(np.std(rows.force[first:end]))
     if withheld:
         name = best.name
         tone_hz = best.tone_hz
@@ -172,6 +178,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         if curved.rms < np.inf:
             fit = _beside(fit, found, curved)
             withheld = False
+    withheld = withheld or (much and name == "force")
     left = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
     rms = float(np.sqrt(np.mean(left**2)))
