@@ -21,22 +21,24 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="worker processes")
     parser.add_argument("--ticks", type=int, default=120, help="of a simulation")
     parser.add_argument("--ends", type=int, default=1, help="ends and responses of each so manieth spec alone")
+    parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     numbers = range(chosen.seed, chosen.seed + chosen.specs)
-    work = partial(attempt, chosen.ticks, chosen.ends)
+    work = partial(attempt, chosen.ticks, chosen.ends, chosen.ends * chosen.required)
     if chosen.jobs == 1:
         sys.exit(tally(map(work, numbers)))
     with ProcessPoolExecutor(chosen.jobs) as pool:
         sys.exit(tally(pool.map(work, numbers, chunksize=8)))
 
 
-def attempt(ticks: int, ends: int, number: int) -> tuple[int, list[Found], str]:
+def attempt(ticks: int, ends: int, required: int, number: int) -> tuple[int, list[Found], str]:
     """(number, comparisons, why there are none)."""
     text = spec_text(number)
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return number, judge(text, compiled(text, folder), ticks, whole=number % ends == 0), ""
+            loop = compiled(text, folder)
+            return number, judge(text, loop, ticks, whole=number % ends == 0, required=number % required == 0), ""
         except Exception:  # noqa: BLE001 what goes wrong is a finding, and the others are still to run
             return number, [], traceback.format_exc()
 

@@ -94,7 +94,7 @@ def peak(lifted, low: float, high: float, size_at) -> float | None:
 
     None if it grows without end towards 0, as of what drifts.
     """
-    if low == STILL and size_at(STILL / 4) > 2 * size_at(STILL):
+    if size_at(STILL / 4) > 2 * size_at(STILL):
         return None
     count = len(lifted[3])
     turns = abs(np.angle(np.linalg.eigvals(lifted[0])))

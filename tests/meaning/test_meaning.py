@@ -77,11 +77,11 @@ def test_the_interpreter_finds_published_limits(tables, limit):
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, SPECS, EACH))
 def test_random_specs_mean_the_same(first, tmp_path):
-    """Radius and simulation of each; ends and responses of each fifth, which take longer."""
+    """Radius and simulation of each; ends and responses of each seventh, which take longer."""
     differ = []
     for number in range(first, first + EACH):
         text = spec_text(number, quick=True)
-        found = judge(text, compiled(text, tmp_path), whole=number % 5 == 0, required=False)
+        found = judge(text, compiled(text, tmp_path), whole=number % 7 == 0, required=False)
         differ += [(number, one.what, one.mine, one.theirs) for one in found if not one.same]
     assert differ == []
 
@@ -157,7 +157,7 @@ def test_a_sum_that_nothing_reads_counts_beside_a_line_of_waves(tmp_path, kind):
     """An impulse in each tick is a gain, and so is an integral without a gain; "no K" was certified of stable loops."""
     text = TWO_DRIFTS.replace('"impulse"', kind)
     loop = compiled(text, tmp_path)
-    assert [one for one in judge(text, loop) if not one.same] == []
+    assert [one for one in judge(text, loop, required=False) if not one.same] == []
     table = loop.stable_intervals()
     assert table[["low", "high"]].to_numpy().tolist() == [[0.0, 100.0]]
     assert table["certified"].all()
