@@ -65,10 +65,9 @@ class Case:
         for kind, table in self.wanted.items():
             if kind == "margins":
                 lifted = at_cut(changed, table["cut"])
-                margins = [(margin, level) for margin, level in table.items() if margin != "cut"]
-                for margin, level in margins:
-                    share = responses.at_cut(margin, level, lifted, self.drift)
-                    found.append(None if share is None else share - 1)
+                (margin,) = set(table) - {"cut"}
+                share = responses.margin_used(margin, table[margin], lifted, self.drift)
+                found.append(None if share is None else share - 1)
             elif isinstance(table, dict):
                 found.append(missed_by(machine, kind, table))
         if None in found:

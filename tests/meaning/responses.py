@@ -154,7 +154,7 @@ def worst_factor(lifted, drift: int, factors) -> float:
     return float(max(*sizes, -found.fun))
 
 
-def at_cut(kind: str, wanted: float, lifted, drift: int) -> float | None:
+def margin_used(kind: str, wanted: float, lifted, drift: int) -> float | None:
     """What has to be below 1 for a margin at a cut: peaks over their levels, or the radius of the worst factor."""
     if kind in {"Ms", "disk"}:
         largest = sensitivity(lifted, 0.5 if kind == "disk" else 0.0)
