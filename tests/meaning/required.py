@@ -254,6 +254,8 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
     table: dict = {"from": sources[int(random.integers(len(sources)))], "to": names[int(random.integers(len(names)))]}
     if kind == "gain":
         table |= _band(random, ticks, float(machines[0].schedule.period))
+    if any(responses.drifts(lifted_of(machine, table)) for machine in machines):
+        return {}
     seen = [value_of(machine, kind, table) for machine in machines]
     levels = [value for value in seen if value is not None and value > 1e-6]
     if not levels:
@@ -304,7 +306,7 @@ def of_cut(random, case: Case, stable, ticks: int) -> dict:
     for value in stable[:2]:
         lifted = at_cut(with_value(case.tables, case.along, float(value)), cut)
         found = responses.sensitivity(lifted, size)
-        if found is None:  # the cut moves what drifts
+        if found is None or responses.drifts(lifted):
             return {}
         peaks.append(found)
     if kind == "gain":

@@ -15,6 +15,7 @@ FREQUENCIES = 200  # of a grid, beside the angles of all modes, about whose best
 BEST = 4
 FACTORS = 25  # of a range, at which the radius is looked at
 STILL = 1e-5  # rad; nearer to 0 modes at 1 that nothing reads leave no digits
+AT_REST = 1e-9  # of the largest change of memory in a period, below which it stays as it is
 MOVES = 1e-9  # of a final value, by which it may differ from tick to tick
 
 
@@ -81,6 +82,23 @@ def rms(pulses) -> float:
 
 
 IN_TIME = {"overshoot": overshoot, "peak_to_peak": peak_to_peak, "rms": rms}  # and step_settling
+
+
+def drifts(lifted) -> bool:
+    """Whether the outputs have another value for memory that stays as it is without an input, or moves such memory alone."""
+    A, _, C, _ = lifted
+    change = A - np.eye(len(A))
+    stays = _kernel(change)
+    moves = _kernel(np.hstack([change, stays]))[: len(A)]
+    found = np.hstack([stays, moves])
+    return bool((abs(C @ found) > AT_REST * abs(C).max()).any())
+
+
+def _kernel(matrix) -> np.ndarray:
+    """Columns that it takes to nothing."""
+    _, sizes, directions = np.linalg.svd(matrix)
+    filled = np.append(sizes, np.zeros(len(directions) - len(sizes)))
+    return directions[filled < AT_REST * sizes.max(initial=1.0)].T
 
 
 def at_angle(lifted, angle: float) -> np.ndarray:

@@ -819,6 +819,10 @@ def test_names_that_a_loop_does_not_have_and_outputs_that_drift_are_refused():
     free["wire"]["p.u"] = "K*(ref - p.y)"
     with pytest.raises(UsageError, match=r"gain\.to: expected an output that comes to rest, found place, which drifts"):
         wavesweep.compile(free).stable_intervals(require=bounded("ref", "place", 1.0))
+    free["block"] = free["block"] | {"far": {"type": "integrator"}, "change": {"type": "difference"}}
+    free["wire"] |= {"far.u": "p.y", "change.u": "far.y", "p.u": "K*(ref - p.y - change.y)"}
+    with pytest.raises(UsageError, match=r"margins\.cut: expected a signal that comes to rest, found 'far\.y', which drifts"):
+        wavesweep.compile(free).stable_intervals(require={"margins": {"cut": "far.y", "Ms": 2.0}})
 
 
 @pytest.mark.slow

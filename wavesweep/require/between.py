@@ -50,8 +50,8 @@ def typical_between(loops: Loops, along: str, span, size: int, route, key: str):
         if f"{BLOCK}.u" in wires:  # see at_cut
             cut = wires[f"{BLOCK}.u"][0][0]
             raise UsageError(
-                "sweep.require.margins.cut: expected a signal that moves nothing that drifts, "
-                f"found {cut!r}, which moves what drifts"
+                "sweep.require.margins.cut: expected a signal that comes to rest, "
+                f"found {cut!r}, which drifts"
             )
         output = route[1].removeprefix(OUTPUT)
         expected = "expected an output that comes to rest"
