@@ -169,7 +169,7 @@ def versions(run, said):
 
 
 def place(run, said):
-    """Of which member a line is: the other number, and whether it is of the spec."""
+    """Of which member a line is, as the beginning of a refuter; of whose rows, by their name, is kept."""
     found = re.search(rf"\bc = {N}", said)
     legends = {"proved for all": "for_all", "proved in mean square": "mean_square"}
     run.word = next((word for legend, word in legends.items() if legend in said), "spec")
@@ -207,9 +207,9 @@ def fails_beyond(run, said, K, refuter):
 # Figures.
 
 
-@shape(rf"largest(?:,? (?:proved for all|[a-z ]*))?: (over )?{N}(?:, from {N})?", "drawn")
-def largest_drawn(run, over, high, low):
-    run.word = "for_all" if "for_all" in run.claims else run.word
+@shape(rf"largest([a-z, ]*): (?:over )?{N}(?:, from {N})?", "drawn")
+def largest_drawn(run, of, high, low):
+    place(run, of)
     truth = max(map(greatest, run.sets()))
     assert high <= truth * (1 + TENTH_DIGITS), (high, truth)
     assert near(high, truth, 1e-2 if run.word == "for_all" else 2e-4), (high, truth)
