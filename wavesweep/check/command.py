@@ -318,18 +318,15 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    possible = set()
-    for line in plan:
-        if line.startswith("  ") and ": not possible" not in line:
-            possible.add(line.partition(":")[0].strip())
+    told = [line for line in plan if line.startswith("  ") and ": not possible" not in line]
+    possible = {line.partition(":")[0].strip() for line in told}
     name = shlex.quote(spec.source or spec.name)
     stable = verdict["stable"]
     drawing = spec.drawing
     regions = [command for command in ("zwidth", "stability-region") if command in possible]
     region = regions[0] if regions else ""
-    doubts = [
-        limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in DOUBTS.keys() - {""}
-    ]
+    known = DOUBTS.keys() - {""}
+    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in known]
     steps = []
     if doubts:
         steps.append((f"explain {doubts[0]}", "what this doubt means, and what helps"))

@@ -105,6 +105,15 @@ class Line:
             value = best + 0.5 * (beyond - best)
         return best
 
+    def _seed(self, low, high):
+        """A value between others at which a multiplier is found with some margin; None without."""
+        for share in SEEDS:
+            value = low + share * (high - low)
+            _, margin = self.sampled.multiplier(self.walls.at(value))
+            if margin > LEAST_SHARE:
+                return value
+        return None
+
     def stretch(self, low: float, high: float) -> Stretch | None:
         """The stretch that is proved within (low, high); None if none is found.
 
@@ -113,20 +122,15 @@ class Line:
         """
         motion = motion_beyond(self.walls, low, high)
         ceiling = motion.value if motion else high
-        whole = self.proved(
-            low, low + (1 - ROOM_BEFORE_MOTION) * (ceiling - low) if motion else high
-        )
+        below_motion = low + (1 - ROOM_BEFORE_MOTION) * (ceiling - low)
+        whole = self.proved(low, below_motion if motion else high)
         if whole is not None:
             return Stretch((whole,))
-        values = [low + share * (ceiling - low) for share in SEEDS]
-        margins = (self.sampled.multiplier(self.walls.at(value))[1] for value in values)
-        serves = (
-            value for value, margin in zip(values, margins, strict=True) if margin > LEAST_SHARE
-        )
-        seed = next(serves, None)
+        seed = self._seed(low, ceiling)
         if seed is None:
             return None
-        bottom, top = self.end(seed, low), self.end(seed, ceiling)
+        bottom = self.end(seed, low)
+        top = self.end(seed, ceiling)
         pieces: list[Piece] = []
         for back in BACK:
             at = pieces[-1].low if pieces else top - back * (top - bottom)

@@ -127,6 +127,20 @@ def _least_explained_part(found, rows):
     return first, first + SAMPLES_TRIED
 
 
+def _with_curves(model, bare, count):
+    """Yield the effects that are curves of the motion, of so many rows, beside a fit without."""
+    curves = list(CURVES)
+    # Beside friction that which depends on direction is a constant force, which the walk has.
+    if model.friction:
+        curves.remove("sided friction")
+    for number, name in enumerate(curves, 1):
+        FIT_LOGGER.info(LACKING, name, number, len(curves))
+        beside = with_curve(name, bare.place)
+        if beside.force < np.inf:
+            likelier = count * np.log(bare.rms / beside.rms)
+            yield Effect(name, likelier, beside.force, moved=beside.theta - bare.theta)
+
+
 def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     """What a fit by predictions lacks: the effect without which most is left of the innovations, or
     else a force.
@@ -144,17 +158,8 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         force = bare.force
         count = end - first
         seen = count * np.log(forceless(bare.place) / bare.rms) > LIKELIER
-        curves = list(CURVES) if seen and not fit.model.load else []
-        # Beside friction that which depends on direction is a constant force, which the walk has.
-        if fit.model.friction and curves:
-            curves.remove("sided friction")
-        for number, name in enumerate(curves, 1):
-            FIT_LOGGER.info(LACKING, name, number, len(curves))
-            beside = with_curve(name, bare.place)
-            if not beside.force < np.inf:
-                continue
-            likelier = count * np.log(bare.rms / beside.rms)
-            effects.append(Effect(name, likelier, beside.force, moved=beside.theta - bare.theta))
+        if seen and not fit.model.load:
+            effects += _with_curves(fit.model, bare, count)
     effects = [effect for effect in effects if effect.likelier > LIKELIER and seen]
     best = _best(effects)
     name = "force" if seen else "noise"

@@ -184,6 +184,14 @@ class TickSums:
             self._programs[key] = self._made(*key)
         return self._programs[key]
 
+    def _of_device(self, terms: Sum) -> Sum:
+        """A sum in which outputs of the device are what it does, and not what is sensed of it."""
+        found = []
+        for gain, name in terms:
+            block = name.rpartition(".")[0]
+            found.append((gain, actual(name) if block in self.host else name))
+        return tuple(found)
+
     def _made(self, kind: int, arriving: frozenset[str], touching: bool) -> Program:
         running = self.sets[kind]
         wires = self.loop.wires if touching else self.loop.away
@@ -210,12 +218,10 @@ class TickSums:
                 moves.append((self.place(f"{block.name}.{source}"), first, first + len(names)))
         self._add_pushed_apart(sums, wires)
         for name in self.loop.signals:
-            sums[name] = self._read(wires[name], slow=False)
             if name in (POSITION, VELOCITY):
-                sums[name] = tuple(
-                    (gain, actual(s) if s.rpartition(".")[0] in self.host else s)
-                    for gain, s in wires[name]
-                )
+                sums[name] = self._of_device(wires[name])
+            else:
+                sums[name] = self._read(wires[name], slow=False)
         for name in sorted(arriving):
             sums[arrived(name)] = ((1.0, name),)
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}

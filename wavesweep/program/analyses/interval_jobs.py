@@ -359,13 +359,13 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         loops.domain(axis.path, query.span)
-    orders = []
+    found = []
     if index.size <= REMEMBERED_LOOPS:
         orders = _orders_of_few(spec, query, changes, index.size, resolved)
-    ways = [Way.CUT] * len(orders)
-    if not orders:
+        found = [(order, Way.CUT) for order in orders]
+    if not found:
         found = [_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]]
-        orders, ways = zip(*found, strict=True)
+    orders, ways = zip(*found, strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
     most = MOST_DRAWN if spec.drawing else MOST
