@@ -17,7 +17,7 @@ from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 
-HALVINGS = 30  # towards the end of what a spec takes
+HALVINGS_TO_END = 30  # towards the end of what a spec takes
 FEW = 8  # towards the end of where it has loops, as an angle has up to a pole
 # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3
 # s
@@ -27,7 +27,7 @@ SECONDS, LONG = (
     1.0,
 )  # that another range may take, see `IntervalQuery`, from a cut and by panels
 # share of a number that a pose depends on, or of its range about 0, that is searched
-NEAR = 0.02
+NEAR_POSE = 0.02
 HARDLY = 1e-3  # of that
 LATE = "it takes longer than check does"
 # of the way to where the range of a key ends, that is left out if it cannot be decided
@@ -105,7 +105,7 @@ def _narrower(spec, name, path, value, span):
     def takes(end: float) -> object:
         return spec.with_values({path: end})
 
-    for attempt, times in ((takes, HALVINGS), (makes_loops, FEW)):
+    for attempt, times in ((takes, HALVINGS_TO_END), (makes_loops, FEW)):
         less = tuple(_reached(attempt, value, end, times) for end in span)
         if less != span and less[0] < less[1]:
             return less
@@ -168,17 +168,17 @@ def _poses(spec, path):
 
 
 def _next_to(spec, path, value, span):
-    """The part of a range that is NEAR the value of a number that a pose depends on, in which no
+    """The part of a range that is near (NEAR_POSE) the value of a number that a pose depends on, in which no
     pose is singular.
 
     Panels crowd towards a singular pose.
     """
     if value == 0:
         span = tuple(
-            _reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS)
+            _reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS_TO_END)
             for end in span
         )
-    away = NEAR * (abs(value) or min(map(abs, span)))
+    away = NEAR_POSE * (abs(value) or min(map(abs, span)))
     tiny = HARDLY * away
     low, high = own_loop(spec, path).domain(path, (value - tiny, value + tiny))
     return max(span[0], low, value - away), min(span[1], high, value + away)

@@ -17,7 +17,7 @@ import numpy as np
 from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
 from wavesweep.engine.doubles import EPS
 
-ROUNDS = 200  # of the enclosure of all rests
+ROUNDS_OF_RESTS = 200  # of the enclosure of all rests
 ROOM = 1e-3  # of an enclosure that is tried, on each side
 TINY_ROOM = 1e-13  # of the largest entry, in addition
 SPREAD = 2  # directions in which rests differ that are vertices; the others are errors
@@ -181,7 +181,7 @@ def _rests_in(frames, T) -> _Rests | None:
     except np.linalg.LinAlgError:
         return None
     high = low.copy()
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS_OF_RESTS):
         off = moved_error + M_error @ np.maximum(np.abs(low), np.abs(high))
         off = off + rounding * (np.abs(moved) + np.abs(M) @ np.maximum(np.abs(low), np.abs(high)))
         least = (moved + above @ low + below @ high - off).min(0)

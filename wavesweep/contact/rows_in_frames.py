@@ -19,8 +19,8 @@ from wavesweep.engine.poles import count_outside
 
 FRAMES_AHEAD = (0, 1, 2)  # that a node knows; proofs begin with the first
 MOST_CONDITIONS = 150  # of a proof
-HALVINGS = 14  # of the range, down to where a first proof is tried
-BISECTIONS = 7  # of the end of a proof
+HALVINGS_OF_RANGE = 14  # of the range, down to where a first proof is tried
+BISECTIONS_OF_END = 7  # of the end of a proof
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
 # tried; times the share after a piece that is proved, or is not.
@@ -222,14 +222,14 @@ class Along:
                 return self._down(found, ceiling - share * way, low), ceiling - share * way
         start = 0.0
         above = ceiling
-        for halved in range(1, HALVINGS):
+        for halved in range(1, HALVINGS_OF_RANGE):
             start = low + way / 2**halved
             if self.loop.found(self.wall(start)):
                 break
             above = start
         else:
             return None
-        for _ in range(BISECTIONS):
+        for _ in range(BISECTIONS_OF_END):
             middle = (start + above) / 2
             if self.loop.found(self.wall(middle)):
                 start = middle

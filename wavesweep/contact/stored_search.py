@@ -15,7 +15,7 @@ import numpy as np
 
 from wavesweep.contact.stored_check import Conditions, Stored, Terms
 
-STEPS = 90  # of Newton
+NEWTON_STEPS = 90  # of Newton
 ENOUGH = 1e-7  # t with which a search ends; forces are of size 1
 BOUNDED = 1.0  # weight of the trace of all forms, which keeps those bounded that F does not bound
 CENTRED_DECREMENT = 0.1  # of Newton, squared, below which s grows
@@ -183,7 +183,7 @@ def find_stored(
     if factors is None:
         return None
     path: list[float] = []  # t after each step since s was changed
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         step, descent = barrier.newton_step(x, factors)
         lower = barrier.lower_point(x, factors, step, descent)
         if lower is None:

@@ -20,8 +20,8 @@ from numpy.polynomial import legendre
 GAUSS_NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
 HIGH = 4  # coefficients of a piece that have to be small
 # pieces of the bands of points that are looked at together, so that their arrays stay small
-POINTS_AT_ONCE = 4096
-PIECES = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
+PIECES_AT_ONCE = 4096
+PIECES_OF_BAND = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
 # sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
 CLEAR_ELLIPSE = 1.25
 # the same of that about the zeros and poles of which it is divided otherwise
@@ -109,10 +109,10 @@ def over_band(
             for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))
         ]
 
-    for count in PIECES:
+    for count in PIECES_OF_BAND:
         edges = np.linspace(*ends, count + 1)
         open_ = []
-        for batch in np.array_split(some, len(some) * count // POINTS_AT_ONCE + 1):
+        for batch in np.array_split(some, len(some) * count // PIECES_AT_ONCE + 1):
             if batch.size:
                 open_ += look(edges, batch)
         some = np.array([at[0] for at, *_ in open_], int)

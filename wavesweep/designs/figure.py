@@ -35,7 +35,7 @@ from wavesweep.program.plots.style import (
 from wavesweep.program.tables.columns import fields
 
 # inches above and below each panel, so that what stands below one and above the next do not meet
-BETWEEN = 0.07
+BETWEEN_PANELS = 0.07
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
@@ -70,7 +70,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
     across = 1 if is_narrow() else min(_ACROSS, len(varied))
     down, nominal = -(-len(varied) // across), facts.get("own", {})
     with figure(TWO_COLUMNS, 2.8 + 1.3 * down) as canvas:
-        canvas.get_layout_engine().set(h_pad=BETWEEN)
+        canvas.get_layout_engine().set(h_pad=BETWEEN_PANELS)
         grid = canvas.add_gridspec(1 + down, across, height_ratios=[2.2, *[1] * down])
         front, order = canvas.add_subplot(grid[0, :]), np.argsort(columns[x], kind="stable")
         _draw_front(front, columns, order, nominal, {name: _label(name, facts) for name in (x, y)})
@@ -154,7 +154,7 @@ def _draw_few(
     across = 1 if is_narrow() else 2
     down, row = -(-len([*wishes, *varied]) // across), 0.65 + 0.17 * len(designs)
     with figure(TWO_COLUMNS, row * down + 2.4 * hand) as canvas:
-        canvas.get_layout_engine().set(h_pad=BETWEEN)
+        canvas.get_layout_engine().set(h_pad=BETWEEN_PANELS)
         grid = canvas.add_gridspec(
             down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand]
         )

@@ -26,10 +26,10 @@ LEAST_PLACES = 6  # places of a kind; with fewer a population is not divided by 
 GENERATIONS_APART = 0.45  # of the generations, each kind of design by itself
 LOOKS = (GENERATIONS_APART, 0.7, 0.85)  # of the generations, after which the best are examined
 LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
-SHARES = (0.3, 1.0)  # of the genes that a child takes from a difference
+SHARES_OF_GENES = (0.3, 1.0)  # of the genes that a child takes from a difference
 FACTORS = (0.2, 1.0)  # least and largest share of a difference
 MUTATED = 0.5  # genes of a child, on average
-REACH = (-3.0, -0.5)  # decimal logarithms of the least and the largest size of a mutation
+MUTATION_REACH = (-3.0, -0.5)  # decimal logarithms of the least and the largest size of a mutation
 # of a generation, drawn uniformly anew: what the others have all left behind can be found again
 FRESH = 0.06
 TAKEN = 2  # places that take over a child at most, so that one design does not fill all
@@ -167,11 +167,11 @@ def _children(parents, places, rng):
     base = np.where(rng.random(count) < 0.5, every, third)
     difference = parents[first] - parents[second]
     moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * difference
-    crossed = rng.random(parents.shape) < rng.choice(SHARES, (count, 1))
+    crossed = rng.random(parents.shape) < rng.choice(SHARES_OF_GENES, (count, 1))
     crossed[every, rng.integers(genes, size=count)] = True
     x = np.where(crossed, moved, parents)
     mutated = rng.random(x.shape) < MUTATED / genes
-    x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*REACH, (count, 1))
+    x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*MUTATION_REACH, (count, 1))
     reflected = 1 - np.abs(1 - np.abs(x))
     x = np.clip(reflected, 0.0, 1.0)
     fresh = rng.random(count) < FRESH

@@ -72,7 +72,7 @@ FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
 COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
 # values between two of a range: the most of these with which the combinations are few
-BETWEEN = (63, 15, 7, 3)
+VALUES_BETWEEN = (63, 15, 7, 3)
 MOST_OFTEN_LOOKED_AT = 20  # at most, of those that the search looks at from time to time
 MOST_LAST_COMBINATIONS = 256  # at most, of those of the last check
 
@@ -428,7 +428,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
 def _between(spec, most: int) -> int:
     """The largest number of values between two of each range with which there are at most so
     many combinations, or 0."""
-    return next((number for number in BETWEEN if count_of(spec, number) <= most), 0)
+    return next((number for number in VALUES_BETWEEN if count_of(spec, number) <= most), 0)
 
 
 def _refuse_unreachable(spec, wishes):

@@ -44,8 +44,9 @@ PROOF_BITS = 192
 MOST_UNKNOWNS = 1500  # unknown numbers of the stored energies, which take some seconds
 X, PUSH, FORCE = 0, 1, 2  # states of a loop with a ruler
 LONGEST = 3  # frames of a pattern
-TRIED = 96  # patterns of two and of three frames that are looked at
-NEAR = 1e-4  # share of LEAST and what is proved, within which no longer patterns are looked at
+PATTERNS_TRIED = 96  # patterns of two and of three frames that are looked at
+# share of LEAST and what is proved, within which no longer patterns are looked at
+NEAR_ENOUGH = 1e-4
 LEAST = 0.01  # N*s/m
 ROOM_OF_DAMPING = 1e-12  # of the damping, for the rounding of a product
 
@@ -201,9 +202,9 @@ class EveryHand:
                 (self._needed_by(word, maps) for word in longer), key=lambda each: -each[0]
             )
             best = max(best, needs[0], key=lambda each: each[0])
-            if best[0] >= proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
+            if best[0] >= proved - NEAR_ENOUGH * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
-            beam = [word for _, word, _ in needs[: max(1, TRIED // len(self.words))]]
+            beam = [word for _, word, _ in needs[: max(1, PATTERNS_TRIED // len(self.words))]]
         return best
 
     def _needed_by(self, word, maps):

@@ -25,7 +25,7 @@ from wavesweep.program.tables.table import Table
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 LENGTHS_SHOWN = 8  # lengths in a summary, and lengths after each
 LATEST = 0.9  # share of ticks that are shorter than those that are called late
-FINEST = 1e-6  # of a tick: a lateness that is none
+FINEST_LATENESS = 1e-6  # of a tick: a lateness that is none
 MOST_FRAME_LENGTHS = 64  # values of a number that varies in [for_all]
 # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
 MOST_NEXT = 20
@@ -123,7 +123,9 @@ def _own_ticks(run: MeasuredFrames, fast_hz: float) -> dict[str, Any]:
     tick after one of the latest tenth."""
     nominal = 1 / fast_hz
     lengths = run.ticks * nominal
-    step = 10.0 ** (floor(log10(max(np.abs(lengths - nominal).max(), FINEST * nominal))) - 2)
+    step = 10.0 ** (
+        floor(log10(max(np.abs(lengths - nominal).max(), FINEST_LATENESS * nominal))) - 2
+    )
     longest = int(lengths.argmax())
     late = np.flatnonzero(lengths[:-1] >= np.quantile(lengths, LATEST))
     return {

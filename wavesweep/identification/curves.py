@@ -31,7 +31,7 @@ from wavesweep.identification.prediction import (
 PASSES = 2  # of the smoother, the second with the curve
 # the same for numbers that are answered: what the curve does within a tick is known from the second
 PASSES_ANSWERED = 3
-STEPS = 12  # of the search with a curve
+STEPS_WITH_CURVE = 12  # of the search with a curve
 # of a curve over the mass, per tick; friction that turns round is steeper, and no line in a tick
 STEEPEST = 0.5
 STIFF = 30.0  # usual speeds over that at which friction turns round
@@ -80,7 +80,7 @@ class Beside(NamedTuple):
 def alone(place: Place, first: int, end: int) -> Beside:
     """The fit of some rows of a log without a curve, from that of all."""
     few = place._replace(log=place.log.part(first, end))
-    return _fitted(few._replace(point=least_of(*few, STEPS)))
+    return _fitted(few._replace(point=least_of(*few, STEPS_WITH_CURVE)))
 
 
 def with_curve(name: str, place: Place, passes: int = PASSES) -> Beside:
@@ -90,7 +90,7 @@ def with_curve(name: str, place: Place, passes: int = PASSES) -> Beside:
     for _ in range(passes):
         log = replace(fit.log, beside=tuple(_held(CURVES[name], fit)))
         fit = fit._replace(log=log)
-        fit = fit._replace(point=least_of(*fit, STEPS))
+        fit = fit._replace(point=least_of(*fit, STEPS_WITH_CURVE))
         found = fit.search.found(fit.point)
         _, errors, effects = errors_of(fit.log, found, fit.skip)
         gains, _ = projected(errors, effects)

@@ -33,7 +33,7 @@ MOST_NEWTON_STEPS = 30  # steps of Newton's method at most
 # steps by which a reading may miss its rounding, because of the digits of the file
 READING_SLACK = 1e-3
 SEARCHED = 20_000  # rows at most from which the noise is estimated
-ORDER = 30  # of the autoregression, at most
+AUTOREGRESSION_ORDER = 30  # of the autoregression, at most
 ROWS_PER_ORDER = 15  # rows for each order, at least
 DRAWS = 159  # logs drawn
 SHORT = 5000  # rows up to which logs are drawn
@@ -213,7 +213,7 @@ def _autoregression(series):
     BIC is taken.
     """
     count, rows = series.shape
-    most = min(ORDER, rows // ROWS_PER_ORDER)
+    most = min(AUTOREGRESSION_ORDER, rows // ROWS_PER_ORDER)
     past = np.eye(1, most + 1).repeat(count, axis=0)
     power = np.mean(series**2, axis=1)
     ahead = series[:, 1:]

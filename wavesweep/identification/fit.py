@@ -43,7 +43,7 @@ OUTLIER = 6.0
 OUTLIER_SHARE = 0.02  # share of the rows that may be outliers; more are not
 HUBER = 1.5  # standard deviations beyond which readings count less while outliers are searched
 SLOW_TURN = 0.005  # of the usual velocity, at which friction turns round to see what this changes
-SHARES = (0.1, 10.0)  # of this speed, with which the turn is marched
+SHARES_OF_SLOW_TURN = (0.1, 10.0)  # of this speed, with which the turn is marched
 SETTLED_HALF_WIDTHS = 0.05  # half-widths; smaller changes end the rounds
 
 
@@ -174,7 +174,7 @@ def fitted(
         estimates = estimated(J, left, resolution)
         half = estimates.half[:count]
         theta = theta + estimates.step[:count]
-        share = float(np.clip(estimates.step[count:].sum(), *SHARES))
+        share = float(np.clip(estimates.step[count:].sum(), *SHARES_OF_SLOW_TURN))
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             return None
         steps = np.minimum(half, widest) if model.friction else steps

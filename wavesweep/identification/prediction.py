@@ -48,8 +48,8 @@ ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tri
 RATES = (1.0, 20.0)  # damping over mass (1/s), tried first
 TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
 # decades of the variances that are tried first
-WHITE = (-8.0, -4.0, 0.0, 4.0)
-DRIFT = (-14.0, -10.0, -7.0, -4.0, -1.0)
+WHITE_DECADES = (-8.0, -4.0, 0.0, 4.0)
+DRIFT_DECADES = (-14.0, -10.0, -7.0, -4.0, -1.0)
 HIGHEST_DECADE = 8.0  # decade of a variance
 TETHER = 1e-2  # standard deviations by which a size of a number costs errors as it moves
 SPARE_ROWS = 4  # rows that are left out beyond the delay
@@ -67,10 +67,10 @@ FALLS = 0.1  # share of the friction by which it has to fall with speed
 # times the slowest speed at which friction turns round: the least speed at which it fades
 LEAST_FADING = 10.0
 BLOCKS = (10, 20)
-LARGE = 3.0  # standard deviations beyond which an innovation is large
+LARGE_INNOVATION = 3.0  # standard deviations beyond which an innovation is large
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 # decades by which the variances are changed
-OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))
+OTHER_VARIANCES = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
 VALUES_KEPT = 8  # values that a log remembers
@@ -80,8 +80,8 @@ RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, an
 COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
 # variances, white and of the walk, of the filters through which they are looked for
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
-STARTS = 2  # resonances from which two masses are searched
-APART = 0.3  # logarithm of the ratio of these, at least
+RESONANCES_TRIED = 2  # resonances from which two masses are searched
+RESONANCES_APART = 0.3  # logarithm of the ratio of these, at least
 # logarithm of the odds by which two masses have to explain the innovations better than one
 LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared
@@ -697,7 +697,9 @@ def _resonances(log, found, skip):
                 pairs.append((share, tone, gains[1] / gains[0], filtered))
     starts = []
     for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):
-        if len(starts) < STARTS and all(abs(np.log(tone / near)) > APART for near, _ in starts):
+        if len(starts) < RESONANCES_TRIED and all(
+            abs(np.log(tone / near)) > RESONANCES_APART for near, _ in starts
+        ):
             numbers = of_modes(1.0 + share, found["rate"], tone, RINGING, share)
             shape = {
                 "share": share,
@@ -832,8 +834,8 @@ def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str,
     squares = [0.0]
     if model.spring:
         squares = [(2 * np.pi * tone) ** 2 for tone in TONES if tone * log.period < 0.2]
-    whites = [10 ** max(decade, least[0]) for decade in WHITE]
-    drifts = [10 ** max(decade, least[1]) for decade in DRIFT]
+    whites = [10 ** max(decade, least[0]) for decade in WHITE_DECADES]
+    drifts = [10 ** max(decade, least[1]) for decade in DRIFT_DECADES]
     if model.measured == "acceleration":
         whites = drifts = [0.0]
     look = _FirstLook(log, SPARE_ROWS + int(max(0.0, *delays)))
@@ -998,7 +1000,7 @@ def estimated_at(log, search, point, skip, before, moved):
     ]
     step = _step(few, search, point, skip, free)
     extra = np.zeros(len(theta))
-    for decades in OTHER if "white" in search.names else ():
+    for decades in OTHER_VARIANCES if "white" in search.names else ():
         other = point.copy()
         other[search.names.index("white")] += decades[0]
         other[search.names.index("drift")] += decades[1]
@@ -1080,12 +1082,12 @@ def _differences(function, point, steps):
 
 def _of_large(left, slopes, to_theta):
     """By how much large innovations move the numbers: a step of Gauss and Newton to those of which
-    no innovation counts for more than `LARGE` standard deviations (Huber 1981).
+    no innovation counts for more than `LARGE_INNOVATION` standard deviations (Huber 1981).
 
     Ticks in which friction holds the device for a moment leave such innovations, and they do not
     have a mean of 0.
     """
-    most = LARGE * np.median(np.abs(left)) / 0.6745
+    most = LARGE_INNOVATION * np.median(np.abs(left)) / 0.6745
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     step = np.linalg.lstsq(slopes / size, left - np.clip(left, -most, most), rcond=1e-10)[0]
     return np.abs(to_theta @ (step / size))

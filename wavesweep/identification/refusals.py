@@ -11,7 +11,7 @@ from wavesweep.identification.model import Model
 from wavesweep.identification.prediction import FEWEST, MOST, predicted
 from wavesweep.program.csv_files import seconds
 
-PIECES = (2, 4, 8)  # into how many equal pieces a log is cut
+PIECES_OF_LOG = (2, 4, 8)  # into how many equal pieces a log is cut
 ROWS_SHIFTED = 3000  # rows with which a column is shifted
 SHORTEST_PIECE = 200  # rows of a piece at least
 KNOWN_DELAY = 1.0  # half the width of the interval of its delay (ticks)
@@ -58,7 +58,7 @@ def _other_rows(model, log, resolution):
 def _piece(model, log, resolution):
     """The piece of the log that tells the mass best, the longest first."""
     rows = len(log.force)
-    for count in PIECES:
+    for count in PIECES_OF_LOG:
         length = rows // count
         if length < SHORTEST_PIECE:
             break

@@ -33,7 +33,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets import EnclosedLoop, Polynomials, Side, UnresolvedError
 
 LENGTH = "late.tick"  # path of a tick's length (s) in the drawings that are enclosed
-ORDER = 10  # of the Taylor models of a cell
+TAYLOR_ORDER = 10  # of the Taylor models of a cell
 DEGREE = 2  # of the curves
 STRAIGHT = 1e-4  # of an entry: what a cell may leave out of its curve before it is divided
 CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a sum
@@ -116,7 +116,7 @@ def _curves(loops, low, high) -> dict[str, tuple[Curve, Curve]]:
     alone = replace(drawing, tick_hz=rate, blocks=own, wires=(), hand=None, outputs=(), named=())
     if low < high:  # both may be rounded: times and rates are given in decimals
         low, high = low * (1 - CURVE_ROUNDING), high * (1 + CURVE_ROUNDING)
-    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], ORDER)
+    enclosed = EnclosedLoop(alone, {**loops.values, LENGTH: low}, [Side(LENGTH)], TAYLOR_ORDER)
     model = enclosed.over(np.array([[low], [high]]))
     names = moving(drawing)
     return {name: (_curve(model.blocks[name].E), _curve(model.blocks[name].B)) for name in names}

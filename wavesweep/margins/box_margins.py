@@ -47,7 +47,7 @@ from wavesweep.program.spec import Axis, Spec
 TRIED_NEAR_REFUTED = 4e-3  # of a margin that is refuted, how far from it a proof is tried
 SETTLED_WITHIN = 1e-2  # of a margin, how far proof and refutation may be apart
 STEP_HALVINGS = 6  # of the steps of the search for the worst numbers
-SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
+SHARES_OF_MARGIN = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
 PROOF_ROUNDS = 6  # of search and proof
 MOST_FRAMES = 32  # of delay that are proved one by one
 INWARD = 1e-12  # of a size that is proved, for the rounding of its factor
@@ -302,7 +302,7 @@ class _Case:
             return (0.0 if worst.doubt else size_of(worst)), point, worst
         if worst.doubt:
             return 0.0, point, worst
-        shares, proved = [*SHARES], 0.0
+        shares, proved = [*SHARES_OF_MARGIN], 0.0
         for _ in range(PROOF_ROUNDS):
             size = min(size_of(worst), ENDS[name])
             aim = size

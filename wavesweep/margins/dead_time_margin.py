@@ -25,7 +25,7 @@ BLOCK, SECONDS = "late by the cut", "dead time of the cut"  # no block or number
 MOST_DEAD_TICKS = 1000  # ticks that are looked at
 # of the search, see `dead_time_pieces.about`: some 70 ticks of small loops, in three seconds
 STATES_TIMES_TICKS = 2e5
-TRIED = 4  # ticks from one dead time that is tried beforehand to the next
+TICKS_BETWEEN_TRIALS = 4  # ticks from one dead time that is tried beforehand to the next
 
 
 def in_seconds(spec: Spec, signal: str, found: Sequence[Margin]) -> list[Margin]:
@@ -63,12 +63,12 @@ def _fails_within_reach(loops: Loops) -> bool:
     """Whether the loop is unstable with a dead time of some whole ticks that the search gets to:
     if it is not, the search would end there without an answer."""
     work = STATES_TIMES_TICKS
-    for ticks in range(TRIED, MOST_DEAD_TICKS, TRIED):
+    for ticks in range(TICKS_BETWEEN_TRIALS, MOST_DEAD_TICKS, TICKS_BETWEEN_TRIALS):
         later = loops.unbuilt.changed({path_of(SECONDS): ticks / float(loops.rate)})
         ((_, built),) = later.built_alike(np.zeros(1, int))
         if not built.radii()[0] < 1:
             return True
-        work -= TRIED * len(built.drift().states) ** 2
+        work -= TICKS_BETWEEN_TRIALS * len(built.drift().states) ** 2
         if work < 0:
             break
     return False

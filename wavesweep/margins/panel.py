@@ -20,8 +20,8 @@ from wavesweep.program.columns import RATIO
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 
-COARSE = 0.2  # change of ln L between two points of a curve
-FIRST = 90  # points to begin with
+COARSE_CURVE_STEP = 0.2  # change of ln L between two points of a curve
+FIRST_POINTS = 90  # points to begin with
 MOST_STEP_STATES = 1_000_000  # samples of a step response times states
 SAMPLES = 600  # of a step response that are sent
 
@@ -69,7 +69,7 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
         return {}
     cut, route = _chosen(question, shown)
     loop = broken_at(spec, cut)
-    hertz, L = response_of(loop, COARSE, FIRST, FIRST)
+    hertz, L = response_of(loop, COARSE_CURVE_STEP, FIRST_POINTS, FIRST_POINTS)
     decibels, degrees = decibels_and_degrees(L, loop.times > 1)
     curves = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
     curve = {name: values.tolist() for name, values in curves.items()} | {

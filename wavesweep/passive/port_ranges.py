@@ -40,10 +40,10 @@ TRIED = np.concatenate(
 )  # rad per frame, for a worst angle
 TRIED_FIRST = 33  # values of the number
 CUTS = 15  # points of one round of refinement
-FINEST = 1e-10  # of the range, to which an end is refined
+FINEST_END = 1e-10  # of the range, to which an end is refined
 PANEL_POINTS = 20_000  # of number and angle that the proof of a panel may take
 VALUES_OF_PIECE = 300  # values of the number that the proof of a piece of a gap may take
-PIECES = 100  # of a gap
+PIECES_OF_GAP = 100  # of a gap
 CONTRADICTED_ROUNDS = 6  # of a search that proofs contradict
 STOP_BEFORE_END = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
 # of an end, or of an interval, that may lie between what is proved and what is refuted
@@ -272,7 +272,7 @@ class _Ranges:
                 queue.append((max(low, a), min(high, b)))
         ends = {end for pair in queue for end in pair}
         least_wide = GAP_OF_END / 2 * (self.span[1] - self.span[0])
-        for _ in range(PIECES):
+        for _ in range(PIECES_OF_GAP):
             if not queue:
                 return True, None
             a, b = queue.pop()
@@ -328,7 +328,7 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
     after = points[change + 1]
     inside = np.where(good[change], before, after)
     outside = np.where(good[change], after, before)
-    while change.size and np.abs(inside - outside).max() > FINEST * (high - low):
+    while change.size and np.abs(inside - outside).max() > FINEST_END * (high - low):
         away = (outside - inside)[:, None]
         between = inside[:, None] + away * np.arange(1, CUTS + 1) / (CUTS + 1)
         passed_between = passed(between.reshape(-1)).reshape(between.shape)

@@ -26,9 +26,9 @@ LIMITS = np.array(
 # of that search
 GENERATIONS = 14
 BRED = 200
-KEPT = 20
+BRED_KEPT = 20
 SHRINK = 1.35
-BEYOND = 1e-7  # size of a damping ratio that is surely negative
+SURELY_NEGATIVE = 1e-7  # size of a damping ratio that is surely negative
 CURVE, HALVINGS = 300, 22  # frequencies of an index, and of its range
 
 
@@ -128,9 +128,9 @@ def counterexample(loop: HeldLoop) -> str:
         logs = np.concatenate(
             [best, np.clip(parents + wide * rng.uniform(-1, 1, (BRED, 4)), *LIMITS).round(3)]
         )
-        best = logs[np.argsort(ratios(logs))[:KEPT]]
+        best = logs[np.argsort(ratios(logs))[:BRED_KEPT]]
         wide /= SHRINK
-    if ratios(best[:1])[0] > -BEYOND:
+    if ratios(best[:1])[0] > -SURELY_NEGATIVE:
         return ""
     m, k, n, s = 10.0 ** best[0]
     return f"hand {m:.6g} kg and {k:.6g} N/m, environment {n:.6g} kg and {s:.6g} N/m"

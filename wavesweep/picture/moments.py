@@ -28,7 +28,8 @@ WHERE = MappingProxyType(
         FRESHEST[0]: "at best",
     }
 )
-ALIKE = 0.05  # relative difference of two ages, below which one of the frames stands for the other
+# relative difference of two ages, below which one of the frames stands for the other
+AGES_ALIKE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
         return (last,)
     freshest = min(first.main.lives, key=lambda life: life.oldest)
     first = replace(first, shown=freshest)
-    if first.age > (1 - ALIKE) * last.age:
+    if first.age > (1 - AGES_ALIKE) * last.age:
         return (last,)
     names = FRESHEST
     if low:

@@ -27,7 +27,7 @@ from wavesweep.program.spec import Spec
 # figure.
 LANE, AGE, HEAD, ENDS = 0.44, 0.8, 0.55, 0.25
 COMPUTED, HELD = (0.08, 0.48), (0.52, 0.92)  # the bars of a number, from the top of its lane
-ALONE = (0.3, 0.7)  # that of one that is in place at once
+HELD_ALONE = (0.3, 0.7)  # that of one that is in place at once
 SLIVER_OF_WIDTH = 0.015  # share of the width of a panel, below which a bar is a stroke
 MOST_STROKES = 120
 MOST_LANES = 6
@@ -35,7 +35,7 @@ BESIDE = 0.04  # share of the time shown that is drawn before and after it
 LETTER = 0.058  # inches of a letter in a bar
 OTHERS = 0.3  # share of a lane's colour in bars beside the number shown
 PALE = 0.12  # the same while numbers are computed
-APART = 0.14  # share of the width of a panel, at least, between two numbers below it
+NUMBERS_APART = 0.14  # share of the width of a panel, at least, between two numbers below it
 SHARE_OF_WIDTH = 0.85  # share of the width of a figure that its panels have, about
 DARK = 1.5  # sum of red, green and blue, below which a ground is dark
 # rates with colours that are told apart by their hue, as in the picture of the loop
@@ -182,7 +182,7 @@ def _draw_strokes(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> 
     for frame in range(floor(begin / ticks), ceil(end / ticks) + 1):
         runs += [run + frame * ticks for run in lane.runs]
     runs = [run for run in runs if begin <= run <= end]
-    top, bottom = (at + level for level in ALONE)
+    top, bottom = (at + level for level in HELD_ALONE)
     if len(runs) > MOST_STROKES:
         axes.add_patch(_bar(*panel.edges, top, bottom, blended(axes, colour, OTHERS)))
     else:
@@ -219,14 +219,14 @@ def _draw_bars(axes: Any, panel: Panel, lane: Lane, at: int, colour: Any) -> Non
             middle = at + sum(COMPUTED) / 2
             axes.plot([start], [middle], "x", color=colour, markersize=5, zorder=5)
             continue
-        top, bottom = (at + level for level in (HELD if waits else ALONE))
+        top, bottom = (at + level for level in (HELD if waits else HELD_ALONE))
         edge = {"edgecolor": axes.get_facecolor(), "linewidth": 0.9, "zorder": zorder}
         axes.add_patch(_bar(start, end, top, bottom, strong, **edge))
         spans = max(start, edges[0]), min(end, edges[1])
         texts = [f"held {in_ms(end - start)} ms", f"{in_ms(end - start)} ms"]
         _write(axes, spans, (top + bottom) / 2, texts if stands_out else [], inches, "white")
         if stands_out:
-            level = at + (COMPUTED if waits else ALONE)[0]
+            level = at + (COMPUTED if waits else HELD_ALONE)[0]
             axes.plot([measured], [level], "v", color=colour, markersize=5, zorder=5)
 
 
@@ -308,7 +308,7 @@ def _mark(lanes: Any, below: Any, panel: Panel) -> None:
     for axes in (lanes, below):
         for time in times:
             axes.axvline(time, color="0.5", linewidth=0.6, linestyle=(0, (3, 2)), zorder=1.5)
-    apart = APART * panel.width * (2 if is_narrow() else 1)
+    apart = NUMBERS_APART * panel.width * (2 if is_narrow() else 1)
     numbers = [times[0], times[2]]
     if min(b - a for a, b in pairwise(times)) > apart:
         numbers = times

@@ -34,13 +34,13 @@ from wavesweep.engine.response import Bounded, solved
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
 
-ROWS = 256  # outputs of a block of frames, at least
+ROWS_OF_BLOCK = 256  # outputs of a block of frames, at least
 MOST_BLOCKS = 2**10  # that are looked at
 MOST_MULTIPLICATIONS = 4e9  # of a panel in all blocks
 # of these blocks, in which the value may be too large where panels of it rest too slowly
 TOO_SLOW = 1 / 16
 FORGOTTEN = 1e-13  # size of a mode, at which nothing more is seen of it
-ALIKE = 0.25  # of what loops of a rim lose in a block, of what that in the middle does
+LOSSES_ALIKE = 0.25  # of what loops of a rim lose in a block, of what that in the middle does
 GROWN = 1e6  # the same of one that grows on the rim of a panel
 MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
@@ -181,7 +181,7 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
     panel of which that is above the level can only be shown to be above it: for this it is looked
     at for as long again.
     """
-    while O[0].shape[-2] < ROWS:
+    while O[0].shape[-2] < ROWS_OF_BLOCK:
         E, O = _twice(E, O)
     E, dE = E
     O, dO = O
@@ -273,7 +273,7 @@ def _last_blocks(E, cost):
         middle = np.log(FORGOTTEN) / np.log(size[:, 0])
         middle = np.where(size[:, 0] < 1, middle, 1.0)
         rim = size[:, 1:].max(-1, initial=0.0)
-        alike = 1 - rim > ALIKE * (1 - size[:, 0])
+        alike = 1 - rim > LOSSES_ALIKE * (1 - size[:, 0])
         grown = np.where(rim > 1, np.log(GROWN) / np.log(rim), np.inf)
     most = min(MOST_BLOCKS, MOST_MULTIPLICATIONS / cost)
     last = np.minimum(middle, grown)

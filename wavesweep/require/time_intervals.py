@@ -17,7 +17,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
-from wavesweep.require.enclosed import ROWS, Enclosed, mean_square, peak_to_peak, step
+from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, peak_to_peak, step
 from wavesweep.require.gain_bound import OVERSHOOT, PEAK, STEP_SETTLING, TimeBound
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached
 
@@ -124,7 +124,7 @@ class InTime(Between):
         for matrix, size in maps:
             judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
-        rows = max(ROWS, self.inputs)
+        rows = max(ROWS_OF_BLOCK, self.inputs)
         at_once = max(1, ENTRIES_AT_ONCE // (shape[1] * rows * (self.inputs + self.kept.size)))
         known = np.flatnonzero(judged)
         for first in range(0, known.size, at_once):

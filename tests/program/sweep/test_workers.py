@@ -200,7 +200,7 @@ def test_what_fails_in_a_worker_fails_here(monkeypatch):
 def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tmp_path):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(clusters, "ALONE", 1.0)
+    monkeypatch.setattr(clusters, "SECONDS_WITHOUT_WORKERS", 1.0)
     monkeypatch.setattr(workers, "LOOK_AT_POOL", 0.2)
     here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
     with warnings.catch_warnings():

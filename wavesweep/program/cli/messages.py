@@ -24,7 +24,7 @@ MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORTEST_ESTIMATE = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK_AT_PROGRESS = 0.5  # s
 WRITING = "writing"  # the activity of commands that have --no-plot
-OTHER = 300  # times as long for as much: another kind of work
+OTHER_WORK = 300  # times as long for as much: another kind of work
 FIRST_REPORT = 5.0  # s of the first report from which on it is more than the start of workers
 
 
@@ -199,7 +199,7 @@ class Watch:
         """Whether a report is of another kind of work, as for every hand after the free device."""
         (began, before), (reported, so_far) = self._reports[0], self._reports[-1]
         as_long_before = (reported - began) * (done - so_far)
-        return (seconds - reported) * (so_far - before) > OTHER * as_long_before > 0
+        return (seconds - reported) * (so_far - before) > OTHER_WORK * as_long_before > 0
 
     def note(self, text: str) -> None:
         """Take what the slice that is computed now has reached, for the next line."""

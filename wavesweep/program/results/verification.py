@@ -32,7 +32,7 @@ from wavesweep.program.results.table_files import (
 from wavesweep.program.tables import HOMES, kind_named
 from wavesweep.program.tables.kind import Recompute
 
-ROWS = 20
+ROWS_PROVED_AGAIN = 20
 SEED = 0
 # relative difference that counts as none if versions, or what is computed together, differ
 SAME_NUMBER = 1e-9
@@ -56,7 +56,7 @@ class Verification:
 
 def verify(
     directory: str | Path,
-    rows: int = ROWS,
+    rows: int = ROWS_PROVED_AGAIN,
     seed: int = SEED,
     prove: int = 0,
     progress: Callable[[int, int], None] | None = None,

@@ -1,7 +1,7 @@
 """Workers of a cluster: those of a dask scheduler.
 
 A worker that dies has its chunks done by others. A scheduler that is gone, or without workers for
-ALONE seconds, is an error.
+SECONDS_WITHOUT_WORKERS seconds, is an error.
 """
 
 import logging
@@ -17,7 +17,7 @@ from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.sweep.pools import DIED
 
 SCHEDULER_SECONDS = 10.0  # s for a scheduler to answer
-ALONE = 20.0  # s that a dask scheduler may be without workers
+SECONDS_WITHOUT_WORKERS = 20.0  # s that a dask scheduler may be without workers
 # chunks at most in a task: dask's scheduler takes 2 to 4 ms for one, whatever its size
 CHUNKS_OF_TASK = 8
 OTHERS = "one that is ended has its chunks done by others"
@@ -58,8 +58,8 @@ def dask(workers):
                 return f"{name}, which does not answer"
             if cores:
                 last_seen = time.monotonic()
-            if time.monotonic() - last_seen > ALONE:
-                raise WavesweepError(f"{name} has had no workers for {ALONE:g} s")
+            if time.monotonic() - last_seen > SECONDS_WITHOUT_WORKERS:
+                raise WavesweepError(f"{name} has had no workers for {SECONDS_WITHOUT_WORKERS:g} s")
             return f"{len(cores)} workers of {name}; {OTHERS}"
 
         try:
