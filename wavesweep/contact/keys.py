@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,28 +32,31 @@ class Contact(TableValue):
         return True
 
 
+def _beside(request: Request) -> Iterator[tuple[str, str]]:
+    """Yield what contact cannot be proved beside, and what to write instead."""
+    loss = request.belongs.keys.get(LOSS)
+    if loss and loss.value:
+        yield "for_all.loss", "lost = 1 for losses in any order"
+    for_all = request.asked.get("for_all")
+    if for_all:
+        for axis in for_all.unknown:
+            if not (axis.values or axis.structural):
+                yield f"a range of {axis.name}", f"values = [...] of {axis.name}"
+        if for_all.shares or for_all.delays:
+            yield "shares or next", "the lengths without how often they occur"
+    drawing = request.drawing
+    if drawing and drawing.channels:
+        names = ", ".join(block.name for block in drawing.channels)
+        yield f"channel {names}", "delays that every message has"
+
+
 def build(request: Request) -> Contact | None:
     """Return the value and add its mistakes; None if contact is not asked for."""
     leaf = request.belongs.keys.get(PATH)
     asked = request.mistakes.check(KEY, leaf) if leaf else False
     if not asked:
         return None
-    given = request.belongs.keys
-    beside: dict[str, str] = {}  # what cannot be proved, and what to write instead
-    if LOSS in given and given[LOSS].value:
-        beside["for_all.loss"] = "lost = 1 for losses in any order"
-    for_all = request.asked.get("for_all")
-    for axis in for_all.unknown if for_all else ():
-        if not (axis.values or axis.structural):
-            beside[f"a range of {axis.name}"] = f"values = [...] of {axis.name}"
-    if for_all and (for_all.shares or for_all.delays):
-        beside["shares or next"] = "the lengths without how often they occur"
-    if request.drawing:
-        channels = [block.name for block in request.drawing.channels]
-    else:
-        channels = []
-    if channels:
-        beside[f"channel {', '.join(channels)}"] = "delays that every message has"
+    beside = dict(_beside(request))
     if beside:
         instead = ", ".join(beside.values())
         expected = f"beside contact {instead}, or no contact"

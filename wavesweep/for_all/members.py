@@ -161,14 +161,14 @@ def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
     """Yield the members of a case, with what each is: its frames, or the numbers at a corner of
     the box."""
     fixed = ", ".join(f"{name_of(path)} = {value:g}" for path, value in case.fixed.items())
+    if rules.vary and rules.at_random:
+        return
     if rules.vary:
-        for numbers in [] if rules.at_random else _at_constant_frames(rules, _own(case)):
+        for numbers in _at_constant_frames(rules, _own(case)):
             said = [fixed] if fixed else []
             for axis in rules.for_all.changing:
-                value = numbers[axis.path]
-                said.append(
-                    f"frames {value:g}" if axis.path == RATIO else f"{axis.name} = {value:g}"
-                )
+                name = "frames" if axis.path == RATIO else f"{axis.name} ="
+                said.append(f"{name} {numbers[axis.path]:g}")
             loops = Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt
             yield ", ".join(said) or "constant frames", loops
         return

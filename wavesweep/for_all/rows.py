@@ -127,52 +127,47 @@ class ForAllGuarantee(Guarantee):
         return intervals_for_all(self.rules, loop, along, span)
 
 
+def _unsuitable_ranges(spec, along):
+    """Yield what is expected of the numbers of [for_all] and what is found, for all that intervals
+    along a number cannot be held for."""
+    for_all = spec.for_all
+    drawing, _ = own_loop(spec, along)
+    ranges = [axis for axis in for_all.unknown if not axis.values and not axis.structural]
+    listed = [axis for axis in for_all.unknown if axis not in ranges]
+    read = _read_by_probabilities(drawing)
+    chance = [axis.name for axis in ranges if {axis.path, along} & read]
+    if chance:
+        expected = "values of numbers, where probabilities of messages are read from one"
+        yield expected, f"the range of {', '.join(chance)}"
+    swept = [axis.name for axis in for_all.axes if axis.path == along]
+    if swept:
+        yield "another number than that of the intervals", ", ".join(swept)
+    if len(ranges) > MOST_UNKNOWN:
+        yield f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"
+    timed = _timed(for_all.unknown, along, drawing.timing)
+    if len(timed) > 1:
+        expected = "one number that dead times follow from, and values of others"
+        yield expected, f"ranges of {', '.join(timed)}"
+    in_parts = [axis.name for axis in for_all.axes if _has_parts(spec, axis)]
+    if in_parts:
+        expected = "a list of values, values = [...], of a number that decides how the loop is built and need not be whole"
+        yield expected, f"the range of {', '.join(in_parts)}"
+    cases = np.prod([len(values_of_range(axis)) for axis in listed], initial=1.0)
+    if cases > MOST_CASES:
+        expected = f"at most {MOST_CASES} combinations of values; list fewer, values = [...]"
+        yield expected, f"{cases:g}"
+
+
 def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> None:
     """Raise UsageError for numbers that intervals along a number cannot be held for; along: empty
     for a design alone.
 
     cut: whether frames are cut open at the number.
     """
-    for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
-    swept = [axis.name for axis in for_all.axes if axis.path == along]
-    ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
-    probabilities = _read_by_probabilities(drawing)
-    chance = ", ".join(
-        axis.name
-        for axis in for_all.unknown
-        if axis.name in ranges and {axis.path, along} & probabilities
-    )
-    timed = _timed(for_all.unknown, along, drawing.timing)
-    cases = np.prod(
-        [len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural],
-        initial=1.0,
-    )
-    for wrong, expected, problem in (
-        (
-            chance,
-            "values of numbers, where probabilities of messages are read from one",
-            f"the range of {chance}",
-        ),
-        (swept, "another number than that of the intervals", ", ".join(swept)),
-        (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
-        (
-            timed[1:],
-            "one number that dead times follow from, and values of others",
-            f"ranges of {', '.join(timed)}",
-        ),
-        (
-            axes_in_parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
-            "a list of values, values = [...], of a number that decides how the loop is built and need not be whole",
-            f"the range of {', '.join(axes_in_parts)}",
-        ),
-        (
-            cases > MOST_CASES,
-            f"at most {MOST_CASES} combinations of values; list fewer, values = [...]",
-            f"{cases:g}",
-        ),
-    ):
-        if wrong:
-            raise UsageError(f"[for_all]: expected {expected}, found {problem}")
+    rules = Rules.of(spec)
+    fault = next(_unsuitable_ranges(spec, along), None)
+    if fault:
+        raise UsageError(f"[for_all]: expected {fault[0]}, found {fault[1]}")
     if rules.vary and cut:
         with placed(spec):
             for rule in filter(None, (rules, rules.on_average())):

@@ -187,22 +187,25 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     )
 
 
+def _place_of_delay(facts: Mapping[str, Any]) -> str:
+    """What has the delay in the spec."""
+    if "load_mass" in facts["parameters"]:
+        return "tau"
+    if late(facts):
+        return f"device.{late(facts)}"
+    return "left out"
+
+
 def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     delay = facts["parameters"]["delay"]
     millis = 1e3 * facts["period_s"]
     two = "load_mass" in facts["parameters"]
     withheld = facts["parameters"]["mass"]["low"] is None
-    if two:
-        place = "tau"
-    elif late(facts):
-        place = f"device.{late(facts)}"
-    else:
-        place = "left out"
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Numbers without intervals:" if withheld else "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(estimate)}" for name, estimate in facts["parameters"].items()),
-        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {place}.",
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {_place_of_delay(facts)}.",
     ]
     if _of_positions(facts) and not two:
         lines.append("# The log has positions, so the velocity is that of their differences.")

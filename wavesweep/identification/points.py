@@ -67,6 +67,13 @@ def _frequency(names: Sequence[str]) -> str:
     return next((name for name in names if name.lower() in FREQUENCIES), "")
 
 
+def _response(suffixes, first, second):
+    """A response of two columns, and where it is not above 0."""
+    if suffixes == ("abs", "deg"):
+        return first * np.exp(1j * np.radians(second)), first <= 0
+    return first + 1j * second, (first == 0) & (second == 0)
+
+
 def read_response(
     path: str | Path,
     least: int = LEAST_RESPONSE_ROWS,
@@ -102,12 +109,7 @@ def read_response(
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    if suffixes == ("abs", "deg"):
-        response = first * np.exp(1j * np.radians(second))
-        unusable = first <= 0
-    else:
-        response = first + 1j * second
-        unusable = (first == 0) & (second == 0)
+    response, unusable = _response(suffixes, first, second)
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
     response = scales.get(quantity, 1.0) * response

@@ -4,7 +4,7 @@ nothing is computed here alone."""
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -219,6 +219,20 @@ def _picture_of_time(spec: Spec) -> str:
         return figure.read_text(encoding="utf-8")
 
 
+def _assumed(facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what the rows of a table assume: the model, the methods, and the claims."""
+    if facts["assumes"]:
+        yield f"The model: {facts['assumes']}."
+    for method in facts["methods"].values():
+        yield f"Method: {method}."
+    claims = {word: Claim.read(fact) for word, fact in facts["claims"].items()}
+    for word, claim in claims.items():
+        subject = f"Rows of {row_kind(word).legend}" if len(claims) > 1 else "Rows"
+        yield f"{subject}: {claim.said()}."
+    for wall in dict.fromkeys(claim.scope.walls_in_words() for claim in claims.values()):
+        yield f"{wall}."
+
+
 def _answer(
     spec: Spec, intervals: ReportSection | None, own: Line, judged: Verdict
 ) -> Iterator[str]:
@@ -235,17 +249,13 @@ def _answer(
     if not intervals:
         yield html.verdict(good, title, "The ranges of its numbers follow below.", [*lines, own])
     else:
-        rows, doubtful = (
-            interval_rows(intervals.table),
-            any(warned for _, warned in intervals.lines),
-        )
-        lines += [
-            (text, warning)
-            for text, warning in intervals.lines
-            if warning
-            or whose_column(intervals.table.columns)
-            or not (rows and text.startswith("  "))
-        ]
+        rows = interval_rows(intervals.table)
+        doubtful = any(warned for _, warned in intervals.lines)
+        # Lines of single slices repeat the rows that follow.
+        repeats = bool(rows) and not whose_column(intervals.table.columns)
+        for text, warning in intervals.lines:
+            if warning or not (repeats and text.startswith("  ")):
+                lines.append((text, warning))
         how_known = _known(intervals.table, doubtful=doubtful)
         yield html.verdict(good and not doubtful, title, how_known, [*lines, own])
         if rows:
@@ -254,14 +264,7 @@ def _answer(
             yield html.element("p", f"All rows: {intervals.command}", "small")
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
         facts = intervals.table.facts
-        assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
-        assumed += [f"Method: {method}." for method in facts["methods"].values()]
-        claims = {word: Claim.read(fact) for word, fact in facts["claims"].items()}
-        for word, claim in claims.items():
-            subject = f"Rows of {row_kind(word).legend}" if len(claims) > 1 else "Rows"
-            assumed.append(f"{subject}: {claim.said()}.")
-        walls = dict.fromkeys(claim.scope.walls_in_words() for claim in claims.values())
-        assumed += [f"{each}." for each in walls]
+        assumed += _assumed(facts)
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
 

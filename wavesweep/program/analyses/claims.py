@@ -787,11 +787,16 @@ def questions(spec: Spec) -> list[Question]:
                 asked.append(Question(what, scope))
     if spec.contact:
         scope = asked[0].scope
-        curves = [PUSHES] if spec.wall else []
-        if spec.drawing:
-            curves += [curve_of(each.name) for each in spec.drawing.blocks if each.type == CURVED]
-        asked += [Question(AT_REST, replace(scope, walls=curve)) for curve in curves]
+        asked += [Question(AT_REST, replace(scope, walls=curve)) for curve in _curves(spec)]
     return asked
+
+
+def _curves(spec: Spec) -> list[str]:
+    """The curves through which [sweep] contact asks: of the wall, and of blocks that saturate."""
+    curves = [PUSHES] if spec.wall else []
+    if spec.drawing:
+        curves += [curve_of(each.name) for each in spec.drawing.blocks if each.type == CURVED]
+    return curves
 
 
 def asks_more(spec: Spec) -> bool:
