@@ -242,15 +242,7 @@ def design(
     wanted = spec.design
     evolution = Evolution(**wanted.settings)
     own = genes_of(wanted.vary, spec.values)[None]
-    choices = [len(axis.values or ()) for axis in wanted.vary]
-    with resumable(job, run.store, run.tally):
-        for tried in generations(run.judge, evolution, choices, own, run.look):
-            best = tried
-    if not (best.violation == 0).any():
-        _refuse_missed(spec, run, run.everything(), job.asked.scenarios)
-    genes = spread(best, FRONT).genes
-    if len(genes) == 1:
-        genes = _with_similar(run, genes, own)
+    genes = _front(spec, run, evolution, own)
     job.asked.genes[evolution.generations] = genes
     proved = {}
     if spec.for_all:
@@ -287,13 +279,23 @@ def design(
         "checked_scenarios": len(job.asked.finest),
         "units": wish_units(spec),
     }
-    return Table(
-        "design",
-        lambda: (columns,),
-        facts,
-        fields=fields_of_design(spec, columns),
-        forget=run.forget,
-    )
+    fields = fields_of_design(spec, columns)
+    return Table("design", lambda: (columns,), facts, fields=fields, forget=run.forget)
+
+
+def _front(spec, run, evolution, own):
+    """The genes of the front of a search, which begins with the spec's own; of a single one with
+    similar ones. Errors: WavesweepError if no design meets all bounds."""
+    choices = [len(axis.values or ()) for axis in spec.design.vary]
+    with resumable(run.job, run.store, run.tally):
+        for tried in generations(run.judge, evolution, choices, own, run.look):
+            best = tried
+    if not (best.violation == 0).any():
+        _refuse_missed(spec, run, run.everything(), run.job.asked.scenarios)
+    genes = spread(best, FRONT).genes
+    if len(genes) == 1:
+        return _with_similar(run, genes, own)
+    return genes
 
 
 def _refuse_missed(spec, run, records, scenarios):
