@@ -523,21 +523,23 @@ class ClosedLoop:
         with drawn.naming_blocks():
             ticks = Ticks.of(drawn, tuple(OUTPUT + name for name in self.outputs))
         columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
-        maps = [
-            (tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns])
-            for tick_map in ticks.maps
-        ]
+        maps = []
+        for tick in ticks.maps:
+            maps.append((tick.E, tick.B[..., columns], tick.C, tick.D[..., columns]))
         lifted = TickMaps.of(maps, ticks.kind, ()).lifted(measured=False)
         E, B, C, D = (matrix[0] for matrix in (lifted.E, lifted.G, lifted.O, lifted.T))
-        inputs, outputs = (
-            tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names)
-            for names in (self.inputs, self.outputs)
-        )
+        inputs: list[str] = []
+        outputs: list[str] = []
+        for number in range(drawn.ticks):
+            inputs += [f"{name}[{number}]" for name in self.inputs]
+            outputs += [f"{name}[{number}]" for name in self.outputs]
         labels = drawn.labels()
         period = float(np.asarray(drawn.period)) * drawn.ticks
         named = (labels.get(state, state) for state in ticks.states)
         states = tuple(self.state_names.get(name, name) for name in named)
-        return LiftedStateSpace(np.eye(len(E)) + E, B, C, D, period, inputs, outputs, states)
+        return LiftedStateSpace(
+            np.eye(len(E)) + E, B, C, D, period, tuple(inputs), tuple(outputs), states
+        )
 
     @property
     def _names(self) -> Names:
@@ -641,15 +643,19 @@ class ClosedLoop:
     ) -> list[Any]:
         """What a function returns of batches of loops, `count` arrays `(loops, ...)`, in the shape of the numbers."""
         shape, arrays = self._arrays(numbers)
-        results = [
-            (members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)
-        ]
-        order = np.argsort(np.concatenate([members for members, _ in results]))
-        joined = [
-            np.concatenate([answers[number] for _, answers in results])[order]
-            for number in range(count)
-        ]
-        return [array.reshape((*shape, *array.shape[1:])) for array in joined]
+        members = []
+        answers: list[list[Any]] = [[] for _ in range(count)]
+        for members_of_batch, loops in self._batches(arrays):
+            members.append(members_of_batch)
+            found = of_batch(loops, members_of_batch.size)
+            for number in range(count):
+                answers[number].append(found[number])
+        order = np.argsort(np.concatenate(members))
+        in_order = []
+        for parts in answers:
+            array = np.concatenate(parts)[order]
+            in_order.append(array.reshape((*shape, *array.shape[1:])))
+        return in_order
 
     def _extreme(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 
@@ -104,10 +104,9 @@ class Drawing:
         for name in map(name_of, paths):
             product = Tree.name(name) * Tree.name(name_of(along))
             trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
-            tied = {
-                field_name: _with_tree(getattr(self, field_name), {name: product})
-                for field_name in trees
-            }
+            tied = {}
+            for field_name in trees:
+                tied[field_name] = _with_tree(getattr(self, field_name), {name: product})
             self = replace(self, **tied)  # noqa: PLW0642 - the same drawing, with one number less of its own
         return self
 
@@ -181,13 +180,12 @@ class Drawing:
 
     def _plant(self, names: set[str], arriving: tuple, sensed: tuple) -> Plant:
         """The plant of the blocks with these names; arriving, sensed: see `_between_ticks`."""
-        ends = (
-            [pair for pair in pairs if _block_of(pair[0]) in names]
-            for pairs in (self.couplings, arriving, sensed)
-        )
-        return Plant(
-            tuple(block for block in self.blocks if block.name in names), *map(tuple, ends)
-        )
+
+        def own(pairs):
+            return tuple(pair for pair in pairs if _block_of(pair[0]) in names)
+
+        members = tuple(block for block in self.blocks if block.name in names)
+        return Plant(members, own(self.couplings), own(arriving), own(sensed))
 
     @_remembered
     def dead_times(self) -> dict[str, Tree]:
@@ -232,32 +230,35 @@ class Drawing:
     @property
     def alone(self) -> list[DrawnBlock]:
         """The blocks outside all plants."""
-        members = {block for plant in self.plants for block in plant.members}
-        return [block for block in self.blocks if block not in members]
+        return self._outside(self.plants)
 
     @property
     def apart(self) -> list[DrawnBlock]:
         """The blocks on which no plant acts continuously, and at most one dead time between two
         ticks."""
-        acted_on = {
-            block
-            for plant in self.plants
-            if plant.couplings or len(plant.arriving) > 1
-            for block in plant.members
-        }
-        return [block for block in self.blocks if block not in acted_on]
+        return self._outside(
+            plant for plant in self.plants if plant.couplings or len(plant.arriving) > 1
+        )
+
+    def _outside(self, plants: Iterable[Plant]) -> list[DrawnBlock]:
+        """The blocks that are in none of these plants."""
+        members: set[DrawnBlock] = set()
+        for plant in plants:
+            members.update(plant.members)
+        return [block for block in self.blocks if block not in members]
 
     @property
     def inside(self) -> dict[str, str]:
         """The signal of a plant for each port of its members."""
-        return {port: signal for plant in self.plants for port, signal in plant.signals.items()}
+        signals: dict[str, str] = {}
+        for plant in self.plants:
+            signals |= plant.signals
+        return signals
 
     @_remembered
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
-        return frozenset(
-            name for path, tree in self.trees() if scalar_place.decides(path) for name in tree.names
-        )
+        return _names_in(tree for path, tree in self.trees() if scalar_place.decides(path))
 
     @_remembered
     def cores(self) -> tuple[DrawnBlock, ...]:
@@ -267,33 +268,33 @@ class Drawing:
     @_remembered
     def reads(self) -> frozenset[str]:
         """Paths of the keys whose numbers the loop reads."""
-        return frozenset(path_of(name) for _, tree in self.trees() for name in tree.names)
+        return _paths_in(tree for _, tree in self.trees())
 
     @_remembered
     def of_limits(self) -> frozenset[str]:
         """Paths of the keys that limits of blocks alone read, on which nothing depends within
         them."""
-        trees = (tree for block in self.blocks for _, tree in block.limit_trees())
-        return frozenset(path_of(name) for tree in trees for name in tree.names) - self.reads
+        trees = []
+        for block in self.blocks:
+            trees += [tree for _, tree in block.limit_trees()]
+        return _paths_in(trees) - self.reads
 
     @_remembered
     def of_losses(self) -> frozenset[str]:
         """Paths of the keys that probabilities of channels alone read: with all messages in time
         nothing depends on them."""
         shares = {f"block.{block.name}.{key}" for block in self.channels for key in SHARES}
-        trees = (tree for path, tree in self.trees() if path not in shares)
-        return self.reads - {path_of(name) for tree in trees for name in tree.names}
+        return self.reads - _paths_in(tree for path, tree in self.trees() if path not in shares)
 
     @_remembered
     def posing(self) -> frozenset[str]:
         """Paths of the keys that say where a linkage is: those that the key `through` of a block
         reads."""
-        trees = (
-            tree
-            for path, tree in self.trees()
-            if path.startswith("block.") and path.endswith(".through")
-        )
-        return frozenset(path_of(name) for tree in trees for name in tree.names)
+        trees = []
+        for path, tree in self.trees():
+            if path.startswith("block.") and path.endswith(".through"):
+                trees.append(tree)
+        return _paths_in(trees)
 
     @property
     def rating(self) -> frozenset[str]:
@@ -305,8 +306,7 @@ class Drawing:
         """Names of the numbers that dead times, in ticks, follow from."""
         if not self.dead_times:
             return frozenset()
-        trees = self.dead_times.values()
-        return self.rating.union(name for tree in trees for name in tree.names)
+        return self.rating | _names_in(self.dead_times.values())
 
     def scalar_place(self, number: str) -> str:
         """Return the path of the wire, gain or word of firmware of which a number is one scalar
@@ -339,6 +339,16 @@ class Drawing:
                         of_type[name], path=path, required=False, shaping=path in self.shaping
                     )
         return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
+
+
+def _names_in(trees: Iterable[Tree]) -> frozenset[str]:
+    """The names in some trees."""
+    return frozenset().union(*(tree.names for tree in trees))
+
+
+def _paths_in(trees: Iterable[Tree]) -> frozenset[str]:
+    """The paths of the keys that some trees read."""
+    return frozenset(map(path_of, _names_in(trees)))
 
 
 def _with_tree(part: object, meanings: Mapping[str, Tree]) -> object:

@@ -339,16 +339,10 @@ class Lifted:
 
 
 def _all(frame, test):
-    rows = (
-        outputs.reshape(
-            *outputs.shape[:-3], outputs.shape[-3] * outputs.shape[-2], outputs.shape[-1]
-        )
-        for outputs in frame.observability
-    )
-    matrices = (*frame.E, *frame.controllability, *rows)
-    return np.logical_and.reduce(
-        np.broadcast_arrays(*(test(matrix).all((-1, -2)) for matrix in matrices))
-    )
+    """Of which loops all entries of a frame pass a test."""
+    passed = [test(matrix).all((-1, -2)) for matrix in (*frame.E, *frame.controllability)]
+    passed += [test(outputs).all((-1, -2, -3)) for outputs in frame.observability]
+    return np.logical_and.reduce(np.broadcast_arrays(*passed))
 
 
 def _without(port, lost):
@@ -399,16 +393,21 @@ def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
     ticks: in a frame, if the loop's own is a single one. positions: to those at the starts of the
     ticks instead; one that drifts is then among the states.
     """
-    port, row = (_with_position(port), slice(-1, None)) if positions else (port, slice(1))
-    maps, sizes = (
-        tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in ticks)
-        for ticks in (port.maps, port.sizes)
-    )
+    row = slice(1)
+    if positions:
+        port = _with_position(port)
+        row = slice(-1, None)
+
+    def of_row(matrices):
+        return tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in matrices)
+
     kind = np.tile(port.kind, ticks // port.kind.size)
-    frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
-    return StateSpace(
-        frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map()
-    )
+    port = replace(port, kind=kind, maps=of_row(port.maps), sizes=of_row(port.sizes))
+    frame = Stretch.of(port).showing(slice(None))
+    A = frame.E[0]
+    B = frame.controllability[0]
+    C = frame.observability[0][0]
+    return StateSpace(A, B, C, frame.impulse_map())
 
 
 def held_over_frame(
