@@ -254,7 +254,7 @@ def of_response(random, case: Case, stable, ticks: int) -> dict:
     table: dict = {"from": sources[int(random.integers(len(sources)))], "to": names[int(random.integers(len(names)))]}
     if kind == "gain":
         table |= _band(random, ticks, float(machines[0].schedule.period))
-    if any(responses.drifts(lifted_of(machine, table)) for machine in machines):
+    if case.drift and any(responses.drifts(lifted_of(machine, table)) for machine in machines):
         return {}
     seen = [value_of(machine, kind, table) for machine in machines]
     levels = [value for value in seen if value is not None and value > 1e-6]
@@ -293,7 +293,8 @@ def of_cut(random, case: Case, stable, ticks: int) -> dict:
     for name in sorted(read):
         block = blocks.get(name.rpartition(".")[0], {"type": "impulse"})
         plant = block["type"] in PLANTS and not block.get("discrete")
-        if not plant and "seconds" not in block and block["type"] not in {"impulse", *case.tables.get("type", {})}:
+        other = block["type"] in {"impulse", *case.tables.get("type", {})} or {"seconds", "taps"} & set(block)
+        if not plant and not other:
             cuts.append(name)
     if not cuts:
         return {}
@@ -306,7 +307,7 @@ def of_cut(random, case: Case, stable, ticks: int) -> dict:
     for value in stable[:2]:
         lifted = at_cut(with_value(case.tables, case.along, float(value)), cut)
         found = responses.sensitivity(lifted, size)
-        if found is None or responses.drifts(lifted):
+        if found is None or (case.drift and responses.drifts(lifted)):
             return {}
         peaks.append(found)
     if kind == "gain":
