@@ -91,7 +91,7 @@ def hold_spec(seed, others=OTHERS):
             table = pandas.read_csv(f"t/{TABLES.get(command, command)}.csv")
             hold_columns(table)
             run.table = table.to_dict("records")
-            for line in lines:
+            for line in unfolded(lines, "    "):
                 run.word = "for_all" if "(for_all):" in line else run.word
                 if re.search(r"\d", line):
                     hold(run, line)

@@ -587,7 +587,6 @@ def hold_share(run, share):
 
 
 @shape(r"mine: ((?:modes|responses|limits|margins|a run) with .*)")
-@shape(r"    (.* (?:see|and) .*|stability-region.*|check.*|zwidth.*)")
 @shape(r"margins proved (for .*) \(for_all\)(?:, the delay margin checked)?:", "margins")
 def assumed(run, said):
     return of_members(run, said)
