@@ -87,22 +87,16 @@ def _with_dead_time(drawing: Drawing, signal: str) -> Drawing | None:
     """The drawing in which all wires read a signal as late as the dead time is; None if they may
     not."""
     plants = {block.name for block in drawing.blocks if block.plant}
-    readers = {
-        port.rpartition(".")[0]
-        for port, terms in drawing.wires
-        if any(name == signal for name, _ in terms)
-    }
+    readers = {port.rpartition(".")[0] for port, terms in drawing.wires if signal in dict(terms)}
     source = signal.rpartition(".")[0]
     exact = readers.isdisjoint(plants) if source in plants else readers <= plants
     if not exact or not readers.isdisjoint(drawing.dead_times):
         return None
-    one, zero = ONE, Tree.number(0.0)
-    keys = (("seconds", Tree.name(SECONDS)),)
     behind = {signal: f"{BLOCK}.y"}
-    wires = tuple(
-        (port, tuple((behind.get(name, name), factor) for name, factor in terms))
-        for port, terms in drawing.wires
-    )
-    wires += ((f"{BLOCK}.u", ((signal, one),)),)
-    block = DrawnBlock(BLOCK, "delay", keys, one, zero)
-    return replace(drawing, blocks=(*drawing.blocks, block), wires=wires)
+    wires = []
+    for port, terms in drawing.wires:
+        wires.append((port, tuple((behind.get(name, name), factor) for name, factor in terms)))
+    wires.append((f"{BLOCK}.u", ((signal, ONE),)))
+    keys = (("seconds", Tree.name(SECONDS)),)
+    block = DrawnBlock(BLOCK, "delay", keys, ONE, Tree.number(0.0))
+    return replace(drawing, blocks=(*drawing.blocks, block), wires=tuple(wires))

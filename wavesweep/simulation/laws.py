@@ -456,11 +456,9 @@ def pid(period: float, kp: float, ki: float, kd: float, tau: float, method: str,
 
 def lead(period: float, zero_hz: float, pole_hz: float) -> Law:
     """`(1 + s/z)/(1 + s/p)` by the bilinear transform, each corner prewarped."""
-    num, den = (
-        [1 + 1 / w, 1 - 1 / w]
-        for w in (math.tan(math.pi * hz * period) for hz in (zero_hz, pole_hz))
-    )
-    return tf(period, num, den, discrete=True)
+    zero = math.tan(math.pi * zero_hz * period)
+    pole = math.tan(math.pi * pole_hz * period)
+    return tf(period, [1 + 1 / zero, 1 - 1 / zero], [1 + 1 / pole, 1 - 1 / pole], discrete=True)
 
 
 def notch(period: float, frequency_hz: float, q: float, depth: float) -> Law:

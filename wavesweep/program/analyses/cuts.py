@@ -30,16 +30,16 @@ def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
 
 def _returns(drawing, cut):
     """Whether the block of a signal reads what it makes, perhaps through others."""
-    wires = [(_block_of(port), dict(terms)) for port, terms in drawing.wires]
-    wires += [(_block_of(port), dict(terms)) for port, terms in drawing.couplings]
     source = _block_of(cut)
-    reached = {block for block, terms in wires if cut in terms}
+    reached = set()
+    reads = []  # pairs of blocks: the first one reads the second one
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        reader = _block_of(port)
+        reads += [(reader, _block_of(name)) for name, _ in terms]
+        if cut in dict(terms):
+            reached.add(reader)
     while True:
-        further = {
-            block
-            for block, terms in wires
-            if reached & {_block_of(name) for name in terms} and block not in reached
-        }
+        further = {reader for reader, read in reads if read in reached} - reached
         if not further:
             return source in reached
         reached |= further

@@ -131,10 +131,10 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
-    curves = [
-        PlaneCurve(columns, in_table=frozenset(columns))
-        for columns in (columns_of(rows, rows[view.x]) for rows in members)
-    ]
+    curves = []
+    for rows in members:
+        columns = columns_of(rows, rows[view.x])
+        curves.append(PlaneCurve(columns, in_table=frozenset(columns)))
     if any(len(curve.columns) > 1 for curve in curves):
         source = _source(members, view.x, facts)
     else:
@@ -366,15 +366,14 @@ def _is_straight(
 
     An end may be that of the swept range on one side: a line to it is as right as any other.
     """
-    if len({(len(column[0]), bool(column[1])) for column in (before, middle, after)}) > 1:
+    numbers = set()
+    ends = []
+    for intervals, unknown in (before, middle, after):
+        numbers.add((len(intervals), bool(unknown)))
+        ends.append([(interval.low, interval.high) for interval in intervals])
+    if len(numbers) > 1:
         return False
-    ends = np.array(
-        [
-            [(interval.low, interval.high) for interval in column[0]]
-            for column in (before, middle, after)
-        ]
-    )
-    left, centre, right = view.height(ends)
+    left, centre, right = view.height(np.array(ends))
     return bool((np.abs(centre - (left + right) / 2) <= tolerance).all())
 
 

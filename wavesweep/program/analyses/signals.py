@@ -67,15 +67,12 @@ def _outputs(drawing: Drawing) -> dict[str, tuple]:
     outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
     columns = {}
     if drawing.hand:
-        columns = {
-            name: terms
-            for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True)
-            if terms is not None
-        }
+        for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True):
+            if terms is not None:
+                columns[name] = terms
         if not drawing.numbers:  # the loop of a controller
-            first = {
-                name: next((output for output in names if output in outputs), None)
-                for name, names in COLUMNS.items()
-            }
-            columns |= {name: outputs[output] for name, output in first.items() if output}
+            for name, names in COLUMNS.items():
+                there = [output for output in names if output in outputs]
+                if there:
+                    columns[name] = outputs[there[0]]
     return {**columns, **outputs}

@@ -48,11 +48,10 @@ def in_a_sentence(refuter: str) -> str:
     numbers, of_messages, messages = refuter.partition("messages ")
     if not of_messages:
         return refuter
-    channels = [channel.partition(": ") for channel in messages.split("; ")]
-    patterns = [
-        f"{name}: {_shown([_message(each) for each in pattern.split(', ')])}"
-        for name, _, pattern in channels
-    ]
+    patterns = []
+    for channel in messages.split("; "):
+        name, _, told = channel.partition(": ")
+        patterns.append(f"{name}: {_shown([_message(each) for each in told.split(', ')])}")
     return f"{numbers}messages of {'; of '.join(patterns)}"
 
 

@@ -80,10 +80,8 @@ def _units(
 
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     if kind == "bode":
-        units |= {
-            name: [(spec.name, spec.at_port(unit)) for spec in specs]
-            for name, unit in UNITS.items()
-        }
+        for name, unit in UNITS.items():
+            units[name] = [(spec.name, spec.at_port(unit)) for spec in specs]
     return units
 
 
