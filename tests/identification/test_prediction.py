@@ -162,7 +162,7 @@ def test_every_kind_of_simulated_log_repeats():
         assert np.array_equal(first, again)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_friction_that_falls_with_speed_is_found_with_its_curve():
     """The numbers of the march are 1.6 times the friction at rest, and a speed of 0.02 of the acceleration over 5."""
     log = of_one_mass("Stribeck", 4, 0, 3.0)[2]
