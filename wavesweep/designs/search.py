@@ -253,14 +253,16 @@ _rounded = np.vectorize(lambda value: float(f"{value:.9g}"), otypes=[float])
 
 
 def undominated(designs: Judged) -> np.ndarray:
-    """Return the indices of the designs that no other dominates; of equal designs only the first is
-    kept.
+    """Return the indices of the designs that no other dominates; of equal feasible designs only the
+    first is kept.
 
-    Objectives are compared to the nine digits that they are good to: what differs by less is no
-    reason to keep a design.
+    A feasible design dominates every infeasible one, and of two infeasible ones that which violates
+    less dominates. Objectives are compared to the nine digits that they are good to: what differs
+    by less is no reason to keep a design.
     """
     violation = designs.violation
     f = _rounded(designs.objectives)
+    # Entry (i, j): whether design i is so beside design j.
     better = (f[:, None] <= f[None]).all(-1) & (f[:, None] < f[None]).any(-1)
     earlier = (f[:, None] == f[None]).all(-1) & np.triu(np.ones((len(f), len(f)), bool), 1)
     feasible = violation == 0

@@ -128,7 +128,8 @@ class Slow:
     ) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over,
         and the signal that shows it."""
-        blocks, wires = {}, {}
+        blocks = {}
+        wires = {}
         for stage, kind, phases in (
             ("kept", "hold", self.stored),
             ("shown", self.by, self.shown),

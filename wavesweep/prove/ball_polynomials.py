@@ -161,9 +161,8 @@ class BallFamily:
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
-        self.budget.use(
-            OPERATIONS_OF_NODES * nodes**2 + nodes**3 / 4
-        )  # the second for `_to_bernstein`, kept or not
+        # the second for `_to_bernstein`, kept or not
+        self.budget.use(OPERATIONS_OF_NODES * nodes**2 + nodes**3 / 4)
         points, weights = _nodes(nodes, ctx.prec)
         values = [
             self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact)
@@ -278,13 +277,17 @@ def _without_ones_rows(rows, times):
 
 def _trimmed(rows, errors):
     """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest
-    are taken for errors."""
+    are taken for errors.
+
+    errors: bounds on those of the rows on (-1, 1), None without any. As `|T_k| <= 1` there, a bound
+    on what a row lacks is a radius of its first coefficient.
+    """
     largest = max(abs(c).mid() for row in rows for c in row)
     least = arb(2) ** (-ctx.prec * BITS_KEPT) * largest
     kept_count = 1
     for row in rows:
         for i, c in enumerate(row):
-            if not abs(c).upper() <= least:
+            if not abs(c).upper() <= least:  # one that is not a number is kept
                 kept_count = max(kept_count, 1 + i)
     trimmed = []
     for j, row in enumerate(rows):

@@ -431,6 +431,7 @@ def _plane_in_disc(E, dE, w, away, margin):
     `_vectors_in_disc`.
     """
     k = E.shape[-1]
+    # Modes meet their conjugates at a real w. Any border with which B has an inverse will do.
     middle = np.where(np.isfinite(E[:, 0]), E[:, 0], 0.0).real - w.real[:, None, None] * np.eye(k)
     left, _, right = np.linalg.svd(middle)
     bordered = _Bordered.of(E, dE, w, away, margin, left[..., -2:], right[:, -2:])

@@ -14,9 +14,8 @@ PIECE_HALVINGS = 24  # a piece this small that shows nothing is left to another 
 # of a piece, where it is cut: not the middle, where symmetric loops put their roots
 PIECE_CUT_AT = 0.4921875
 NEWTON_OR_BISECTIONS = 60  # Newton needs some 5; bisection alone would need 30
-LAST_STEP_OF_PIECE = (
-    1e-9  # of a piece, a step of Newton that is the last: its error is the square of that
-)
+# of a piece, a step of Newton that is the last: its error is the square of that
+LAST_STEP_OF_PIECE = 1e-9
 
 
 def roots_by_sign(coefficients, noise):
@@ -99,13 +98,13 @@ def _isolated(b, rounding, noise):
         single = ~none & (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
         found.append(pieces.some(single))
         rest = ~none & ~single
-        complete[row[rest & (np.abs(b).max(0) <= level + rounding)]] = (
-            False  # a piece that noise alone may be
-        )
+        may_be_noise = rest & (np.abs(b).max(0) <= level + rounding)
+        complete[row[may_be_noise]] = False
         rest = np.flatnonzero(rest & complete[row])
         if not rest.size:
             break
         row, low, high, b = pieces.some(rest)
+        # The cut takes n - 1 steps, each rounded by EPS of the largest at most, taken four times.
         rounding = np.tile(rounding[rest] + 4 * n * EPS * np.abs(b).max(0), 2)
         middle = low + PIECE_CUT_AT * (high - low)
         halves = np.concatenate(_halves(b), axis=-1)
@@ -135,9 +134,8 @@ def _single_root(b):
     """
     n, count = b.shape
     b = b * np.sign(b[-1])
-    after = (b <= 0).sum(
-        0
-    )  # the control polygon, which rises through zero before this coefficient, starts it
+    # The control polygon, which rises through zero before coefficient `after`, starts it.
+    after = (b <= 0).sum(0)
     before = np.take_along_axis(b, after[None] - 1, 0)[0]
     behind = np.take_along_axis(b, after[None], 0)[0]
     t = (after - 1 + before / (before - behind)) / (n - 1)

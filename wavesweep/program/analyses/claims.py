@@ -859,8 +859,9 @@ class Verdict(NamedTuple):
     def lines(self, subject: str) -> Iterator[str]:
         """Yield the verdict in a line that begins with its subject, and the answers that this
         does not say in full."""
-        worst = self.worst
-        said = [worst] if self.status <= Status.UNKNOWN else [*self.answers]
+        said = self.answers
+        if self.status <= Status.UNKNOWN:
+            said = (self.worst,)
         whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"
         first = whole
         if len(first) > WIDEST:

@@ -11,6 +11,7 @@ from pathlib import Path
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import read_file, write_files
 
+LETTERS_SHOWN = 60  # of a name that is too long for a file, in its message
 LONGEST_SET = 80  # letters of what --set changes, in the name of a folder
 
 
@@ -34,7 +35,9 @@ def refuse_other_things(*files: Path) -> None:
         except (FileNotFoundError, NotADirectoryError):
             continue
         except OSError as error:
-            raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
+            raise UsageError(
+                f"{str(path)[:LETTERS_SHOWN]}: {error.strerror}; choose another name"
+            ) from error
         if not stat.S_ISREG(mode):
             if stat.S_ISLNK(mode):
                 kind = "a link"

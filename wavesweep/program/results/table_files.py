@@ -493,12 +493,13 @@ def parts_of(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    names = sorted(file.name for file in path.iterdir() if re.fullmatch(PART, file.name))
+    found = {file.name for file in path.iterdir() if re.fullmatch(PART, file.name)}
     package = path.with_suffix(".datapackage.json")
-    expected = packaged_parts(package) if package.exists() else len(names)
-    if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
+    expected = packaged_parts(package) if package.exists() else len(found)
+    names = [part_name(number) for number in range(max(expected, len(found)))]
+    if not found or found != set(names):
         raise UsageError(
-            f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others"
+            f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(found)} or others"
         )
     return [path / name for name in names]
 
