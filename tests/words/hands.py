@@ -135,13 +135,13 @@ def hold_lines(lines, table, claims):
         elif found := re.fullmatch(rf"{N} rows? of the box not proved \(settled 0\): .*", line):
             assert (table[table["hand"] == "box"]["settled"] == 0).sum() == float(found[1]), line
         elif found := re.match(
-            rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ s(?:; \S+ proved from {N} to {N} so far \({N} %)?", line
+            rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ (?:s|min|h)(?:; \S+ proved from {N} to {N} so far \({N} %)?", line
         ):
             done, count, share, *span = map(float, filter(None, found.groups()))
             assert count == len(table[["B_VE", "hand"]].drop_duplicates()) > done, line
             assert share == int(100 * done / count), line
             assert not span or (span[1] <= table["high"].max() * (1 + 1e-3) and span[2] <= 100), line
-        elif re.search(r"\bafter \d+ s\b", line):
+        elif re.search(r"\bafter \d+ (?:s|min|h)\b", line):
             continue  # tells how long the run is at work
         else:
             assert re.match(r"\s*(assumes|Wrote|nowhere|no K_VE|not known|\d+ of \d+ done|still|at work|every K_VE)", line), (

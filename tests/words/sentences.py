@@ -129,16 +129,17 @@ def own(run):
 
 
 @shape(
-    r"Wrote .* in \S+ s|(?:still )?at work(?: on [a-z ]*)? after \d+ s(?:; [a-z ,]*)?"
-    r"|all \d+ done after \d+ s[;,]?.*|assumes: kept.*"
+    r"Wrote .* in \S+ s|(?:still )?at work(?: on [a-z ]*)? after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
+    r"|all \d+ done after \d+ (?:s|min|h)[;,]?.*|assumes: kept.*"
 )
 def nothing(run, *_):
     """Times that a clock has measured."""
 
 
 @shape(
-    rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ s(?:; [a-z ,]*)?"
-    rf"(?:; [\w.]+ proved from {N} to {N} so far \({N} % of the way\))?(?:, about \d+ s left)?"
+    rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
+    rf"(?:; [\w.]+ proved from {N} to {N} so far \({N} % of the (?:way|box)\))?"
+    r"(?:, about \d+ (?:s|min|h) left)?(?:; [a-z \[\]]*)?"
 )
 def progress(run, done, count, share, low, high, way):
     assert share == int(100 * done / count)
