@@ -86,7 +86,8 @@ def _drawn_lengths(spec: Spec, name: str | None, values: Iterable[float] | None)
         runs = [f"{', '.join(map(str, ticks))} ticks" for ticks in sorted(lengths)]
         raise UsageError(
             f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found "
-            f"{' and '.join(runs) or 'none'}"
+            f"{' and '.join(runs) or 'none'}; a log is held against loops of two clocks, every tick and "
+            "one frame, so let the other blocks run in every tick"
         )
     return lengths.pop()
 

@@ -134,7 +134,8 @@ def claimed(facts: Mapping[str, Any]) -> str:
         if claim["loops"] or several or of_rows(facts, word).what.required:
             kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
             name = kind.legend if several and kind else ""
-            sentences.append(f"{name}: {claim['said']}" if name else claim["said"])
+            named = not name or claim["said"].endswith(name)  # "stable with every passive hand"
+            sentences.append(claim["said"] if named else f"{name}: {claim['said']}")
     said = "; ".join(sentences)
     return as_it_stands(f"{said[:1].upper()}{said[1:]}." if said else "")
 

@@ -22,7 +22,8 @@ TWO_COLUMNS = 7.0
 # inches: panels of a narrower figure stand one below the other; its texts have the same size
 NARROW_BELOW = 5.0
 DOTS_PER_INCH = 200
-NOTE = 16  # letters of a note in an inch
+WARNING = 16  # letters of a warning above the panels, in an inch
+NOTE = 20  # the same of a note, of 7 points
 LINE_PASSES = 4  # in which names of axes get more lines
 NARROW_GAP = 1.5  # points, at least, between two numbers below a panel
 PANELS_APART = 8.0  # points, at least, between those of neighbouring panels
@@ -442,8 +443,8 @@ def distinct_look(index: int) -> Look:
 
 
 def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
-    """Write notes below the panels, and above them the name of an axis that they share. The figure
-    grows with the lines.
+    """Write notes below the panels as one text, in which only their own breaks begin a line, and
+    above them the name of an axis that they share. The figure grows with the lines.
 
     The notes are lines of the label of an axis, below an empty one: the layout makes room for that,
     and for nothing that is placed by hand.
@@ -451,18 +452,15 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     from textwrap import wrap
 
     width = int(NOTE * canvas.get_figwidth())
-    lines: list[str] = []
+    notes: list[str] = []
     if _CAPTION.get():
-        for text in sentences:
-            for paragraph in text.splitlines():
-                lines += wrap(paragraph, width)
-    if axis and lines:
-        lines = [axis, "", *lines]
-    elif axis:
-        lines = [axis]
+        for paragraph in " ".join(filter(None, sentences)).splitlines():
+            notes += wrap(paragraph, width, break_on_hyphens=False)
+    above = [axis] * bool(axis) + [""] * bool(axis and notes)
+    lines = [*above, *notes]
     if lines:
         canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
-        canvas.supxlabel("\n".join(lines), fontsize=8 if axis else 7)
+        canvas.supxlabel("\n".join(lines), fontsize=7 if notes else 8)
 
 
 def warn_above(canvas: Any, text: str) -> None:
@@ -470,7 +468,9 @@ def warn_above(canvas: Any, text: str) -> None:
     from textwrap import fill
 
     if text:
-        canvas.suptitle(fill(text, int(NOTE * canvas.get_figwidth())), fontsize=8, color=DOUBTFUL)
+        canvas.suptitle(
+            fill(text, int(WARNING * canvas.get_figwidth())), fontsize=8, color=DOUBTFUL
+        )
 
 
 def fitting(texts: Sequence[str], width: float, size: float = 8.0) -> int:
