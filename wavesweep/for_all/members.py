@@ -134,7 +134,7 @@ def nowhere(rules: Rules, case: Case, span: tuple[float, float]) -> str:
         ]
         if not common:
             others = f"; with {met} it is in {_spans(before)}" if met else ""
-            name = name_of(case.along)
+            name = case.along.rpartition(".")[2]
             if stable:
                 return f"with {label} {name} is stable in {_spans(stable)}{others}"
             return f"with {label} no {name} is stable{_nearest(loop, name, case, span)}{others}"
