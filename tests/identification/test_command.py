@@ -63,8 +63,9 @@ def test_that_no_constant_force_was_fitted_is_said(wavesweep, tmp_path, monkeypa
     places = moved(0.1, 1.0, force, friction=0.05)
     np.savetxt("a.csv", np.c_[np.arange(600) / RATE, force, places], delimiter=",", header="time,force,position", comments="")
     code, out, err = wavesweep("identify", "a.csv", "--resolution", "1e-9", "--friction", "--no-plot")
-    assert (code, "offset" in out, "no constant force was fitted" in err) == (0, False, True), err
-    assert re.search(r"friction 0.05\d* N \(no interval\)", out), out
+    said = out + err
+    assert (code, "offset" in said, "no constant force was fitted" in said) == (0, False, True), said
+    assert re.search(r"friction 0.05\d* N \(no interval\)", said), said
 
 
 @pytest.mark.slow
