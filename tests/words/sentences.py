@@ -552,12 +552,13 @@ def nowhere(run, said):
         truth = run.case.inside(members)
         assert not truth or greatest(truth) < run.case.start * 1.01, said
         assert all(min(run.case.members[name]) <= each[0] <= max(run.case.members[name]) for name, each in named.items()), said
-    if (found := re.search(rf"nearest at K = {N}: .*grows e times in {N} s", said)) and len(members["n"]) == len(
-        members["c"]
-    ) == 1:
-        n = members["n"][0]
-        z = pole(run, n, members["c"][0], float(found[1]))
-        assert near(float(found[2]), n * T / log(abs(z)), 5e-3), said
+    found = re.search(rf"nearest at K = {N}: {N} Hz, grows e times in {N} s", said)
+    if found and len(members["n"]) == len(members["c"]) == 1:
+        K, hz, seconds = map(float, found.groups())
+        frame = members["n"][0] * T
+        z = pole(run, members["n"][0], members["c"][0], K)
+        assert near(hz, 0.0 if z > 0 else 0.5 / frame, 1e-3), said
+        assert near(seconds, frame / log(abs(z)), 5e-3), said
     return any(not each or greatest(each) < run.case.start * 1.01 for each in run.sets())
 
 
