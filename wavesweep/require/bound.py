@@ -80,10 +80,10 @@ class Bound:
     @property
     def of_size(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
-        of_size = self.radius < 1 or self.settling < np.inf or self.time_constant < np.inf
-        if of_size:
-            return replace(self, damped=None)
-        return None
+        of_size = replace(self, damped=None)
+        if of_size == Bound(bounded=self.bounded, gains=self.gains):
+            return None
+        return of_size
 
     @property
     def on_circle(self) -> bool:
