@@ -220,7 +220,7 @@ def at_one(monodromy: np.ndarray) -> int:
     """
     distances = np.linalg.eigvals(monodromy) - 1
     near = sorted(distances[abs(distances) < 1e-8], key=abs)
-    while near and abs(np.mean(near)) > 1e-12:
+    while near and abs(np.mean(near)) > 1e-11:
         near.pop()
     return len(near)
 
