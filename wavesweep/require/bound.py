@@ -1,8 +1,9 @@
 """Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain
 has to be below."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,11 @@ from wavesweep.require.gain_bound import (
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
+# What is left of a mode after so many of each time that [sweep] require may name.
+LEFT_AFTER: dict[str, Callable[[Any], Any]] = {
+    "settling": lambda times: SETTLED_TO**times,
+    "time_constant": lambda times: np.exp(-times),
+}
 # s per slice, measured: of a damping ratio, or of loops that conserve; of a gain, or of factors
 BY_DISCS = 0.6
 BY_GAIN = 1.0
@@ -101,31 +107,27 @@ class Bound:
         """The radius of loops with these periods of a frame, in s.
 
         A mode z of a frame of T seconds is z^n after n frames. Its size is at most q at the end of
-        every frame from t on if `|z| <= q^(T/t)`, q being SETTLED for `settling` and 1/e for
-        `time_constant`. It is of each mode by itself: several together, as those that nearly meet,
-        may grow before they decay.
+        every frame from t on if `|z| <= q^(T/t)`, which LEFT_AFTER has for each such t. It is of
+        each mode by itself: several together, as those that nearly meet, may grow before they
+        decay.
         """
         frame = np.asarray(period, float)
         longest = frame.max(initial=0.0)
-        by_key = {
-            "radius": np.broadcast_to(self.radius, frame.shape),
-            "settling": SETTLED_TO ** (frame / self.settling),
-            "time_constant": np.exp(-frame / self.time_constant),
-        }
-        seconds = longest / np.log(LEAST_RADIUS)
-        least = {
-            "settling": f"at least {rounded_up(np.log(SETTLED_TO) * seconds, 3)} s",
-            "time_constant": f"at least {rounded_up(-seconds, 3)} s",
-        }
+        by_key = {"radius": np.broadcast_to(self.radius, frame.shape)}
+        for time, left_after in LEFT_AFTER.items():
+            by_key[time] = left_after(frame / getattr(self, time))
         for key, radius in by_key.items():
             if (radius < LEAST_RADIUS).any():
-                expected = least.get(key, "one nearer to 1")
+                expected = "one nearer to 1"
+                if key in LEFT_AFTER:
+                    seconds = longest / np.log(LEAST_RADIUS) * np.log(LEFT_AFTER[key](1.0))
+                    expected = f"at least {rounded_up(seconds, 3)} s"
                 left = f"where a frame takes {longest:.3g} s"
                 found = getattr(self, key)
                 raise UsageError(
                     f"sweep.require.{key}: expected {expected} {left}, found {found:g}"
                 )
-        return np.minimum(by_key["radius"], np.minimum(by_key["settling"], by_key["time_constant"]))
+        return np.minimum.reduce([*by_key.values()])
 
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they
@@ -225,10 +227,9 @@ class Bound:
         """Raise UsageError for a time to settle or the band of a gain, along a number that
         changes the time of a frame."""
         refused, expected = "", ""
-        if self.settling < np.inf:
-            refused, expected = "settling", "expected radius in its place"
-        elif self.time_constant < np.inf:
-            refused, expected = "time_constant", "expected radius in its place"
+        times = [time for time in LEFT_AFTER if getattr(self, time) < np.inf]
+        if times:
+            refused, expected = times[0], "expected radius in its place"
         elif self.damped and self.damped.slower_than:
             refused, expected = "slower_than", "expected all modes"
         elif any(gain.band_hz for gain in self.gains):
