@@ -30,17 +30,19 @@ from wavesweep.for_all.patterns import Word, growing, growth
 # the second share, and used up to the first one.
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
-# operations of one search for norms in the middle of a box, or more where these are fewer than
-SEARCH = 4e9
-NEWTON_OF_GRAPH = 200  # steps on the smallest graph
+# operations that one search for norms in the middle of a box may take, or those of NEWTON_OF_GRAPH
+# steps, if they are more
+OPERATIONS_OF_CENTRE = 4e9
+NEWTON_OF_GRAPH = 200  # steps of Newton's method on the smallest graph
 # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 NEWTON_STEPS_OF_HALF = 3
 # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 SHARED = 0.05
 SLACK_OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
-# times the slack: errors with which a part is divided further without a trial,
+# times the slack: errors from which on a part is divided further without a trial, if the halves
+# along its side have at most OF_SIDE of them
 HOPELESS_ERRORS = 10.0
-OF_SIDE = 0.5  # by sides whose halves have less than this share of them
+OF_SIDE = 0.5
 # times the number of sides: parts of parts without norms, after which a proof ends
 HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
@@ -529,7 +531,7 @@ def _log_of_forms(A, follows):
         found = forms_on_average(A, follows.graph, follows.weight)[0]
         centre = found and found[0]
     else:
-        centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
+        centre, factor = find_norms(A.terms[0], follows, None, OPERATIONS_OF_CENTRE)
         centre = centre if factor == 1 else None
     if centre:
         return np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2
@@ -551,7 +553,7 @@ def _forms(A, follows, start, work, words=()):
         return None, 0.0
     n = at_middle.shape[-1]
     size = len(np.unique(follows, axis=0)) * n * (n + 1) / 2
-    most = max(SEARCH, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
+    most = max(OPERATIONS_OF_CENTRE, NEWTON_OF_GRAPH * (size**3 / 3 + CALLS))
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)

@@ -25,7 +25,9 @@ from wavesweep.engine.norms import (
 )
 from wavesweep.program.analyses.interval_jobs import records_of_loop
 
-LARGEST_GAIN_FACTOR = 1e6  # times more or less gain, up to which a limit is looked for
+# times more or less gain, up to which a limit is looked for; also the value of a margin and of a
+# peak without a limit, as columns.csv and docs/margins.md say
+LARGEST_GAIN_FACTOR = 1e6
 SPANS = 16.0, 1e3, LARGEST_GAIN_FACTOR  # of the gain; a short span is known better
 SPARED = 1e-6  # relative error of a margin up to which there is no doubt
 TOUCHES = 1e-7  # a peak or dip of the gain within this distance of 1 may touch it
