@@ -109,7 +109,7 @@ def at_rest(run):
     numbers = run.case.tables["numbers"]
     c, f = numbers["c"], gain(run, numbers["K"])
     drive = c * f if run.case.asks == "gain" else c
-    return drive / (run.case.leak + c * f)
+    return drive / (run.case.leak + c * f) if run.case.leak or f else 0.0
 
 
 def pole(run, n, c, K):
@@ -774,7 +774,11 @@ def settles(run, held_output, ends, at, peak, peak_s, seconds):
     assert near(top, abs(peak)) if peak else top <= 1.0021 * abs(last), (peak, top, last)
     assert peak is None or any(near(peak_s, (tick - started) * T, 6e-4) for tick in tops), (peak_s, tops)
     away = [tick for tick, value in enumerate(values) if abs(value - last) > 0.02 * abs(last)]
-    return near(seconds, (away[-1] + 1 - started) * T, 6e-4) if seconds else ends is not None or away[-1] == len(values) - 1
+    return (
+        near(seconds, (away[-1] + 1 - started) * T, 6e-4)
+        if seconds
+        else ends is not None or away[-1:] in ([], [len(values) - 1])
+    )
 
 
 @shape(rf"UNSTABLE: the linear loop diverges \(spectral radius {N} per frame\)", "simulate")
