@@ -67,7 +67,7 @@ def test_output_that_cannot_be_written_is_an_error_in_a_line(shell, tmp_path, li
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("ignored", [False, True], ids=["SIGHUP", "nohup"])
 def test_a_terminal_that_goes_away(tmp_path, ignored):
-    (tmp_path / "wall.toml").write_text(SPEC.replace("num = 20 }\nB", "num = 400 }\nB"))
+    (tmp_path / "wall.toml").write_text(SPEC.replace("num = 20 }\nB", "num = 2000 }\nB"))
     program = "import signal, sys\n"
     program += f"signal.signal(signal.SIGHUP, signal.{'SIG_IGN' if ignored else 'SIG_DFL'})\n"  # the tests may run under nohup
     program += "from wavesweep.program.cli import main\nsys.exit(main())\n"
