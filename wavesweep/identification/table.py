@@ -602,11 +602,12 @@ def _missing_in_words(found: Numbers) -> str:
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     hertz = columns["frequency_hz"]
+    held = not facts["asked"].get("analogue")
     tally = {
         "frequencies": len(hertz),
         "from_hz": float(hertz[0]),
         "to_hz": float(hertz[-1]),
-        "rate_hz": 1 / facts["period_s"],
+        "rate_hz": 1 / facts["period_s"] if held else None,
     }
     return tally | {name: facts[name] for name in JUDGED}
 
