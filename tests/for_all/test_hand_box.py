@@ -21,7 +21,7 @@ NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
 LOOSE = HandBox((0.0, 0.3), (0.0, 5.0), (0.0, 1000.0))
 LIGHT = HandBox((0.05, 0.3), (2.0, 6.0), (100.0, 500.0))
 BOXES = {"narrow": NARROW, "light": LIGHT, "wide": HOLDING_A_DEVICE, "loose": LOOSE}
-IN_SUITE = ("dc-slow", "narrow"), ("dc-lm", "light")
+IN_SUITE = (("dc-slow", "narrow"),)
 # Where the proof ends before the wall that the named hand does not bear; one that is gained leaves this list.
 NOT_SETTLED = ("pmw", "loose"), ("pmw-lm", "light"), ("pmw-lm", "wide"), ("pmw-lm", "loose"), ("dc-slow", "loose")
 

@@ -63,7 +63,9 @@ def covered(log):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "logs"), [("drift, Coulomb", 3), ("hand, Coulomb", 6)])
+@pytest.mark.parametrize(
+    ("kind", "logs"), [("drift, Coulomb", 3), pytest.param("hand, Coulomb", 6, marks=pytest.mark.thorough)]
+)
 def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, logs):
     """In nearly all logs; the script benchmarks/identify_coverage.py counts more."""
     inside = [covered(log) for log in of_one_mass(kind, logs, 3, 2.0)]

@@ -261,7 +261,7 @@ every = 4
 [wire]
 "rate.u" = "plant.y"
 "sample.u" = "rate.y"
-"plant.u" = "-0.9*sample.y"
+"plant.u" = "-4.0*sample.y"
 """
 
 

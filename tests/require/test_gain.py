@@ -695,8 +695,8 @@ LONG = WALL | {"K": 60.0}
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("seed", range(19, -1, -1))
 def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(seed):
     r = np.random.default_rng(seed)
     ticks, along, late = int(r.choice([30, 45, 60])), str(r.choice(["K", "B"])), int(r.integers(0, 5))

@@ -63,6 +63,7 @@ def test_a_row_that_is_certified_without_its_value_is_in_doubt():
 
 
 @pytest.mark.slow
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("number", range(len(HARD)))
 def test_tables_of_hard_loops_keep_the_law(number):
     spec = HARD[number]

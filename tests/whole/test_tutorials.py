@@ -24,6 +24,7 @@ AT_LENGTH = (
     "report ",
     "zwidth engine.toml",
     "zwidth late.toml",
+    "zwidth clip-and-frames.toml",
     "check touch.toml --set",
     "design touch.toml",
     "simulate shaft.toml",

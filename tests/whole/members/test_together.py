@@ -42,6 +42,7 @@ def test_a_climb_finds_the_worst_member_of_two_sines_in_a_ring():
 
 
 @pytest.mark.slow
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", together.KINDS)
 def test_claims_give_way_where_numbers_are_unstable_only_together(name):
     loop = together.drawn(name, 0)
