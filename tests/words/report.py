@@ -214,7 +214,7 @@ def largest_drawn(run, of, high, low):
     assert high <= truth * (1 + TENTH_DIGITS), (high, truth)
     assert near(high, truth, 1e-2 if run.word == "for_all" else 2e-4), (high, truth)
     lows = [row["low"] for row in run.rows if row.get("guarantee", "spec") == run.word]
-    return low is None or any(0 <= low - each <= last_digit(each, 5) for each in lows)
+    return low is None or any(-TENTH_DIGITS * each <= low - each <= last_digit(each, 5) for each in lows)
 
 
 @shape(rf"c = {N}", "drawn")

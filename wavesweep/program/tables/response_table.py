@@ -210,14 +210,12 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
         frequencies = f"different {frequencies}"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
-        share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
-        yield (
-            f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})",
-            True,
-        )
+        share = f"{found['unstable_curves']} of {count(found['curves'], 'curve')}"
+        specs = ", ".join(found["unstable_specs"])
+        yield f"{share} of unstable loops, without a steady response (of {specs})", True
     if found["undecided_curves"]:
-        share = f"{found['undecided_curves']} of {count(found['curves'], 'loop')}"
-        yield f"{share} not known to be stable, see the column doubt", True
+        share = f"{found['undecided_curves']} of {count(found['curves'], 'curve')}"
+        yield f"{share} of loops not known to be stable, see the column doubt", True
     if found["doubted_worst_gains"]:
         rows = count(found["doubted_worst_gains"], "row")
         yield f"{rows} without a reliable worst gain, the rest of them reliable", True
