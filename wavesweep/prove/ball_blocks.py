@@ -66,30 +66,37 @@ def held(A, B, T):
 
 def _butterworth(order, cutoff_hz, high, T):
     """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear
-    transform."""
+    transform with `w = tan(pi f T)`.
+
+    Of a low-pass b1 = 2 b0, of a high-pass b1 = -2 b0; b2 = b0. With the section's damping
+    `s = sin(pi (2 k + 1)/(2 n))` and `q = 1 + 2 s w + w^2`: b0 = w^2/q or 1/q,
+    a1 = 2 (w^2 - 1)/q, a2 = (1 - 2 s w + w^2)/q. An odd order has one of the first order more.
+    """
     series = BallMatrices([], [], [[]], [[1]])
-    w, far = (type(T).pi() * cutoff_hz * T).tan() if order else T, -1 if high else 1
+    if not order:
+        return series
+    w = (type(T).pi() * cutoff_hz * T).tan()
+    sign = -1 if high else 1
     for k in range(order // 2):
         sine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()
         bottom = 1 + 2 * sine * w + w * w
-        b0, a1, a2 = (
-            (1 if high else w * w) / bottom,
-            2 * (w * w - 1) / bottom,
-            (1 - 2 * sine * w + w * w) / bottom,
-        )
-        series = _in_series(
-            series,
-            ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]),
-        )
+        b0 = (1 if high else w * w) / bottom
+        a1 = 2 * (w * w - 1) / bottom
+        a2 = (1 - 2 * sine * w + w * w) / bottom
+        A = [[-a1, 1], [-a2, 0]]
+        B = [[2 * sign * b0 - a1 * b0], [b0 - a2 * b0]]
+        series = _in_series(series, (A, B, [[1, 0]], [[b0]]))
     if order % 2:
-        b0, a1 = (1 if high else w) / (1 + w), (w - 1) / (1 + w)
-        series = _in_series(series, ([[-a1]], [[far * b0 - a1 * b0]], [[1]], [[b0]]))
+        b0 = (1 if high else w) / (1 + w)
+        a1 = (w - 1) / (1 + w)
+        series = _in_series(series, ([[-a1]], [[sign * b0 - a1 * b0]], [[1]], [[b0]]))
     return series
 
 
 def _in_series(first, second):
     """A block of one signal after another one."""
-    (A, B, C, D), (a, b, c, d) = first, second
+    A, B, C, D = first
+    a, b, c, d = second
     below = [[b[i][0] * entry for entry in C[0]] + a[i] for i in range(len(a))]
     return BallMatrices(
         [row + [0] * len(a) for row in A] + below,

@@ -109,14 +109,10 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
-def test_copies_that_are_killed_while_they_send_an_answer_are_an_error_at_once():
-    program = """
+KILLED_WHILE_THEY_SEND = """
 import os, signal
 from multiprocessing.connection import Connection
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.program.sweep.forks import in_forks
-answers = in_forks(2, range(40), lambda number: (os.getpid(), bytes(10**7 if number > 20 else 1)))
-ids = {next(answers)[0] for _ in range(4)}
 receive = Connection._recv
 def cut_short(self, size, *more):
     if size > 10**6:
@@ -124,36 +120,40 @@ def cut_short(self, size, *more):
             os.kill(each, signal.SIGKILL)
     return receive(self, size, *more)
 Connection._recv = cut_short
+"""
+
+
+def test_copies_that_are_killed_while_they_send_an_answer_are_an_error_at_once():
+    program = (
+        KILLED_WHILE_THEY_SEND
+        + """
+from wavesweep.program.sweep.forks import in_forks
+answers = in_forks(2, range(40), lambda number: (os.getpid(), bytes(10**7 if number > 20 else 1)))
+ids = {next(answers)[0] for _ in range(4)}
 try:
     list(answers)
 except WavesweepError:
     print("died")
 """
+    )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
     assert (run.stdout, run.stderr) == ("died\n", "")
 
 
 def test_workers_that_are_killed_while_they_send_a_result_are_an_error():
-    program = """
-import os, signal
-from multiprocessing.connection import Connection
-from wavesweep.engine.errors import WavesweepError
+    program = (
+        KILLED_WHILE_THEY_SEND
+        + """
 from wavesweep.program.sweep import pools
 from wavesweep.program.sweep.pools import in_parallel
 pools.LOOKS = 1
 ids = {found for found, _ in in_parallel(2, [(os.getpid,)] * 50)}
-receive = Connection._recv
-def cut_short(self, size, *more):
-    if size > 10**6:
-        for each in ids:
-            os.kill(each, signal.SIGKILL)
-    return receive(self, size, *more)
-Connection._recv = cut_short
 try:
     list(in_parallel(2, [(bytes, 10**7)] * 2))
 except WavesweepError:
     print("died")
 """
+    )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
     assert (run.stdout, run.stderr) == ("died\n", "")
 

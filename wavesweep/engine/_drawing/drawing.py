@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from wavesweep.engine._drawing import scalar_place
 from wavesweep.engine._drawing.block_types import TICK_HZ
-from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant, keys_of_block
+from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant, keys_of_block, signals_of
 from wavesweep.engine._drawing.expressions import Terms, Tree
 from wavesweep.engine._keys.key import Key, Names
 
@@ -155,12 +155,7 @@ class Drawing:
     def signals(self) -> list[str]:
         """The signals that can be looked at: ports of blocks as BLOCK.PORT, outputs first, and
         the names in [signals]."""
-        inputs = []
-        outputs = []
-        for block in self.blocks:
-            into, out_of = block.ports
-            inputs += [f"{block.name}.{port}" for port in into]
-            outputs += [f"{block.name}.{port}" for port in out_of]
+        inputs, outputs = signals_of(self.blocks)
         return [*outputs, *inputs, *(name for name, _ in self.named)]
 
     @_remembered

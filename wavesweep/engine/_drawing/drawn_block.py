@@ -7,7 +7,7 @@ cancel; those in powers of z - 1 do not. The simulation has laws of its own for 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -168,13 +168,7 @@ class Plant:
     @property
     def drawn_ports(self) -> tuple[list[str], list[str]]:
         """The input and output ports of its members, as they are drawn."""
-        inputs = []
-        outputs = []
-        for block in self.members:
-            into, out_of = block.ports
-            inputs += [f"{block.name}.{port}" for port in into]
-            outputs += [f"{block.name}.{port}" for port in out_of]
-        return inputs, outputs
+        return signals_of(self.members)
 
     @property
     def ports(self) -> tuple[list[str], list[str]]:
@@ -267,3 +261,14 @@ def _meanings(keys, period):
     meanings = {name: tree for name, tree in keys if isinstance(tree, Tree)} | {"T": period}
     meanings["ahead"] = Tree.number(AHEAD.get(dict(keys).get("method"), 0.0))
     return {name: parse(text).with_trees(meanings) for name, text in DEFINED.items()} | meanings
+
+
+def signals_of(blocks: Iterable[DrawnBlock]) -> tuple[list[str], list[str]]:
+    """The input and output ports of blocks, as BLOCK.PORT."""
+    inputs = []
+    outputs = []
+    for block in blocks:
+        into, out_of = block.ports
+        inputs += [f"{block.name}.{port}" for port in into]
+        outputs += [f"{block.name}.{port}" for port in out_of]
+    return inputs, outputs
