@@ -47,6 +47,8 @@ DISK_GAP = 1e-8  # relative, between a disk that is proved and one that is met a
 # samples of a frame at all angles at which the spectral radius is looked at before its peaks are
 # refined
 GRID = 10_000
+AROUND_PEAK = 9  # angles at which it is looked at in each step of a refinement
+PEAK_ANGLE = 1e-12  # rad per frame: how far a peak may be from the angle that is found
 NO_DRIFT_SEEN = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
 MODE_MET = 1e-6  # of a mode, from the place on the circle where it should be
 DISK_ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
@@ -295,8 +297,6 @@ def _peaks(loop) -> Iterator[Margin]:
 
 def _disk(loop):
     """The disk margin, its angle (rad per frame), and the doubt."""
-    from scipy.optimize import minimize_scalar
-
     few = max(100, GRID // loop.times)
     E, *_ = loop.sensitivity.maps[0]
     poles = np.abs(np.angle(1 + np.linalg.eigvals(E[0])))
@@ -304,25 +304,25 @@ def _disk(loop):
     points = np.concatenate([START, SOFT, *everywhere, poles])
     points = np.unique(np.clip(points[np.isfinite(points)], BESIDE_ZERO, np.pi))
     direct = np.diagonal(loop.returned.T[0])
-
-    def negative_radius(theta):
-        return -float(loop.radius(theta))
-
     best = 0.0
     at = 0.0
     for _ in range(DISK_ROUNDS):
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
-            ends = points[max(top - 1, 0)], points[min(top + 1, points.size - 1)]
-            near = minimize_scalar(
-                negative_radius, bounds=ends, method="bounded", options={"xatol": 1e-12}
-            )
-            if -near.fun > best:
-                best = float(-near.fun)
-                at = float(near.x)
-            if size[top] > best:
-                best = float(size[top])
-                at = float(points[top])
+            near = points
+            near_size = size
+            highest = top
+            while True:
+                if near_size[highest] > best:
+                    best = float(near_size[highest])
+                    at = float(near[highest])
+                below = near[max(highest - 1, 0)]
+                above = near[min(highest + 1, near.size - 1)]
+                if above - below < PEAK_ANGLE:
+                    break
+                near = np.linspace(below, above, AROUND_PEAK)
+                near_size = np.nan_to_num(loop.radius(near))
+                highest = int(near_size.argmax())
         disk = min(1 / best, 2.0)
         reach = disk / 2 * (1 - DISK_GAP)
         intervals = loop.along_turn(lambda angle, reach=reach: _on_rim(reach * np.exp(1j * angle)))

@@ -128,10 +128,9 @@ class BrokenLoop:
         are no others.
 
         |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
-        these and their middles the size of L shows where it crosses, and a root is found to
+        these and their middles the size of L shows where it crosses, and halving finds the root to
         rounding.
         """
-        from scipy.optimize import brentq
 
         def size(theta):
             return np.nan_to_num(
@@ -145,12 +144,14 @@ class BrokenLoop:
             sizes = size(points)
             above = sizes > 0
             change = np.flatnonzero(above[:-1] != above[1:])
-            rtol = 4 * EPS
-            roots = [
-                brentq(size, points[at], points[at + 1], xtol=NEXT_TO_ZERO, rtol=rtol)
-                for at in change
-            ]
-        unit_angles = np.array(roots)
+            low = points[change]
+            high = points[change + 1]
+            while (high - low > NEXT_TO_ZERO + 4 * EPS * high).any():
+                unit_angles = (low + high) / 2
+                is_below_root = (size(unit_angles) > 0) == above[change]
+                low = np.where(is_below_root, unit_angles, low)
+                high = np.where(is_below_root, high, unit_angles)
+            unit_angles = (low + high) / 2
         touches = np.abs(sizes) <= TOUCHES
         if unit_angles.size:
             # At the ends a rotation by 180 degrees is meant, which no other one exceeds.
