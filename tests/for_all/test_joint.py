@@ -1,5 +1,6 @@
 """Matrices in any order: published joint spectral radii, all short words, and what the check of a proof refuses."""
 
+from collections import defaultdict
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise, product
@@ -7,7 +8,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.for_all import patterns
+from wavesweep.for_all import ranking
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
 from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
@@ -236,21 +237,29 @@ def test_short_words_are_each_cycle_once_of_those_that_may_follow():
 
 
 class Ring:
-    """Six scalars, each of which follows the one before: their product is `(x/2)^6`."""
+    """Six scalars, each of which follows the one before: their product is `(factor x/2)^6`."""
 
     follows = np.roll(np.eye(6, dtype=bool), 1, axis=1)
 
+    def __init__(self, factor=1):
+        self.factor = factor
+
     def at(self, x):
-        return np.full((6, 1, 1), x / 2)
+        return np.full((6, 1, 1), self.factor * x / 2)
 
 
-def test_words_that_refuted_one_design_are_tried_first_with_the_next(monkeypatch):
-    searched, known = [], []
-    whole = patterns.growing
-    monkeypatch.setattr(patterns, "growing", lambda *a, **more: searched.append(1) or whole(*a, **more))
-    assert patterns.seems_refuted_from(Ring(), 10.0, known) == pytest.approx(2, rel=0.02)
-    assert [sorted(word) for word in known] == [[0, 1, 2, 3, 4, 5]]
-    first = len(searched)
-    assert patterns.seems_refuted_from(Ring(), 10.0, known) == pytest.approx(2, rel=0.02)
-    assert len(searched) - first < first
-    assert patterns.seems_refuted_from(Ring(), 1.9, known) == 1.9
+def test_of_several_designs_words_are_searched_for_the_leading_one_alone(monkeypatch):
+    """The ring's only word of six grows from 2 on; each other design is bounded by it, at half and a third of that."""
+    searched = []
+    whole = ranking.growing
+    monkeypatch.setattr(ranking, "growing", lambda *a, **more: searched.append(1) or whole(*a, **more))
+    families = [[Ring(factor)] for factor in (2, 1, 3)]
+    limits = np.full(3, 10.0)
+    for designs, searches in ((np.arange(3), 3), (None, 4)):  # the first one twice, as it finds the word
+        known = defaultdict(list)
+        ends = ranking.least_refuted(families, limits, designs, known)
+        assert ends == pytest.approx([1, 2, 2 / 3], rel=2e-3)
+        assert [sorted(word) for words in known.values() for word in words] == [[0, 1, 2, 3, 4, 5]]
+        assert len(searched) == searches
+        searched.clear()
+    assert ranking.least_refuted(families, np.full(3, 0.6), None, known).tolist() == [0.6, 0.6, 0.6]

@@ -225,10 +225,7 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     value, felt, certified = (array[back] for array in found)
     if not proof:
         return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
-    paths = [path for path in points.changes if path in designs or path in spec.wall]
-    proved = _of_each(
-        points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths
-    )
+    proved = _proved_of(spec, points, designs, (axis.path, stop), value, proof)
     wall = np.minimum(value, proved)
     at_walls = replace(points, changes={**points.changes, axis.path: wall})
     if wished:
@@ -236,6 +233,30 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
             felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
         certified = certified & ~np.isnan(felt)
     return _Stiffest(wall, felt, certified, proved < value)
+
+
+def _proved_of(spec, points: Points, designs, wall, stable_to, proof):
+    """Up to which wall the loops of each point are proved to be stable, or rank.
+
+    wall: the path of its stiffness, and the stiffest one that is searched; stable_to: of each point
+    the stiffest one that is stable. Where nothing else is wished for, it may be a bound for designs
+    that are worse than the best.
+    """
+    path, stop = wall
+    paths = [name for name in points.changes if name in designs or name in spec.wall]
+    columns = {name: points.changes[name] for name in paths}
+    first, back = distinct_rows(columns, points.size)
+    specs = []
+    for at in first:
+        specs.append(
+            spec.with_values({name: column[at].item() for name, column in columns.items()})
+        )
+    limits = np.full(first.size, float(stop))
+    np.fmin.at(limits, back, stable_to)
+    numbers = None
+    if [wish.name for wish in spec.design.wishes] == ["z_width"]:
+        _, numbers = distinct_rows({name: columns[name][first] for name in designs}, first.size)
+    return proof.stiffest(specs, path, stop, limits, numbers)[back]
 
 
 def _felt_over(spec, band, points, stiffest):

@@ -2,9 +2,14 @@
 they rank before that."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from wavesweep.for_all.patterns import seems_refuted, seems_refuted_from
+import numpy as np
+
+from wavesweep.engine.drawing import name_of
+from wavesweep.engine.rows import distinct
+from wavesweep.for_all.ranking import least_refuted, seems_refuted
 from wavesweep.for_all.rows import (
     ForAllGuarantee,
     cases_of,
@@ -15,7 +20,7 @@ from wavesweep.for_all.rows import (
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.claims import Claim
 from wavesweep.program.spec import Spec
-from wavesweep.program.sweep.grid import loops_of
+from wavesweep.program.sweep.grid import is_plain, loops_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +54,20 @@ class DesignProof:
         """Whether the loop of a design is "proved" or "refuted"; otherwise it is not known."""
         return verdict(spec, self.rules)["verdict"]
 
-    def stiffest(self, spec: Spec, path: str, stop: float) -> float:
-        """The stiffest wall, at most `stop`, up to which every loop of a design is proved to be
-        stable."""
-        return proved_from_zero(spec, path, stop, self.rules)
+    def stiffest(
+        self,
+        specs: Sequence[Spec],
+        path: str,
+        stop: float,
+        limits: np.ndarray,
+        designs: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """The stiffest wall of each, at most `stop`, up to which every loop is proved to be stable.
+
+        path: of its stiffness. limits, designs: see `DesignRanking`.
+        """
+        del limits, designs
+        return np.array([proved_from_zero(spec, path, stop, self.rules) for spec in specs])
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,28 +77,50 @@ class DesignRanking(DesignProof):
 
     def verdict(self, spec: Spec) -> str:
         """Whether the loop of a design is "refuted"; otherwise it counts as "proved"."""
-        if any(
-            seems_refuted(family, 0.0, self._known(family)) for family in self._families(spec, "")
-        ):
-            return "refuted"
+        for families in self._families([spec], ""):
+            for family in families:
+                if seems_refuted(family, 0.0, self.rules.words[family.follows.tobytes()]):
+                    return "refuted"
         return "proved"
 
-    def stiffest(self, spec: Spec, path: str, stop: float) -> float:
-        """The softest wall, at most `stop`, with which some short pattern of frames is unstable."""
-        return min(
-            (
-                seems_refuted_from(family, stop, self._known(family))
-                for family in self._families(spec, path)
-            ),
-            default=stop,
-        )
+    def stiffest(
+        self,
+        specs: Sequence[Spec],
+        path: str,
+        stop: float,
+        limits: np.ndarray,
+        designs: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """The softest wall of each with which some short pattern of frames is unstable, or else its
+        limit.
 
-    def _known(self, family):
-        return self.rules.words[family.follows.tobytes()]
+        path: of the stiffness. limits: of each the stiffest wall that is stable at constant frames.
+        designs: of which design each is, if the best one alone matters; those of others are then
+        bounds from above.
+        """
+        del stop
+        families = self._families(specs, path)
+        return least_refuted(families, limits, designs, self.rules.words)
 
-    def _families(self, spec, along):
-        cases = cases_of(self.rules, along, (0.0, 0.0), loops_of(spec, dict(spec.values), along))
-        families = (self.rules.family(case.values, along) for case in cases)
-        return [
-            family for family in families if family.drift is None
-        ]  # one that drifts never decays
+    def _families(self, specs, along):
+        """The frames of each, for every combination of the numbers that have values; none of what
+        drifts, which never decays."""
+        first = specs[0]
+        timing = loops_of(first, first.values, along).drawing.timing
+        columns = {}
+        for path, value in first.values.items():
+            if any(spec.values[path] != value for spec in specs):
+                columns[path] = np.array([spec.values[path] for spec in specs])
+        alone = {path for path in columns if name_of(path) in timing or not is_plain(first, path)}
+        labels = [column if path in alone else column == 0 for path, column in columns.items()]
+        families = [[] for _ in specs]
+        for members in distinct(labels, len(specs)):
+            spec = specs[members[0]]
+            several = {path: columns[path][members] for path in columns.keys() - alone}
+            loops = loops_of(spec, dict(spec.values), along)
+            for case in cases_of(self.rules, along, (0.0, 0.0), loops):
+                found = self.rules.families(case.values, along, several, members.size)
+                for member, family in zip(members, found, strict=True):
+                    if family.drift is None:
+                        families[member].append(family)
+        return families

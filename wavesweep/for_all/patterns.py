@@ -14,9 +14,9 @@ WORDS_KEPT = 60  # words of each length that are extended
 WORDS_LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST_WORD = 14  # matrices in a word
 RUN_OF_WORD = 12  # matrices of each of the two runs of a word
-SQUARINGS = 4  # of the product of a word, by whose size its growth is bounded
+SQUARINGS = 10  # of the product of a word, by whose size its growth is bounded
 # words whose eigenvalues are computed together, those of the largest bounds
-EIGENVALUES_AT_ONCE = 32
+EIGENVALUES_AT_ONCE = 16
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
 WALKS = 32  # of a state
 WALKED = 160  # matrices of a walk
@@ -30,14 +30,6 @@ BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
 ALL_WORDS_LENGTH = 4  # matrices of the words that are all tried
 MOST_RANKING_WORDS = 400  # how many these are at most
-# matrices of the words that are looked for to rank numbers, before the best are improved
-RANKING_LENGTH = 2
-RANKED = 1e-2  # of the limit, from where on numbers are tried
-NUMBERS_TRIED = 24  # numbers at which known words are tried
-WORDS_FOLLOWED = 60  # short words that are known from the beginning
-HALVED = 10  # bisections
-SEARCHES = 6  # for words that grow below all that are known
-BELOW = 0.015  # share of the number where those begin to grow, by which a search is below it
 
 Word = tuple[int, ...]
 
@@ -201,19 +193,9 @@ def _fastest(products, lengths, most):
     """Return the places of the words that grow fastest per matrix, the fastest first, and their
     growth, by their products and lengths. most: of them.
 
-    With powers, `|P^k|^(1/k)` is a bound on the spectral radius of P: eigenvalues are computed of
-    those alone whose bounds exceed the growth of as many others.
+    Eigenvalues are computed of those alone whose bounds exceed the growth of as many others.
     """
-    power = products
-    log = np.zeros(len(products))
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no bound
-        for squaring in range(1 + SQUARINGS):
-            size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
-            log += np.log(size) / 2**squaring
-            if squaring < SQUARINGS:
-                power = power / size[:, None, None]
-                power = power @ power
-        bounds = np.nan_to_num(np.exp(log / lengths), nan=np.inf)
+    bounds = _bounds(products, lengths)
     order = np.argsort(-bounds)
     rates = np.zeros(0)
     for first in range(0, len(order), EIGENVALUES_AT_ONCE):
@@ -224,6 +206,21 @@ def _fastest(products, lengths, most):
         rates = np.append(rates, radii ** (1 / lengths[some]))
     best = np.argsort(-rates, kind="stable")[:most]
     return order[best], rates[best]
+
+
+def _bounds(products, lengths):
+    """Bounds on the growth per matrix of words, `(...)`, by their products and lengths: with powers,
+    `|P^k|^(1/k)` is one on the spectral radius of P."""
+    power = products
+    log = np.zeros(products.shape[:-2])
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no bound
+        for squaring in range(1 + SQUARINGS):
+            size = np.maximum(np.linalg.norm(power, axis=(-2, -1)), GONE_STATE)
+            log += np.log(size) / 2**squaring
+            if squaring < SQUARINGS:
+                power = power / size[..., None, None]
+                power = power @ power
+        return np.nan_to_num(np.exp(log / lengths), nan=np.inf)
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
@@ -336,18 +333,32 @@ def shortest_through(follows: np.ndarray) -> list[Word]:
 def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
     """Return those of some words whose products have a spectral radius of 1 or more, fastest
     growth per matrix first."""
-    rates = {}
-    for length in {len(word) for word in words}:
-        some = [word for word in words if len(word) == length]
-        products = A[[word[0] for word in some]]
-        for at in range(1, length):
-            products = A[[word[at] for word in some]] @ products
+    (rates,) = rates_of(A[None], words, 1.0)
+    grow = np.flatnonzero(rates >= 1)
+    return [words[i] for i in grow[np.argsort(-rates[grow], kind="stable")]]
+
+
+def rates_of(A: np.ndarray, words: Sequence[Word], least: float = 0.0) -> np.ndarray:
+    """Return the growth per matrix of words, `(numbers, words)`, inf of matrices that are not
+    finite.
+
+    A: at some numbers, `(numbers, symbols, n, n)`. least: of words that are known to grow less, it
+    is a bound.
+    """
+    rates = np.zeros((len(A), len(words)))
+    lengths = np.array([len(word) for word in words], int)
+    for length in set(lengths.tolist()):
+        some = np.flatnonzero(lengths == length)
+        symbols = np.array([words[i] for i in some]).T
+        products = A[:, symbols[0]]
+        for later in symbols[1:]:
+            products = A[:, later] @ products
         known = np.isfinite(products).all((-1, -2))
-        finite = np.where(known[:, None, None], products, 0.0)
-        radius = np.abs(np.linalg.eigvals(finite)).max(-1)
-        of_some = np.where(known, radius, np.inf) ** (1 / length)
-        rates |= dict(zip(some, of_some, strict=True))
-    return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
+        bounds = _bounds(products, length)
+        open_ = known & (bounds >= least)
+        bounds[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
+        rates[:, some] = np.where(known, bounds, np.inf)
+    return rates
 
 
 def nearest(family: Family, word: Word, start: float, x: float) -> float:
@@ -372,63 +383,6 @@ def crossing(family: Family, word: Word, stable: float, unstable: float) -> floa
     for _ in range(WORD_BISECTIONS):
         middle = (low + high) / 2
         if growth(family.at(middle), word) >= 1:
-            high = middle
-        else:
-            low = middle
-    return high
-
-
-def seems_refuted(family: Family, x: float, known: list[Word]) -> bool:
-    """Return whether some short word grows at x, in plain doubles: a search, which proves nothing.
-
-    known: words that grew in other families, which are tried first; one that is found by searching
-    is added.
-    """
-    A = family.at(x)
-    if not np.isfinite(A).all() or growing_of(A, known):
-        return True
-    basis = np.eye(A.shape[-1])
-    found = growing(A, family.follows, basis, longest=RANKING_LENGTH, changed=1)
-    known += found[:1]
-    return bool(found)
-
-
-def seems_refuted_from(family: Family, limit: float, known: list[Word]) -> float:
-    """Return about the least number up to the limit at which some short word grows, or else the
-    limit.
-
-    To rank what it is too long to prove: a proof from 0 on hardly reaches further. known: see
-    `seems_refuted`; these words and the shortest ones are followed down, and others are searched
-    just below where they begin to grow.
-    """
-    words = [*dict.fromkeys([*short_words(family.follows)[:WORDS_FOLLOWED], *known])]
-    low = 0.0
-    high = limit
-    for x in np.geomspace(RANKED * limit, limit, NUMBERS_TRIED):
-        if _one_grows(family, x, words):
-            high = _begins(family, words, low, float(x))
-            break
-        low = float(x)
-    for _ in range(SEARCHES):
-        x = limit if high == limit else (1 - BELOW) * high
-        count = len(known)
-        if not seems_refuted(family, x, known):
-            break
-        grown = known[count:] or growing_of(family.at(x), known)
-        high = _begins(family, grown, 0.0, x)
-    return high
-
-
-def _one_grows(family, x, words):
-    A = family.at(x)
-    return not np.isfinite(A).all() or bool(growing_of(A, words))
-
-
-def _begins(family, words, low, high):
-    """About the number between both from which on one of some words grows."""
-    for _ in range(HALVED):
-        middle = (low + high) / 2
-        if _one_grows(family, middle, words):
             high = middle
         else:
             low = middle

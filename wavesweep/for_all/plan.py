@@ -128,28 +128,7 @@ class Plan:
 
         Errors: UsageError for a number that the loop reads otherwise.
         """
-        at_steps = [self.schedule.with_period(self.drawing, step) for step in self.steps]
-        if number and not all(each.scalar_place(name_of(number)) for each in at_steps):
-            raise UsageError(
-                f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
-                "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "
-                "out"
-            )
-        varied = {path_of(name_of(number)): ANY} if number else {}
-
-        def ticks_at(step):
-            at_step = self.schedule.with_period(self.drawing, step)
-            whole = self.schedule.scheduled(Loops(at_step, self.values | varied).drawn())
-            if not number:
-                return Ticks.of(whole, alone=True, terms=True)
-            cut_open = Loops(at_step, self.values | dict.fromkeys(varied, 0.0)).drawn(
-                name_of(number)
-            )
-            return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
-
-        maps, _, index = self.different_ticks(ticks_at)
-        drift = self._drift(varied)
-        ticks = Ticks(tuple(maps), np.arange(len(maps)))
+        ticks, drift, index = self.open_at(number)
         relative, _ = drift.relative_ticks(ticks)
         varying = drift if drift.varying else None
         frames = LoopFrames.of(relative, drift.remaining, self.written(index), varying)
@@ -157,10 +136,62 @@ class Plan:
             return frames
         return replace(frames, free=partial(self._free, ticks, number, drift, index))
 
+    def along_each(
+        self, number: str, columns: Mapping[str, np.ndarray], size: int
+    ) -> list[LoopFrames]:
+        """Return `along` of each of several loops, for searches: what drifts is that of two of them.
+
+        columns: the numbers in which these differ, `(size,)` each. Numbers of which some are zero, or
+        from which dead times follow, are the same in all.
+        """
+        read = {path: column for path, column in columns.items() if path in self.values}
+        batch = replace(self, values=self.values | read)
+        ticks, drift, index = batch.open_at(number)
+        if drift.varying:  # which may be what differs from loop to loop alone
+            alone = (Loops(self.drawing, batch.values).one(at) for at in range(size))
+            return [replace(self, values=loop.values).along(number) for loop in alone]
+        relative, _ = drift.relative_ticks(ticks)
+        written = batch.written(index)
+        return [LoopFrames.of(relative.of_loop(at), drift.remaining, written) for at in range(size)]
+
+    def open_at(self, number):
+        """The different ticks, open at a number, what drifts in them, and the index of each kind at
+        each step; see `different_ticks`."""
+        at_steps = [self.schedule.with_period(self.drawing, step) for step in self.steps]
+        if number and not all(each.scalar_place(name_of(number)) for each in at_steps):
+            raise UsageError(
+                f"intervals along {number}: while frames vary ([for_all]), expected a number that one wire or gain reads "
+                "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "
+                "out"
+            )
+        varied = self._varied(number)
+
+        def ticks_at(step):
+            at_step = self.schedule.with_period(self.drawing, step)
+            whole = self.schedule.scheduled(Loops(at_step, varied).drawn())
+            if not number:
+                return Ticks.of(whole, alone=True, terms=True)
+            without = self.values | {path_of(name_of(number)): 0.0}
+            cut_open = Loops(at_step, without).drawn(name_of(number))
+            return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
+
+        maps, _, index = self.different_ticks(ticks_at)
+        return Ticks(tuple(maps), np.arange(len(maps))), self._drift(varied), index
+
+    def _varied(self, number):
+        """The values, of each loop twice with two values of a number."""
+        if not number:
+            return self.values
+        loops = Loops(self.drawing, self.values).batch or (1,)
+        twice = {}
+        for path, value in self.values.items():
+            twice[path] = np.repeat(value, ANY.size) if np.ndim(value) else value
+        return twice | {path_of(name_of(number)): np.tile(ANY, loops)}
+
     def _free(self, ticks, number, drift, index) -> FramesFromZero | None:
         """The frames from a number 0 on, if there one more shift of the loop stays than with it,
         and the number reads that alone."""
-        free = self._drift({path_of(name_of(number)): 0.0})
+        free = self._drift(self.values | {path_of(name_of(number)): 0.0})
         if free.varying or len(free.constant) != len(drift.constant) + 1:
             return None
         relative, _ = free.relative_ticks(ticks)
@@ -265,9 +296,9 @@ class Plan:
             return sorted({symbol.ticks for symbol in self.symbols})
         return [self.schedule.nominal]
 
-    def _drift(self, varied) -> MarginalModes:
+    def _drift(self, values) -> MarginalModes:
         both_loops = Loops(
-            self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied
+            self.schedule.with_period(self.drawing, self.schedule.nominal), values
         ).twins()
         return MarginalModes.of(*map(self.schedule.scheduled, both_loops))
 

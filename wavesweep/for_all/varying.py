@@ -148,6 +148,20 @@ class Rules:
         shares, results = self.chances
         return frames_at_random(frames, shares, results, along, self.losses(values))
 
+    def families(
+        self,
+        values: Mapping[str, object],
+        along: str,
+        columns: Mapping[str, np.ndarray],
+        size: int,
+    ) -> list[LoopFrames]:
+        """The `family` of each of several loops, of frames that are not at random; columns: see
+        `Plan.along_each`."""
+        if self.messages:
+            alone = [{path: column[at] for path, column in columns.items()} for at in range(size)]
+            return [self.family({**values, **own}, along) for own in alone]
+        return self.plan(values, (along,)).along_each(along, columns, size)
+
     @property
     def chances(self) -> tuple[tuple[tuple[float, ...], ...], ...]:
         """The probabilities of lengths of frames and of results that a proof takes, see

@@ -1,6 +1,6 @@
 """The discrete block in delta form, of which all loops consist, and its arrays over a batch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,6 +119,24 @@ class Block:
             raise ValueError(
                 f"block {self.name}: labels expected {n}, one per state, found {len(self.labels)}"
             )
+
+    def of_loop(self, at: int) -> "Block":
+        """Return the block of one loop of a batch; what all loops have alike has no axis for them."""
+
+        def own(array, axes):
+            return np.asarray(array)[at] if np.ndim(array) > axes else array
+
+        return replace(
+            self,
+            E=own(self.E, 2),
+            B=own(self.B, 2),
+            C=own(self.C, 2),
+            D=own(self.D, 2),
+            condition=own(self.condition, 0),
+            pivot=own(self.pivot, 0),
+            terms=self.terms and tuple(own(each, 2) for each in self.terms),
+            at_rest=None,
+        )
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -39,6 +39,10 @@ class Ticks:
         condition = reduce(np.multiply, [block.condition for block in self.maps])
         return pivot, condition
 
+    def of_loop(self, at: int) -> "Ticks":
+        """The ticks of one loop of a batch."""
+        return replace(self, maps=tuple(block.of_loop(at) for block in self.maps))
+
     @staticmethod
     def of(
         drawn: MultirateLoop,
