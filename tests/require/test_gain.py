@@ -185,8 +185,17 @@ def test_what_is_not_shown_of_factors_with_the_work_of_a_slice_is_in_doubt(monke
     monkeypatch.setattr(factors, "MOST_WORK", 1e6)
     found = list(loop.stable_intervals(require={"margins": {"cut": "c.y", "gain": 1.2}}).itertuples())
     assert [(row.certified, row.doubt) for row in found] == [(False, "search")] * 2
-    assert 0 < found[0].low < found[0].high < first.high / 1.2
+    assert 0 <= found[0].low < found[0].high < first.high / 1.2
     assert second.low * 1.2 < found[1].low < found[1].high < second.high / 1.2
+
+
+def test_factors_are_looked_at_where_the_margins_before_them_hold(monkeypatch):
+    """Ms of 1.25 ends at s = 0.4 and the gain of 2 at 1: next to its end the factors would take more work than there is."""
+    monkeypatch.setattr(factors, "MOST_WORK", 5e4)
+    tables = cut_integrator(1, 1) | {"sweep": {"along": "K", "K": {"start": 10, "stop": 210}}}
+    (row,) = wavesweep.compile(tables).stable_intervals(require={"margins": {"cut": "c.y", "gain": 2, "Ms": 1.25}}).itertuples()
+    assert (row.certified, row.low, row.high_set_by) == (True, 10, "gain")
+    assert row.high == pytest.approx(0.4 / T, rel=1e-8)
 
 
 @pytest.mark.parametrize(

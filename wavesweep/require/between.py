@@ -122,11 +122,14 @@ class Between:
         return E[0]
 
     def label(self, column, low, high, bounds):
-        """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
+        """GOOD, BAD or OPEN of panels, of what is within the intervals in which loops may be
+        stable; BAD of the others."""
         stable = self.stable
         within = stable.column == self.columns[column][:, None]
         within &= (stable.low < high[:, None]) & (stable.high > low[:, None])
         inside = within.any(-1)
+        low = np.maximum(low, np.where(within, stable.low, np.inf).min(-1))
+        high = np.minimum(high, np.where(within, stable.high, -np.inf).max(-1))
         label = np.full(column.size, BAD)
         if inside.any():
             label[inside] = self.labelled(column[inside], low[inside], high[inside], bounds)

@@ -156,9 +156,9 @@ class Bound:
         domain = Domain(span, frames.period, frames.bounds, frames.resolved)
         return along_by_discs(frames.frames, frames.errors, turns, domain, place)
 
-    def within_gain(self, frames, span, stable: Intervals) -> list[Intervals]:
-        """The intervals in which each gain is small enough, looked for where the loops may be
-        stable."""
+    def within_gain(self, gain, frames, span, stable: Intervals) -> Intervals:
+        """The intervals in which one of the gains is small enough, looked for where the loops may
+        be stable."""
         from wavesweep.program.analyses.signals import routed
         from wavesweep.require.at_cut import seen_at_cut
         from wavesweep.require.disc_panels import Domain
@@ -169,22 +169,16 @@ class Bound:
         loops = frames.loops
         along = frames.along
         domain = Domain(span, frames.period, frames.bounds, frames.resolved)
-        small = []
-        for wanted in self.gains:
-            if isinstance(wanted, FactorBound):
-                small.append(along_factors(loops, along, domain, wanted, stable))
-                continue
-            find = along_time if isinstance(wanted, TimeBound) else along_gain
-            if isinstance(wanted, CutBound):
-                seen, route, level = seen_at_cut(loops, wanted)
-            else:
-                table = wanted.measure if isinstance(wanted, TimeBound) else "gain"
-                path = f"sweep.require.{table}"
-                drawing, route = routed(loops.drawing, wanted.source, wanted.signal, path)
-                seen = loops._replace(drawing=drawing)
-                level = wanted
-            small.append(find(seen, along, domain, route, level, stable))
-        return small
+        if isinstance(gain, FactorBound):
+            return along_factors(loops, along, domain, gain, stable)
+        if isinstance(gain, CutBound):
+            seen, route, level = seen_at_cut(loops, gain)
+            return along_gain(seen, along, domain, route, level, stable)
+        in_time = isinstance(gain, TimeBound)
+        table = gain.measure if in_time else "gain"
+        drawing, route = routed(loops.drawing, gain.source, gain.signal, f"sweep.require.{table}")
+        find = along_time if in_time else along_gain
+        return find(loops._replace(drawing=drawing), along, domain, route, gain, stable)
 
     def beyond(self, delta, turns, period: float) -> np.ndarray:
         """By how much eigenvalues less 1 of a loop miss what is required of modes, in the

@@ -226,6 +226,7 @@ class Require(KeyValues):
         if self.get("damping_ratio"):
             modes = self.get("modes", ALL_MODES)
             damped = Damped(self["damping_ratio"], modes, self.get("slower_than", 0.0))
+        # Each is looked for where those before it hold: what takes longest comes last.
         gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
         if "gain.at_most" in self:
             band, measure = self.get("gain.band_hz"), self.get("gain.measure", LIFTED)
@@ -235,12 +236,12 @@ class Require(KeyValues):
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
             gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
-        for margin in (FACTOR_GAIN, FACTOR_PHASE):
-            if f"margins.{margin}" in self:
-                gains += (FactorBound(self["margins.cut"], margin, self[f"margins.{margin}"]),)
         for measure in IN_TIME:
             if f"{measure}.at_most" in self:
                 gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
+        for margin in (FACTOR_GAIN, FACTOR_PHASE):
+            if f"margins.{margin}" in self:
+                gains += (FactorBound(self["margins.cut"], margin, self[f"margins.{margin}"]),)
         return Bound(
             self.get("radius", 1.0),
             self.get("settling", inf),

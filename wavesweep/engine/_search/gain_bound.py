@@ -1,8 +1,8 @@
 """A bound on a gain of the loop, beside what is required of its modes.
 
 Applies if the region that is asked for has one. The other methods find where the loop is stable;
-within that, the gain is proved to be below its bound on panels of the number, by that region
-itself.
+within that, each gain in turn is proved to be below its bound on panels of the number, by that
+region itself, where those before it are.
 """
 
 from dataclasses import replace
@@ -24,15 +24,14 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 
     loops = slices.loops
     bound = question.bound
-    stable = rest(replace(question, bound=bound.of_modes), slices)
+    found = rest(replace(question, bound=bound.of_modes), slices)
     frames = FramesAlong.of(question, loops, slices.size)
-    together = [stable]
-    for small in bound.within_gain(frames, question.span, stable):
-        # Ends of stability are in their own time already; those of the gain have a minus.
-        timed = in_own_time(small, loops, question.along)
-        omegas = {}
-        for name in ("low_omega", "high_omega"):
-            omega = getattr(small, name)
-            omegas[name] = np.where(omega < 0, getattr(timed, name), omega)
-        together.append(replace(small, **omegas))
-    return common(together)
+    for gain in bound.gains:
+        found = common([found, bound.within_gain(gain, frames, question.span, found)])
+    # Ends of stability are in their own time already; those of gains have a minus.
+    timed = in_own_time(found, loops, question.along)
+    omegas = {}
+    for name in ("low_omega", "high_omega"):
+        omega = getattr(found, name)
+        omegas[name] = np.where(omega < 0, getattr(timed, name), omega)
+    return replace(found, **omegas)

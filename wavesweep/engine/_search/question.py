@@ -44,8 +44,8 @@ class RequiredRegion(Protocol):
         """All intervals in which eigenvalues are where they have to be, apart from their size;
         frames: `FramesAlong` the number."""
 
-    def within_gain(self, frames: Any, span, stable: Intervals) -> list[Intervals]:
-        """All intervals along a number in which each of the gains is within its bound, as far as
+    def within_gain(self, gain: Any, frames: Any, span, stable: Intervals) -> Intervals:
+        """All intervals along a number in which one of the gains is within its bound, as far as
         they are in `stable`.
 
         An omega at an end that the gain sets has a minus.
