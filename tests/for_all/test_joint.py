@@ -125,6 +125,22 @@ def test_an_integrator_whose_input_is_used_a_tick_late_or_not_at_all():
     assert found.fails_from == pytest.approx(1, abs=1e-8)
 
 
+def test_a_slow_oscillation_is_pumped_by_a_pattern_of_many_matrices():
+    """A turn by 1/29.43, and one that decays and is wider by m along one axis: this one comes at the phases at which it grows.
+
+    Of a circle of twice the phase, these are those with m cos(phase) > b, the decay; what they add is the integral over them.
+    Half a period is 14.715 matrices, so that patterns of less than 103, which are 7 halves, fall out of step.
+    """
+    angle, m, b = 2 * np.pi / 29.43, 2e-3, 1e-3
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    family = scaled([turn, np.exp(-b) * np.diag([1 + m, 1 - m]) @ turn])
+    widest = np.arccos(b / m)
+    limit = np.exp(-(m * np.sin(widest) - b * widest) / np.pi)
+    refuted = decide(family, limit + 5e-6)
+    assert (refuted.verdict, len(refuted.word)) == (REFUTED, 103)
+    assert decide(family, limit - 3e-5).verdict == PROVED
+
+
 def test_an_order_that_is_forbidden_may_be_what_grows():
     matrices, alternating = np.array([[[2.0]], [[0.4]]]), np.array([[False, True], [True, True]])
     assert decide(Affine.of(matrices)).verdict == REFUTED

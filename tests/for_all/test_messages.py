@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine.errors import UsageError
-from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
+from wavesweep.for_all.channel_families import Sent, channels_of, frames_with_messages, messages_over
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.patterns import growth
 from wavesweep.for_all.varying import Rules, bracketed_over
@@ -125,6 +125,26 @@ def random_word(found, source):
         if len(walk) > 60:
             return None
     return tuple(walk)
+
+
+def test_messages_that_no_reader_tells_apart_are_looked_at_once():
+    """In a march, those that are left out grow as those in place of them; all are looked at of what is read in every tick."""
+    merged = 0
+    for seed in range(30):
+        source = np.random.default_rng(300 + seed)
+        loop = random_loop(source)
+        spec = load(spec_of(loop))
+        late, alike = [], []
+        for channel in channels_of(spec.drawing, dict(spec.values)):
+            sent = range(channel.phase, 24, channel.every)
+            late.append([int(source.integers(channel.late + 1)) for _ in sent])
+            looked_at = [channel.different(tick) for tick in sent]
+            alike.append([max(n for n in some if n <= own) for some, own in zip(looked_at, late[-1], strict=True)])
+        assert alike[1] == late[1]  # the mass reads them in every tick
+        merged += alike != late
+        g = source.uniform(0, 3)
+        assert radius(loop, g, tuple(alike)) == pytest.approx(radius(loop, g, tuple(late)), rel=1e-6, abs=1e-6)
+    assert merged > 4
 
 
 @pytest.mark.sample(4)

@@ -47,7 +47,8 @@ class Channel:
     be lost.
 
     zero: whether it shows zero without a message, and not the last one. lost: ANY_NUMBER if they
-    are lost at random.
+    are lost at random. readers: when the blocks run that read it, each a period and a phase in
+    ticks.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Channel:
     late: int = 0
     lost: int = 0
     zero: bool = False
+    readers: tuple[tuple[int, int], ...] = ((1, 0),)
 
     @property
     def registers(self) -> int:
@@ -65,6 +67,22 @@ class Channel:
     def sends(self, tick: int) -> bool:
         """Whether it sends in a tick."""
         return tick % self.every == self.phase
+
+    def different(self, tick: int) -> list[int]:
+        """Return the ticks by which a message that is sent in a tick may be late, of those that no
+        reader tells apart the first alone.
+
+        A reader sees the newest message that has arrived, which is the same whenever that was
+        since a reader ran. What shows zero without a message does so from when it sends, and a
+        message that arrives then or later is seen.
+        """
+        first = {}
+        for late in range(self.late + 1):
+            arrives = tick + late
+            waits = [(phase - arrives) % every for every, phase in self.readers]
+            since = (arrives - self.phase) // self.every if self.zero else 0
+            first.setdefault((arrives + min(waits, default=-arrives), since), late)
+        return list(first.values())
 
     def block(self, shows, registers) -> Block:
         """The channel in a tick in which it shows, and holds afterwards, what it takes from
@@ -148,8 +166,26 @@ def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel
             for tree in (block.every, block.phase, keys["late"], keys["lost"])
         ]
         ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
-        channels.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
+        readers = _readers(drawing, numbers, block.name)
+        channels.append(Channel(block.name, *ticks, keys["missing"] == "zero", readers))
     return tuple(channels)
+
+
+def _readers(drawing, numbers, channel):
+    """When the blocks run that read a channel; plants and dead times read in every tick."""
+    own = {block.name: block for block in drawing.blocks}
+    readers = set()
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        if not any(signal.rpartition(".")[0] == channel for signal, _ in terms):
+            continue
+        block = own[port.rpartition(".")[0]]
+        if block.plant or block.dead_time:
+            readers.add((1, 0))
+            continue
+        every = int(block.every.value(numbers))
+        phases = block.phases or (int(block.phase.value(numbers)),)
+        readers.update((every, phase) for phase in phases)
+    return tuple(sorted(readers))
 
 
 def frames_with_messages(
@@ -337,7 +373,7 @@ def _choices(channel, tick, lost):
     if not channel.sends(tick):
         return [LOST]
     return [
-        *range(channel.late + 1),
+        *channel.different(tick),
         *([LOST] if lost < channel.lost or channel.lost == ANY_NUMBER else []),
     ]
 

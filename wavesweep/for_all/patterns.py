@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from wavesweep.engine.frames import both
+from wavesweep.engine.frames import both, products_of_rows
 from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.graph import Family, Graph
 from wavesweep.for_all.norm_check import Norms
@@ -18,8 +18,9 @@ SQUARINGS = 10  # of the product of a word, by whose size its growth is bounded
 # words whose eigenvalues are computed together, those of the largest bounds
 EIGENVALUES_AT_ONCE = 16
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
-WALKS = 32  # of a state
-WALKED = 160  # matrices of a walk
+WALKS = 8  # of a state
+WALKED = 240  # matrices of a walk
+LONGEST_RETURN = 160  # matrices of a word that is the end of a walk
 WORDS_OF_WALKS = 40  # words of walks whose growth counts: most are the same one several times
 GONE_STATE = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
@@ -38,15 +39,13 @@ def is_refuted(family: Family, word: Word, x: float) -> bool:
     """Return whether the word may be repeated for ever, and is proved to grow at x.
 
     The product has an eigenvalue outside the unit circle for all matrices within the bounds on the
-    errors of its entries (see `count_outside`).
+    errors of its entries (see `count_outside`). Halves of the word are joined, since bounds on
+    errors grow by a factor with each join.
     """
     if not _allowed(family.follows, word):
         return False
-    E, dE = family.enclosed(x)
-    product = E[word[0]], dE[word[0]]
-    for symbol in word[1:]:
-        product = both(product, (E[symbol], dE[symbol]))
-    count, clear = count_outside(product[0][None], product[1][None])
+    E, dE = products_of_rows([word], family.enclosed(x), both)
+    count, clear = count_outside(E, dE)
     return bool(count[0] > 0 and clear[0])
 
 
@@ -152,7 +151,12 @@ def _of_two_runs(A, follows):
 
 def _of_walks(A, follows, norms):
     """The growth per matrix of the ends of walks, on which each matrix is that which leaves the
-    state largest in norms."""
+    state largest in norms.
+
+    A slow oscillation that decays with each matrix alone may grow if each comes at the phases at
+    which it does most. Such a pattern is as long as some halves of the period, if these are about
+    a whole number of matrices, which may be over a hundred.
+    """
     graph = norms.graph
     n = A.shape[-1]
     scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
@@ -172,11 +176,11 @@ def _of_walks(A, follows, norms):
         state = moved[walker, symbol]
         node = target[walker, symbol]
         state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), GONE_STATE)
-    ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
+    ends = np.unique(walks[:, -LONGEST_RETURN:], axis=0)
     products = np.broadcast_to(np.eye(n), (len(ends), n, n))
     closed = []
     parts = []
-    for length in range(1, 1 + LONGEST_IMPROVED):
+    for length in range(1, 1 + LONGEST_RETURN):
         products = products @ A[ends[:, -length]]
         closing = np.flatnonzero(follows[ends[:, -1], ends[:, -length]])
         closed += [(i, length) for i in closing.tolist()]
