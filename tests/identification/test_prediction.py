@@ -73,23 +73,25 @@ def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, lo
 
 
 def test_friction_within_a_tick_is_that_of_a_fine_march():
-    """Of ticks in which the device turns round and the force changes: the mean of sgn v, and that of (1/2 - t) sgn v.
+    """Of ticks in which the device turns round once or twice and the force changes: the means of sgn v and (1/2 - t) sgn v.
 
-    The march has 1000 steps a tick. On straight lines from tick to tick it turns round elsewhere. Where friction holds the
-    device for a part of a tick, the march turns round at every step.
+    And those of tanh(v/0.1). The march has 1000 steps a tick. On straight lines from tick to tick it turns round elsewhere.
+    Where friction holds the device for a part of a tick, the march turns round at every step.
     """
     ticks, steps, part, friction = 150, 1000, 0.375, 0.25
-    force = np.random.default_rng(5).standard_normal(ticks)
+    force = np.random.default_rng(20).standard_normal(ticks)
     begun = (np.arange(steps) + 0.5) / steps
     v = 0.3
-    speeds, sides, turns = np.empty(ticks), np.empty((ticks, 2)), np.zeros(ticks, int)
+    speeds, sides, soft, turns = np.empty(ticks), np.empty((ticks, 2)), np.empty((ticks, 2)), np.zeros(ticks, int)
     for tick in range(ticks):
         speeds[tick] = v
-        way = np.empty(steps)
+        passed = np.empty(steps)
         for step, time in enumerate(begun):
-            way[step] = np.sign(v)
-            v += (force[tick - (time < part)] - friction * way[step]) / steps
+            passed[step] = v
+            v += (force[tick - (time < part)] - friction * np.sign(v)) / steps
+        way = np.sign(passed)
         sides[tick] = way.mean(), ((0.5 - begun) * way).mean()
+        soft[tick] = np.tanh(passed / 0.1).mean(), ((0.5 - begun) * np.tanh(passed / 0.1)).mean()
         turns[tick] = np.sum(way[1:] != way[:-1])
     log = scaled(Model(friction=True, measured="velocity"), force, speeds, 1e-3, 0.0)
     found = {"rate": 0.0, "delay": part, "turning": 1e-6}
@@ -98,6 +100,11 @@ def test_friction_within_a_tick_is_that_of_a_fine_march():
     assert once.size > 8
     known = replace(log, speeds=speeds, path=path).side(1e-6)
     assert known[:, once] == pytest.approx(sides[once].T, abs=4e-3)
+    twice = np.flatnonzero(turns[:-1] == 2)
+    assert twice.size > 3
+    assert known[:, twice] == pytest.approx(sides[twice].T, abs=2 * 4e-3)
+    slowly = replace(log, speeds=speeds, path=path).side(0.1)
+    assert slowly[:, once] == pytest.approx(soft[once].T, abs=4e-3)
     rests = np.isfinite(path.held).any(axis=0)
     assert rests.sum() >= 3
     assert (turns[rests] > 20).all()
@@ -176,11 +183,19 @@ def test_friction_that_falls_with_speed_is_found_with_its_curve():
 
 
 @pytest.mark.slow
-def test_friction_that_does_not_fall_is_no_curve(caplog):
-    """And what the fit is at is said on the way, for lines of progress."""
+def test_friction_that_does_not_fall_is_no_curve_and_a_device_does_not_rest_under_a_force_above_it(caplog):
+    """While it turns its encoder stands still for two ticks. What the fit is at is said on the way, for lines of progress."""
     caplog.set_level("INFO", "wavesweep.proof")
-    log = of_one_mass("Coulomb", 4, 0, 3.0)[2]
-    assert predicted(Model(friction=True), log.force, log.reading, log.period, log.step).static is None
+    source = np.random.default_rng(34)
+    force = 2 * np.sign(source.standard_normal(25)).repeat(20)
+    position = read(marched(0.1, 0.5, force, 0.3, 0.0, 0.24), 8e-5, source)
+    model = Model(friction=True)
+    assert np.sum(scaled(model, force, position, 1e-3, 8e-5).moving == 0) == 2
+    found = predicted(model, force, position, 1e-3, 8e-5)
+    assert found.static is None
+    assert found.place.log.moving.all()
+    assert (abs(found.theta - [np.log(0.1), 0.5, 0.24, 0.3]) <= found.half).all()
+    assert found.half[1] < 0.01
     said = [record.getMessage() for record in caplog.records]
     assert said[0].startswith("a first look at 1 of ")
     assert any("round 2 of at most 6" in line for line in said)

@@ -166,10 +166,14 @@ def means_over_ticks(
     path = path_within_ticks(log, found, gains, speed, turned, slope)
     means = []
     changes = []
-    for length, late_by, first, middle, last in zip(
-        path.lengths, path.late, path.speeds[:-1], path.middles, path.speeds[1:], strict=True
+    for length, force, first, middle, last in zip(
+        path.lengths,
+        (before, before, now, now),
+        path.speeds[:-1],
+        path.middles,
+        path.speeds[1:],
+        strict=True,
     ):
-        force = np.where(late_by > whole_ticks, before, now)
         # Integrals of the parabola through the three velocities.
         middle_place = place + length * (5 * first + 8 * middle - last) / 24
         there = place + length * (first + 4 * middle + last) / 6

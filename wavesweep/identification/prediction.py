@@ -28,7 +28,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
-from scipy.special import erf, stdtrit
+from scipy.special import erf, spence, stdtrit
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
@@ -58,10 +58,9 @@ DIFFERENCE = 1e-3  # of the size of a number, of central differences
 LEAST_PASSES = 2  # of the smoother
 SHORTEST_MOTION = 0.05  # of a tick, below which a device rests in all of it
 SMOOTHER_PASSES = 6  # at most
-# share by which the mean square of the innovations has to fall in a pass, so that another follows
-FALLING = 0.1
 TURNS_TRIED = 12  # of the moment in a tick at which a device turns round
-TURNING_TRIED = (0.1, 0.3, 1.0, 3.0)  # speeds at which friction turns round, over the slowest
+# speeds at which friction turns round, over the slowest
+SHARPEST, TURNING_TRIED = 1e-4, (1e-3, 0.01, 0.1, 0.3, 1.0, 3.0)
 FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
 FALLS = 0.1  # share of the friction by which it has to fall with speed
 # times the slowest speed at which friction turns round: the least speed at which it fades
@@ -82,7 +81,8 @@ COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))
 RESONANCES_TRIED = 2  # resonances from which two masses are searched
 RESONANCES_APART = 0.3  # logarithm of the ratio of these, at least
-# logarithm of the odds by which two masses have to explain the innovations better than one
+# logarithm of the odds by which two masses have to explain the innovations better than one, and
+# another round of the smoother better than the one before
 LIKELIER = 15.0
 LARGEST = 1e150  # innovations that are squared
 # standard deviations of a second difference, beyond which a single reading is an outlier
@@ -164,26 +164,39 @@ class ScaledLog:
 
     def _side(self, turning, fading):
         if self.path is None:
-            means = _mean_side(self.speeds, _next(self.speeds), turning, fading)
-            return self.moving * np.stack([means, np.zeros(len(means))])
+            means, changes = _along_line(self.speeds, _next(self.speeds), turning, fading)
+            return self.moving * np.stack([means, -changes / 12])
         ends = self.path.speeds
-        means = _mean_side(ends[:-1], ends[1:], turning, fading)
-        means = np.where(np.isnan(self.path.held), means, self.path.held)
-        return self.moving * self.path.over_tick(means, 0.0)
+        means, changes = _along_line(ends[:-1], ends[1:], turning, fading)
+        holds = ~np.isnan(self.path.held)
+        means = np.where(holds, self.path.held, means)
+        return self.moving * self.path.over_tick(means, np.where(holds, 0.0, changes))
 
 
-def _mean_side(now, then, turning, fading):
-    """The mean of `ScaledLog.side` over velocities on a straight line from `now` to `then`."""
+def _along_line(now, then, turning, fading):
+    """The mean of the F of `ScaledLog.side` over velocities on a straight line from a to b, and the
+    change of the force on a straight line that has its lever: of (1/2 - s) F, s from 0 to 1.
+
+    With primitives P of tanh(v/turning) and Q of P, that of (1/2 - s) tanh is
+    (Q(b) - Q(a))/(b - a)^2 - (P(a) + P(b))/2/(b - a); a line from f to g has -(g - f)/12. What is
+    missing beside a device that turns round is at the turn, and not all over the line.
+    """
     change = then - now
     middle = (now + then) / 2
-    primitives = [turning * _log_cosh(speed / turning) for speed in (now, then)]
-    at_middle = np.tanh(middle / turning)
-    if fading < np.inf:
-        primitives = [np.sqrt(np.pi) / 2 * fading * erf(each / fading) for each in primitives]
-        at_middle = at_middle * np.exp(-((turning * _log_cosh(middle / turning) / fading) ** 2))
     straight = np.abs(change) > 1e-3 * turning
-    mean = (primitives[1] - primitives[0]) / np.where(straight, change, 1.0)
-    return np.where(straight, mean, at_middle)
+    over = np.where(straight, change, 1.0)
+    ways = [turning * _log_cosh(speed / turning) for speed in (now, then)]
+    way = turning * _log_cosh(middle / turning)
+    areas = [turning**2 * _area_of_log_cosh(speed / turning) for speed in (now, then)]
+    lever = (areas[1] - areas[0]) / over**2 - (ways[0] + ways[1]) / (2 * over)
+    side = np.tanh(middle / turning)
+    changes = np.where(straight, -12 * lever, (1 - side**2) * change / turning)
+    if fading == np.inf:
+        return np.where(straight, (ways[1] - ways[0]) / over, side), changes
+    primitives = [np.sqrt(np.pi) / 2 * fading * erf(each / fading) for each in ways]
+    left = [np.exp(-((each / fading) ** 2)) for each in (*ways, way)]
+    means = np.where(straight, (primitives[1] - primitives[0]) / over, side * left[2])
+    return means, changes * left[2] + side * (left[1] - left[0])
 
 
 def _next(signal):
@@ -192,24 +205,23 @@ def _next(signal):
 
 
 class Path(NamedTuple):
-    """The velocity within each tick, in three parts that change where the force of the log does
-    and where the device turns round.
+    """The velocity within each tick, in four parts: before and after the force of the log changes,
+    and each of these before and after the device turns round, or stops.
 
-    lengths: of the parts, in ticks, `(3, rows)`. speeds: at their ends, `(4, rows)`. late: by how
-    many ticks the force of the log is late in a part, `(3, rows)`. decay: by how much of itself the
-    acceleration falls in a tick, as damping has it, `(rows,)`. held: the share of its largest that
-    friction bears in a part in which it holds the device, NaN in others, `(3, rows)`.
+    lengths: of the parts, in ticks, `(4, rows)`. speeds: at their ends, `(5, rows)`. decay: by how
+    much of itself the acceleration falls in a tick, as damping has it, `(rows,)`. held: the share
+    of its largest that friction bears in a part in which it holds the device, NaN in others, `(4,
+    rows)`.
     """
 
     lengths: np.ndarray
     speeds: np.ndarray
-    late: np.ndarray
     decay: np.ndarray
     held: np.ndarray
 
     @property
     def middles(self) -> np.ndarray:
-        """The velocities in the middle of the parts, `(3, rows)`.
+        """The velocities in the middle of the parts, `(4, rows)`.
 
         From a to b in L ticks at an acceleration that falls by d in a tick, the velocity is above
         the straight line by d (b - a) L/8 in the middle.
@@ -279,7 +291,15 @@ class Prediction:
 
 
 def _log_cosh(x):
+    """log(2 cosh x)."""
     return np.abs(x) + np.log1p(np.exp(-2 * np.abs(x)))
+
+
+def _area_of_log_cosh(x):
+    """The integral of `_log_cosh` from 0 to x."""
+    size = np.abs(x)
+    beyond = spence(1 + np.exp(-2 * size)) / 2 + np.pi**2 / 24  # Li_2(-z) is spence(1 + z)
+    return np.sign(x) * (size**2 / 2 + beyond)
 
 
 def scaled(
@@ -412,7 +432,7 @@ class Search:
             entries["turning"] = (
                 np.log(begun["turning"]),
                 0.7,
-                np.log(log.slowest / 100),
+                np.log(SHARPEST * log.slowest),
                 np.log(usual),
             )
             if "fading" in begun:
@@ -504,6 +524,7 @@ def _smoothing(rounds, search, skip):
     """Rounds of a smoother that gives the velocity, and of a search with the friction at this
     velocity."""
     log, point, before, moved = rounds
+    still = log.moving == 0.0
     square = np.inf
     passed = log, point
     for number in range(1, 1 + SMOOTHER_PASSES):
@@ -520,7 +541,8 @@ def _smoothing(rounds, search, skip):
         before = now
         previous = square
         square = float(np.mean(left**2))
-        if number > LEAST_PASSES and square > (1 - FALLING) * previous:
+        likelier = len(left) / 2 * np.log(previous / square)
+        if number > LEAST_PASSES and likelier < LIKELIER:
             if square > previous:
                 log, point = passed
             break
@@ -530,6 +552,9 @@ def _smoothing(rounds, search, skip):
         speeds = states[predictor.tick.speed]
         if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
             break
+        # No device rests under a force above its friction, though its encoder may stand still.
+        held = np.abs(_forces(log, found, gains, states[-1])).max(axis=0) <= _rest(found, gains)
+        log = replace(log, moving=np.where(still & held, 0.0, 1.0))
         path = path_within_ticks(log, found, gains, speeds, walk=states[-1])
         log = replace(log, speeds=speeds, path=path)
         # A search from far above the speed at which friction turns round does not get there.
@@ -723,66 +748,85 @@ def path_within_ticks(log, found, gains, speeds, turned=0.0, slope=0.0, walk=0.0
     """The velocity within each tick between those at its ends, v_0 and v_1.
 
     With D = n + p the force of the log is that of the tick before for p of a tick, and v' is by
-    J = g (f[k-n] - f[k-n-1]) another one from there on; by H, what friction changes over the tick,
-    from the moment s on at which the device turns round. Damping and the slope of a drag take d v'
-    from v' in a tick, so that an acceleration of 1 at first moves the velocity by
-    q(t) = (1 - exp(-d t))/d after t. So with c at first
+    J = g (f[k-n] - f[k-n-1]) another one from there on; by H, what friction changes, from the
+    moment r before p at which the device turns round on, and by I from the moment s after p on.
+    Damping and the slope of a drag take d v' from v' in a tick, so that an acceleration of 1 at
+    first moves the velocity by q(t) = (1 - exp(-d t))/d after t. So with c at first
 
-        v_1 = v_0 + c q(1) + J q(1 - p) + H q(1 - s),
-        v(s) = v_0 + c q(s) + J q(max(s - p, 0)) = 0.
+        v_1 = v_0 + c q(1) + H q(1 - r) + J q(1 - p) + I q(1 - s),
+        v(r) = v_0 + c q(r) = 0,
+        v(s) = v(p) + (c + H + J) q(s - p) = 0.
 
-    On straight lines in place of these the moment is off, by more the stronger the force is: delay
-    and mass are then by a share of friction over force another one. And a drag of the usual size
-    would be by 1/12 of d another one. turned: H of other curves; slope: of a drag, over the mass,
-    per tick.
+    A force that turns round between two moments at which the device does leaves it the sign that
+    it had. On straight lines in place of these the moments are off, by more the stronger the force
+    is: delay and mass are then by a share of friction over force another one. And a drag of the
+    usual size would be by 1/12 of d another one. turned: what other curves change over a tick;
+    slope: of a drag, over the mass, per tick.
     """
     decay = found["rate"] * log.period + np.zeros(len(speeds)) + slope
 
     def moved(time):
         return time * (1 - decay * time / 2 + (decay * time) ** 2 / 6)
 
+    def rubbed(speeds):
+        if not log.model.friction:
+            return 0.0 * speeds
+        fading = gains[2] * np.exp(-((speeds / found["fading"]) ** 2)) if "fading" in found else 0.0
+        return (gains[1] + fading) * np.tanh(speeds / found["turning"])
+
     whole_ticks = int(np.floor(found["delay"]))
     part = found["delay"] - whole_ticks
     jump = gains[0] * (late(log.force, whole_ticks) - late(log.force, whole_ticks + 1)) * log.moving
     then = _next(speeds)
-    if log.model.friction:
-        rubbed = gains[1] * np.tanh(speeds / found["turning"])
-        if "fading" in found:
-            fades = np.exp(-((speeds / found["fading"]) ** 2))
-            rubbed = rubbed + gains[2] * np.tanh(speeds / found["turning"]) * fades
-        turned = turned - (_next(rubbed) - rubbed)
-    turns = speeds * then < 0
-    moment = np.full(len(speeds), part)
+    once = speeds * then < 0
     begun = then - speeds - moved(1 - part) * jump
+    around = rubbed(speeds) - rubbed(then) + turned
+    to_other = np.where(once, around, 2 * rubbed(speeds))
+    from_other = np.where(once, around, -2 * rubbed(then))
+    before = after = np.full(len(speeds), part)
+    change_before = change_after = np.zeros(len(speeds))
     for _ in range(TURNS_TRIED):
-        first = (begun - turned * moved(1 - moment) * turns) / moved(1.0)
-        there = speeds + moved(part) * first
+        turning = change_before * moved(1 - before) + change_after * moved(1 - after)
+        first = (begun - turning) / moved(1.0)
+        at_jump = speeds + moved(part) * first
+        turns_before = speeds * at_jump < 0
+        turns_after = at_jump * then < 0
+        change_before = np.where(turns_before, to_other, 0.0)
+        change_after = np.where(turns_after, from_other, 0.0)
+        there = at_jump + change_before * moved(part - before)
         with np.errstate(all="ignore"):
-            early = -speeds / first
-            late_on = part - there / (first + jump)
-        found_at = np.where(there * then > 0, early, late_on)
-        turns = turns & (found_at >= 0) & (found_at <= 1)
-        moment = np.where(turns, found_at, part)
-    first = (begun - turned * moved(1 - moment) * turns) / moved(1.0)
-    there = speeds + moved(part) * first
-    there = there + np.where(moment < part, turned * moved(part - moment), 0.0)
-    lower = np.minimum(moment, part)
-    upper = np.maximum(moment, part)
-    at_turn = np.where(turns, 0.0, there)
-    before = moment < part
+            early = np.clip(-speeds / first, 0.0, part)
+            late_on = np.clip(part - there / (first + change_before + jump), part, 1.0)
+        before = np.where(turns_before, early, part)
+        after = np.where(turns_after, late_on, part)
     path = Path(
-        np.stack([lower, upper - lower, 1 - upper]),
+        np.stack([before, part - before, after - part, 1 - after]),
         np.stack(
-            [speeds, np.where(before, at_turn, there), np.where(before, there, at_turn), then]
+            [
+                speeds,
+                np.where(turns_before, 0.0, there),
+                there,
+                np.where(turns_after, 0.0, there),
+                then,
+            ]
         ),
-        whole_ticks + np.stack([np.ones(len(speeds)), before, np.zeros(len(speeds))]),
         decay,
-        np.full((3, len(speeds)), np.nan),
+        np.full((4, len(speeds)), np.nan),
     )
     if log.model.friction:
-        forces = [gains[0] * late(log.force, whole_ticks + tick) + walk for tick in (1, 0)]
-        _stop(path, part, forces, float(np.sum(gains[1 : 3 if "fading" in found else 2])))
+        _stop(path, part, _forces(log, found, gains, walk), _rest(found, gains))
     return path
+
+
+def _forces(log, found, gains, walk):
+    """The forces before that of the log changes in a tick and after it, `(2, rows)`."""
+    whole_ticks = int(np.floor(found["delay"]))
+    return np.stack([gains[0] * late(log.force, whole_ticks + tick) + walk for tick in (1, 0)])
+
+
+def _rest(found, gains):
+    """The friction at rest."""
+    return float(np.sum(gains[1 : 3 if "fading" in found else 2]))
 
 
 def _stop(path, part, forces, friction):
@@ -794,25 +838,29 @@ def _stop(path, part, forces, friction):
     early, after = forces
     way = np.sign(speeds)
     slowing = friction - way * early
-    stops_early = (np.abs(early) < friction) & (np.abs(speeds) < slowing * part)
+    halts = np.abs(speeds) < slowing * part
+    stops_early = halts & (np.abs(early) < friction)
     there = speeds + (early - way * friction - path.decay * speeds) * part
-    there = np.where((path.late[1] > path.late[2]) & (path.lengths[1] > 0), path.speeds[2], there)
+    with np.errstate(all="ignore"):
+        first = np.where(halts, np.abs(speeds) / slowing, part)
+    there = np.where(halts, (early + way * friction) * (part - first), there)
     there = np.where(stops_early, 0.0, there)
     slowing_after = friction - np.sign(there) * after
     stops_after = (np.abs(after) < friction) & (np.abs(there) < slowing_after * (1 - part))
     with np.errstate(all="ignore"):
-        first = np.where(stops_early, np.abs(speeds) / slowing, part)
-        second = np.where(stops_early, part, part + np.abs(there) / slowing_after)
+        second = np.where(stops_early, 0.0, np.abs(there) / slowing_after)
     # A device that rests all of a tick is left out as a whole, see `ScaledLog`.
-    moves = np.where(stops_early, first, second) > SHORTEST_MOTION
+    moves = np.where(stops_early, first, part + second) > SHORTEST_MOTION
     rests = (stops_early | stops_after) & (moves | ~stops_after)
-    zero = np.zeros(len(speeds))
-    last = np.where(stops_after, 0.0, path.speeds[3])
-    path.lengths[:, rests] = np.stack([first, second - first, 1 - second])[:, rests]
-    path.speeds[:, rests] = np.stack([speeds, there, zero, last])[:, rests]
-    path.late[1, rests] = path.late[2, rests] + stops_early[rests]
-    path.held[1] = np.where(rests & stops_early, early / friction, np.nan)
-    path.held[2] = np.where(rests & stops_after, after / friction, np.nan)
+    stops_early &= rests
+    stops_after &= rests
+    path.held[1, stops_early] = (early / friction)[stops_early]
+    path.lengths[:, rests] = np.stack([first, part - first, second, 1 - part - second])[:, rests]
+    path.speeds[1, rests] = np.where(halts, 0.0, there)[rests]
+    path.speeds[2, rests] = there[rests]
+    path.speeds[3, rests] = 0.0
+    path.speeds[4, stops_after] = 0.0
+    path.held[3, stops_after] = (after / friction)[stops_after]
 
 
 def force_beside(log, search, point, skip):
