@@ -39,7 +39,9 @@ class LinearFractional:
     it is never rounded. period: of the frame, s (a number or an array over the batch). states:
     their names. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a
     mass that nothing brakes. uncontrolled: the diagonal blocks of the monodromy matrix less
-    identity that the numbers do not act on, in the block-triangular form of its pattern.
+    identity that the numbers do not act on, in the block-triangular form of its pattern. late:
+    frames by which what the numbers make reaches the loop later, as a factor `z^-late` of both
+    signals; these frames are no states of E.
     """
 
     E: np.ndarray
@@ -55,6 +57,7 @@ class LinearFractional:
     states: tuple[str, ...]
     poles_at_one: int = 0
     uncontrolled: tuple[np.ndarray, ...] = ()
+    late: int = 0
     memo: dict = field(
         default_factory=dict, init=False, repr=False
     )  # what belongs to these loops alone, see `remembered`
@@ -66,7 +69,7 @@ class LinearFractional:
     @property
     def order(self) -> int:
         """Number of states of the loop with the numbers in place."""
-        return self.E.shape[-1] + self.integrates
+        return self.E.shape[-1] + self.integrates + self.late
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -191,9 +194,12 @@ class LinearFractional:
             E, B, x, v = self.with_integrator()
             of_x = self.D[..., OFFSET : OFFSET + 1, :]
             of_v = self.D[..., VELOCITY : VELOCITY + 1, :]
-            A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
+            read = K * x + F * v
+            through = K * of_x + F * of_v
+            A = self._late(E, B, read, through, 1.0) if self.late else E + B * (read / (1 - through))
             if self.integrates:
-                A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
+                at = E.shape[-1] - 1
+                A[..., at, at] = np.where(K[..., 0, 0] == 0, -1.0, A[..., at, at])
         return A
 
     def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
@@ -213,9 +219,30 @@ class LinearFractional:
             d_of_x = self.dD[..., OFFSET : OFFSET + 1, :]
             d_of_v = self.dD[..., VELOCITY : VELOCITY + 1, :]
             off = K * d_of_x + F * d_of_v
+            if self.late:
+                rounding = SHORT_SUM_ROUNDING * (K * x + F * v)
+                unsure = SHORT_SUM_ROUNDING * (K * np.abs(of_x) + F * np.abs(of_v))
+                return self._late(dE, dB, K * dx + F * dv + rounding, off + unsure, 0.0)
             read = (K * x + F * v) / through
             unsure = (K * dx + F * dv) / through
             return dE + dB * read + B * (unsure + read * (off / through + SHORT_SUM_ROUNDING))
+
+    def _late(self, E, B, read, through, passed_on):
+        """The loop with `late` states behind it, through which the product of the numbers goes: the
+        sum of the states, by `read`, and of what the last of these is, by `through`.
+
+        passed_on: 1, or 0 for bounds on errors in place of the entries.
+        """
+        n = E.shape[-1]
+        parts = (E, B, read, through)
+        batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+        A = np.zeros((*batch, n + self.late, n + self.late), np.result_type(*parts))
+        A[..., n:, n:] = passed_on * (np.eye(self.late, k=-1) - np.eye(self.late))
+        A[..., :n, :n] = E
+        A[..., :n, -1:] = B
+        A[..., n : n + 1, :n] = read
+        A[..., n : n + 1, -1:] += through
+        return A
 
 
 @dataclass(frozen=True, slots=True, eq=False)

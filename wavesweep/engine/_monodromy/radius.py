@@ -36,7 +36,8 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the
     batch.
 
-    An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
+    An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state. Frames by
+    which the numbers are late are a factor 1/radius each.
     """
     E, B, x, v = cut.with_integrator()
     dE, dB, dx, dv = cut.errors_with_integrator()
@@ -47,6 +48,13 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     with np.errstate(over="ignore", invalid="ignore"):
         E, dE = within(E, radius), errors_within(E, dE, radius)
         B, dB = B / r, (dB + SHORT_SUM_ROUNDING * np.abs(B)) / r
+        if cut.late:
+            grown = r**-cut.late
+            x, v, D = x * grown, v * grown, D * grown
+            rounding = cut.late * SHORT_SUM_ROUNDING
+            dx = dx * grown + rounding * np.abs(x)
+            dv = dv * grown + rounding * np.abs(v)
+            dD = dD * grown + rounding * np.abs(D)
     C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
     uncontrolled = tuple(within(block, radius) for block in cut.uncontrolled)

@@ -3,12 +3,13 @@ such a loop."""
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
+from wavesweep.engine._drawing.delays_in_series import without_whole_frames
 from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine._loops.algebraic import WORST_CONDITION
 from wavesweep.engine._loops.from_drawing import (
@@ -40,7 +41,8 @@ class OpenLoops:
 
     port: whose input the frame has as well, and whose reaction it shows. second: another number of
     the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
-    combination of states drifts in the loops with the number.
+    combination of states drifts in the loops with the number. late: frames by which delays of the
+    drawing were shortened, see `without_whole_frames`.
     """
 
     drawn: MultirateLoop
@@ -49,6 +51,7 @@ class OpenLoops:
     port: Ports | None = None
     second: str = ""
     conserved: bool = False
+    late: int = 0
     memo: dict = field(default_factory=dict, init=False, repr=False)  # see `remembered`
 
     def remembered(self, name: str, make: Callable[[], Any]) -> Any:
@@ -61,7 +64,8 @@ class OpenLoops:
     def cut(self) -> LinearFractional | None:
         """The loops cut at the number, or at the two numbers; None if their drift cannot be
         represented in a cut."""
-        return cut_of(self.frame, self.drift, 1 + bool(self.second), conserved=self.conserved)
+        cut = cut_of(self.frame, self.drift, 1 + bool(self.second), conserved=self.conserved)
+        return cut and replace(cut, late=self.late)
 
     def batch(self, size: int) -> LinearFractional:
         """The cut as a batch of `size` loops."""
@@ -75,16 +79,22 @@ def open_loops(
     *,
     find_port: FindPort | None = None,
     per_loop: bool = False,
+    shortened: bool = False,
 ) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
     second: another number of the same wire, without which they are as well; None if they drift in
     another way without it. find_port: of a port that the frame is to show. per_loop: see
-    `product_with_errors`.
+    `product_with_errors`. shortened: whether delays may be shortened, if the frame shows no port.
     """
     drawing = loops.drawing
     if not drawing.scalar_place(number):
         return None
+    late = 0
+    if shortened and not second:
+        drawing, late = without_whole_frames(drawing, loops.values, number)
+        whole = loops
+        loops = Loops(drawing, loops.values)
     read = (FACTOR, BESIDE)[: 1 + bool(second)]
     both = dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
     with_both = loops.changed(both)
@@ -102,17 +112,19 @@ def open_loops(
         return None
     drawn = loops.drawn(number, second)
     port = find_port(drawn, drawing, (number, second), read) if find_port else None
+    if port and late:
+        return open_loops(whole, number, find_port=find_port, per_loop=per_loop)
     shown = (port.force, (port.reaction,)) if port else ("", ())
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         frame = open_frame(drawn, drift, PRODUCT, read, *shown, per_loop=per_loop)
-    return frame and OpenLoops(drawn, frame, drift, port, second, conserved)
+    return frame and OpenLoops(drawn, frame, drift, port, second, conserved, late)
 
 
 @lru_cache(maxsize=8)  # compiled loops are asked again and again
 def remembered_loops(drawing, items, number, second, find_port):
     """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
-    return open_loops(Loops(drawing, values), number, second, find_port=find_port)
+    return open_loops(Loops(drawing, values), number, second, find_port=find_port, shortened=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,7 +210,9 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, find_p
     elif size == 1 and not alone:
         loops = loops.one(0)
     if alone or max(map(np.size, loops.values.values()), default=1) > REMEMBERED_LOOPS:
-        without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone)
+        without = open_loops(
+            loops, *numbers, find_port=find_port, per_loop=alone, shortened=True
+        )
     else:
         without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)
     return without and Opened(without, loop_of, second, swapped, alone)

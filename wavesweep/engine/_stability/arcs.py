@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import NUMBERS_AT_ONCE
-from wavesweep.engine._monodromy.cut import CutColumns
+from wavesweep.engine._monodromy.cut import CutColumns, LinearFractional
 from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.arc_panels import PanelLimits, panel_roots
@@ -21,14 +21,15 @@ END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from o
 MOST_OPEN_ARCS = 256  # so many open arcs of one column, and the column is given up
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
 MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
+REST_OF_PI = 1.2246467991473532e-16  # by which pi is larger than its double
 MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
-def columns_together(order: int) -> int:
-    """How many columns of loops of so many states `arc_crossings` is to be given at once, in
-    little memory."""
-    return 1 if order > MANY_STATES else max(1, 4 * NUMBERS_AT_ONCE // order**3)
+def columns_together(cut: LinearFractional) -> int:
+    """How many columns of such loops `arc_crossings` is to be given at once, in little memory."""
+    order = cut.order - cut.late
+    return 1 if order > MANY_STATES or cut.late else max(1, 4 * NUMBERS_AT_ONCE // order**3)
 
 
 def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
@@ -58,7 +59,9 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         # Many states are not copied for each panel.
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
-        value, value_off, beyond, beyond_off = _boundary(systems, solver, theta, largest, loops)
+        value, value_off, beyond, beyond_off = _boundary(
+            systems, solver, theta, cut.late, largest, loops
+        )
         magnitude = np.maximum(np.abs([value, beyond]), NEXT_TO_ZERO)
         phase = np.array([value, beyond], complex) / magnitude
         log = np.log(magnitude)
@@ -74,7 +77,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         return phase, log, np.minimum([value_off, beyond_off] / magnitude, MOST_ERROR)
 
     def sample(column, theta):
-        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * cut.order))
+        step = max(1, NUMBERS_AT_ONCE // (theta.shape[-1] * (cut.order - cut.late)))
         parts = []
         for first in range(0, column.size, step):
             some = slice(first, first + step)
@@ -86,12 +89,14 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     at = np.flatnonzero(roots.open_low)
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in opened))
-        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at])
-    return _collect(columns, span, lambda theta: _boundary(opened, lines, theta).value, roots)
+        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at], cut.late)
+    return _collect(
+        columns, span, lambda theta: _boundary(opened, lines, theta, cut.late).value, roots
+    )
 
 
 @np.errstate(all="ignore")
-def _is_clear_next_to_one(opened, lines, poles):
+def _is_clear_next_to_one(opened, lines, poles, late):
     """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there,
     `(columns,)`.
 
@@ -108,10 +113,11 @@ def _is_clear_next_to_one(opened, lines, poles):
         radius = np.minimum(WIDEST, away[:, m] / 4)
     else:
         radius = np.full(len(E), WIDEST)
+    radius = np.minimum(radius, 1 / (4 * max(1, late)))  # of a part of a turn
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, off_in_roundings, _, _ = _boundary(
-        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta
+        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta, late
     )
     q = m + m % 2
     F = value * theta**q
@@ -133,7 +139,7 @@ class _BoundaryFunctions(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFunctions:
+def _boundary(opened, solver, theta, late=0, largest=0.0, loops=None) -> _BoundaryFunctions:
     """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the
     number at the boundary:
 
@@ -145,7 +151,13 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFuncti
     the real axis. It is 0 where K is real; the second is positive on the circle where |K| is larger
     than `largest`.
 
-    solver: delay lines of the loops, or their form, which they are the `loops` of.
+    late: frames d by which the number is late. Then H is z^-d times that, which leaves `beyond` as
+    it is, and -Im H/sin(theta), which is the first function, becomes
+
+        value = cos(d theta) value_0 + sin(d theta)/sin(theta) (H_0(z) + H_0(1/z))/2
+
+    with the function and the H for d = 0. solver: delay lines of the loops, or their form, which
+    they are the `loops` of.
     """
     E, B, C, D = opened
     left = solver.row(E, C, -theta)
@@ -157,22 +169,61 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None) -> _BoundaryFuncti
     # H at theta, by what B reaches, and at -theta, by what C reads.
     forward = C[..., 0, :] * right
     back = left * B[..., 0]
-    beyond = 1 - (largest * (forward.sum(-1) + D)) * (largest * (back.sum(-1) + D))
-    size_forward = largest * (np.abs(forward).sum(-1) + np.abs(D))
-    size_back = largest * (np.abs(back).sum(-1) + np.abs(D))
-    size_beyond = 1 + 2 * size_forward * size_back
+    H_forward = forward.sum(-1) + D
+    H_back = back.sum(-1) + D
+    size_forward = np.abs(forward).sum(-1) + np.abs(D)
+    size_back = np.abs(back).sum(-1) + np.abs(D)
+    beyond = 1 - (largest * H_forward) * (largest * H_back)
+    size_beyond = 1 + 2 * (largest * size_forward) * (largest * size_back)
+    of_turn = 0.0
+    if late:
+        turn, per_turn, unsure, unsure_per_turn = _turned(late, theta)
+        mean = (H_forward + H_back) / 2
+        size_of_mean = (size_forward + size_back) / 2
+        of_turn = unsure * size + unsure_per_turn * size_of_mean
+        value = turn * value + per_turn * mean
+        size = np.abs(turn) * size + np.abs(per_turn) * size_of_mean
     if not np.iscomplexobj(theta):
         value = value.real
         beyond = beyond.real
     if isinstance(solver, DelayLines):
         roundings = CAUTION + max(map(len, solver.lines), default=0)
-        return _BoundaryFunctions(value, roundings * size, beyond, roundings * size_beyond)
+        of_value = roundings * size + of_turn
+        return _BoundaryFunctions(value, of_value, beyond, roundings * size_beyond)
     of_value, of_gain = _errors_of_form(solver, loops, left, right, theta)
+    if late:
+        of_value = np.abs(turn) * of_value + np.abs(per_turn) * of_gain
     roundings = CAUTION + E.shape[-1]
-    of_beyond = largest * of_gain * (size_forward + size_back + largest * of_gain * EPS)
-    return _BoundaryFunctions(
-        value, roundings * size + of_value, beyond, roundings * size_beyond + of_beyond
+    of_beyond = (
+        largest * of_gain * (largest * (size_forward + size_back) + largest * of_gain * EPS)
     )
+    return _BoundaryFunctions(
+        value, roundings * size + of_value + of_turn, beyond, roundings * size_beyond + of_beyond
+    )
+
+
+def _turned(late, theta):
+    """Return `cos(d theta)` and `sin(d theta)/sin(theta)`, d being `late`, and how far each may be
+    off, in roundings of 1.
+
+    Beyond a quarter of a turn they are those of a = pi - theta, which is computed to a rounding of
+    itself:
+
+        cos(d theta) = (-1)^d cos(d a),   sin(d theta)/sin(theta) = -(-1)^d sin(d a)/sin(a).
+
+    So in both halves `d a` is known to two roundings of itself, sin(a) to one, and on the circle a is
+    at most pi/2 sin(a). A derivative of sin and cos at complex angles is at most exp of the imaginary
+    part, which is |sin(a)| at least as well, if small; of the second function, at large ones, an order
+    of magnitude is enough, as they are on the rim.
+    """
+    far = theta.real > np.pi / 2
+    a = np.where(far, (np.pi - theta) + REST_OF_PI, theta)
+    sign = np.where(far & bool(late % 2), -1.0, 1.0)
+    size = np.exp(late * np.abs(np.imag(theta)))
+    turn = sign * np.cos(late * a)
+    per_turn = np.where(far, -sign, sign) * np.sin(late * a) / np.sin(a)
+    unsure = 2 * (late * np.abs(a) + 1) * size
+    return turn, per_turn, unsure, np.pi * late * size + 4 * np.abs(per_turn)
 
 
 def _errors_of_form(form, loops, left, right, theta):
@@ -219,7 +270,7 @@ def _collect(columns, span, boundary, roots):
     jump = 2.0 * roots.slope_sign[inside]
     largest = max(map(abs, span))
     many = None
-    if cut.order > MANY_STATES:  # of a single column
+    if cut.order - cut.late > MANY_STATES:  # of a single column
         loop = cut.at(0)
         many = ManyStates.of(loop.E, loop.B, loop.C)
         inverses = np.zeros((0, *cut.E.shape[-2:]))

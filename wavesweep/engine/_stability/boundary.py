@@ -3,7 +3,9 @@ its rounding errors.
 
 The characteristic equation is `unit = K x + B v` at each point, K and B being the first and the
 second number, as stiffness and damping of a wall: `1 = K G_x + B G_v`, multiplied by w if the loop
-integrates.
+integrates. If the numbers are d frames late, x and v have the factor `z^-d`. On the circle that is
+of size 1, and known to d roundings: those of z, and of the angle of a crossing, turn it d times as
+far. Its derivative by w is `-d/z` times itself.
 """
 
 from dataclasses import dataclass
@@ -48,11 +50,18 @@ def terms_of(
 
     unit: a factor that the rows of G have as well.
     """
+    if cut.late:
+        G = G * turned_back(cut, w)[..., None]
     if not cut.integrates:
         return Terms(unit + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
     return Terms(
         w * unit + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY]
     )
+
+
+def turned_back(cut: LinearFractional, w: np.ndarray) -> np.ndarray:
+    """Return `z^-late` at `w = z - 1`, exactly 1 or -1 at both ends of the circle."""
+    return (1 + w) ** -float(cut.late)
 
 
 def terms(cut: LinearFractional, w) -> Terms:
@@ -259,7 +268,14 @@ def _value_and_slope(cut, along, fixed, w, resolvent):
     if cut.integrates:
         of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
         slopes = Terms(1.0, of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
-    return _solved(terms_of(cut, w, G), slopes, along, fixed, w), speed
+    found = terms_of(cut, w, G)
+    if cut.late:
+        turn = turned_back(cut, w)
+        by_turn = -cut.late / (1 + w)
+        slopes = Terms(
+            slopes.unit, turn * slopes.x + by_turn * found.x, turn * slopes.v + by_turn * found.v
+        )
+    return _solved(found, slopes, along, fixed, w), speed
 
 
 def _solved(t, slopes, along, fixed, w):
@@ -296,19 +312,26 @@ def end_errors(
     state = _states(cut, w, resolvent)
     G = _outputs(cut, state)
     t = terms_of(cut, w, G)
-    left = _adjoint(cut, w, _read_row(cut, w, pair, cut.C), resolvent)
+    turn = turned_back(cut, w) if cut.late else 1.0
+    turned = pair[0] * turn, pair[1] * turn
+    left = _adjoint(cut, w, _read_row(cut, w, turned, cut.C), resolvent)
     slope = (left * state[..., 0]).sum(-1)
     if cut.integrates:
-        slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., VELOCITY]
+        slope = slope + 1 - turned[0] * G[..., OFFSET] - turned[1] * G[..., VELOCITY]
+    if cut.late:
+        slope = slope + cut.late / (1 + w) * (pair[0] * t.x + pair[1] * t.v)
     with np.errstate(all="ignore"):
         solved, _ = t.along(along)
-        turned = slope / solved * (1j * (1 + w))
-        grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
+        by_angle = slope / solved * (1j * (1 + w))
+        grazing = np.where(on_axis, 1.0, np.abs(by_angle) / np.abs(by_angle.imag))
         further = least * np.abs(solved)
         size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
         size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
         sizes = np.abs(w), (np.abs(pair[0]), np.abs(pair[1])), np.abs(left), np.abs(state)
         rounding, error = _with_errors(cut, *sizes, _left(cut, w, state))
+        of_turn = np.where(on_axis, 0.0, cut.late * EPS * (np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v)))
+        rounding = rounding + of_turn
+        error = error + of_turn
         moved = error / np.abs(solved) * grazing
         return residual(t, *pair, further), moved, rounding / size
 

@@ -171,7 +171,8 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
         return count_where_clear(spans, first[columns], matrices)
 
     from_zero = None
-    if crossings.many is not None and crossings.complete.all():
+    many = crossings.many is not None or columns.cut.late
+    if many and crossings.complete.all():
         from_zero = _count_from_zero(columns, span[0], slack, crossings)
     if from_zero is None:
         begins, counted = _first_counts(
@@ -253,7 +254,7 @@ def _count_from_zero(columns, low, slack, crossings) -> int | None:
     if low < 0:
         return None
     every = np.arange(columns.size)
-    cut = columns.loops(every)
+    cut = replace(columns.loops(every), late=0)  # what is late is 0 without the number
     matrices = columns.numbers(every, np.zeros(1))
     outside, sure = count_outside(cut.closed(*matrices), cut.errors_of_closed(*matrices))
     leaves_zero = cut.integrates & (columns.along == FIRST) & (crossings.theta == 0.0)

@@ -137,7 +137,7 @@ def _by_each_method(columns: CutColumns, span) -> Intervals:
     owner = columns.owner
     # whose poles at z = 1 may be divided out
     divided = (columns.fixed == 0) & (cut.poles_at_one > 0)
-    methods = _methods(cut.order)
+    methods = [_by_arcs] if cut.late else _methods(cut.order)
     for method in methods:
         rows = pending[divided[pending]] if method is _by_polynomial_alone else pending
         if not rows.size:
@@ -227,7 +227,7 @@ def _by_arcs(columns: CutColumns, span, _):
     cut = columns.cut
     # an arc counts no errors of entries
     rough = cut.remembered("rough", lambda: _is_rough(cut))[columns.owner]
-    step = columns_together(cut.order)
+    step = columns_together(cut)
     parts = []
     doubts = []
     for first in range(0, columns.size, step):

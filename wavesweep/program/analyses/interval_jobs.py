@@ -404,7 +404,7 @@ def _orders_of_few(spec, asked, changes, size, resolved):
 def _order_of_drawing(drawing, path, items):
     """States of a loop, and the way along the number."""
     loops = Loops(drawing, {path: np.array(v) if isinstance(v, tuple) else v for path, v in items})
-    opened = open_loops(loops, name_of(path))
+    opened = open_loops(loops, name_of(path), shortened=True)
     if opened and opened.cut:
         return opened.cut.order, Way.CUT
     return len(loops.drift_of_frames().remaining), Way.DOMINANCE
