@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from wavesweep.engine._drawing import complex_gain, gain_at_signal
+from wavesweep.engine._drawing.delays_in_series import with_delays_of_one_step
 from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine._drawing.expressions import Tree
 from wavesweep.engine._loops import dead_time, domain, from_drawing
@@ -251,8 +252,11 @@ _drift_of_frames = lru_cache(maxsize=256)(MarginalModes.of_frames)
 def _blocks_without_solution(
     drawing: Drawing, items: tuple[tuple[str, Any], ...]
 ) -> list[str] | None:
+    values = dict(items)
+    # A delay has no direct term, however long it is.
+    short = with_delays_of_one_step(drawing, values)
     try:
-        drawn = Loops(drawing, dict(items)).drawn()
+        drawn = Loops(short, values).drawn()
     except IllPosedLoopError:  # within a plant
         return [block.name for plant in drawing.plants for block in plant.members]
     try:

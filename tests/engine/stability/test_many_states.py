@@ -8,7 +8,7 @@ import wavesweep
 from wavesweep.engine._monodromy import resolvent
 from wavesweep.engine._monodromy.cut import FIRST, CutColumns
 from wavesweep.engine._monodromy.product import blocks_of
-from wavesweep.engine._monodromy.resolvent import ManyStates, TriangularForm
+from wavesweep.engine._monodromy.resolvent import DelayLines, ManyStates, TriangularForm
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._search.open_loops import open_loops
 from wavesweep.engine._stability import arcs, regions
@@ -83,24 +83,36 @@ def random_system(seed, n):
 
 
 @pytest.mark.parametrize("close_to", [0.0, np.inf])
-@pytest.mark.parametrize("seed", range(4))
-def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to):
-    """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles."""
-    n = 8
-    opened = random_system(seed, n)
+@pytest.mark.parametrize(("seed", "late"), [(0, 0), (1, 0), (2, 0), (3, 0), (0, 24), (1, 1000), (2, 999), (3, 1)])
+def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, late, close_to):
+    """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles, also if late."""
+    opened = random_system(seed, 8)
     monkeypatch.setattr(resolvent, "MODAL_ERROR", close_to)
     form = TriangularForm.of(*opened[:3])
     assert form.diagonal == (close_to > 0)
     angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))
     theta = np.concatenate([np.linspace(0.05, 3.1, 5), angles[::2] * (1 + 1e-6)])[None]
-    system = StateSpace(*(matrix[:, None] for matrix in form.system(opened)))
-    found = arcs._boundary(system, form, theta, 2.0, np.zeros(1, int))
+    assert_within_errors(opened, form, form.system(opened), theta, late)
+
+
+@pytest.mark.parametrize("late", [0, 1, 24, 999, 1000])
+def test_the_boundary_along_delay_lines_is_within_its_errors(late):
+    """Down to the ends of the circle, where the late part of both functions is known best, and at angles with many turns."""
+    E = np.array([[[-0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 1.0, -1.0]]])
+    opened = StateSpace(E, np.array([[[0.5], [0.0], [0.0]]]), np.array([[[0.0, 0.1, 0.3]]]), np.array([[[0.2]]]))
+    theta = np.concatenate([[1e-7, 1e-3], np.linspace(0.05, 3.1, 9), [np.pi - 1e-3, np.pi - 1e-7]])[None]
+    assert_within_errors(opened, DelayLines.of(E), opened, theta, late)
+
+
+def assert_within_errors(opened, form, system, theta, late):
+    """Against 60 digits; system: the opened loop in the states of the form."""
+    found = arcs._boundary(StateSpace(*(matrix[:, None] for matrix in system)), form, theta, 2.0, np.zeros(1, int), late)
     eps = np.finfo(float).eps
     with mpmath.workdps(60):
         E, B, C, D = (mpmath.matrix(matrix[0].tolist()) for matrix in opened)
         for at, angle in enumerate(theta[0]):
             z = mpmath.expj(float(angle))
-            H = (C * mpmath.lu_solve((z - 1) * mpmath.eye(n) - E, B) + D)[0]
+            H = (C * mpmath.lu_solve((z - 1) * mpmath.eye(E.rows) - E, B) + D)[0] / z**late
             value, beyond = -H.imag / mpmath.sin(float(angle)), 1 - 4 * abs(H) ** 2
             assert abs(value - float(found.value[0, at])) <= eps * found.value_off[0, at]
             assert abs(beyond - float(found.beyond[0, at])) <= eps * found.beyond_off[0, at]

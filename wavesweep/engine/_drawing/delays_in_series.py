@@ -14,40 +14,80 @@ from math import lcm
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import Drawing, scalars
-from wavesweep.engine._drawing.expressions import Tree
+from wavesweep.engine._drawing.expressions import ONE, Tree
 
 # frames, up to which the states of a delay take less time than a factor on the circle
-FEW_FRAMES = 16
+FEW_FRAMES = 20
 
 
 def without_whole_frames(
     drawing: Drawing, values: Mapping[str, object], number: str
-) -> tuple[Drawing, int]:
-    """Return the drawing with the delays in series with a number shortened to a frame or less, and
-    the frames that this takes away; the drawing as it is and 0 if these are few.
+) -> tuple[Drawing, Mapping[str, object], int]:
+    """Return the drawing and its values with the delays and dead times in series with a number
+    shortened to a frame or less, and the frames that this takes away; both as they are and 0 if
+    these are few.
 
-    values: flat numbers, or arrays over a batch. number: a scalar gain of the drawing, see
-    `scalar_place`.
+    values: flat numbers, or arrays over a batch, with the ticks of dead times, see `structure`.
+    number: a scalar gain of the drawing, see `scalar_place`.
     """
     known = scalars(values)
     ways = _Ways.without(drawing, known, number)
     every = {block.name: int(block.every.values(known)) for block in drawing.blocks}
+    runs = {block.name: max(1, len(block.phases)) for block in drawing.blocks}
     frame = lcm(*every.values())
     frames = 0
-    blocks = []
+    keys = {}
+    ticks = {}
+    for name, steps in _steps(drawing, known).items():
+        if ways.all_pass(name):
+            in_a_frame = frame // every[name] * runs[name]
+            whole = _whole_frames(steps, in_a_frame)
+            keys[name] = ("steps", Tree.number(float(steps - whole * in_a_frame)))
+            frames += whole
+    for name, seconds in drawing.dead_times.items():
+        path = f"block.{name}.ticks"
+        if path in known and ways.all_pass(name):
+            whole = _whole_frames(known[path], frame)
+            ticks[path] = known[path] - whole * frame
+            keys[name] = ("seconds", seconds - Tree.number(float(whole * frame)) / drawing.tick_hz)
+            frames += whole
+    if frames <= FEW_FRAMES:
+        return drawing, values, 0
+    return _with_keys(drawing, keys), {**values, **ticks}, frames
+
+
+def _whole_frames(steps, in_a_frame):
+    """How many whole frames may be taken from a delay, which keeps at least one step."""
+    return max(0, steps - 1) // in_a_frame
+
+
+def with_delays_of_one_step(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
+    """Return the drawing with delays of one step in place of longer ones; values: flat numbers."""
+    steps = _steps(drawing, scalars(values))
+    longer = [name for name in steps if steps[name] > 1]
+    return _with_keys(drawing, dict.fromkeys(longer, ("steps", ONE)))
+
+
+def _steps(drawing, known):
+    """The steps of delays that are given in steps, by name; known: numbers by name."""
+    steps = {}
     for block in drawing.blocks:
         keys = dict(block.keys)
-        if block.type == "delay" and "steps" in keys and ways.all_pass(block.name):
-            steps = int(keys["steps"].values(known))
-            in_a_frame = frame // every[block.name] * max(1, len(block.phases))
-            whole = max(0, steps - 1) // in_a_frame  # a delay has at least one step
-            frames += whole
-            short = Tree.number(float(steps - whole * in_a_frame))
-            block = replace(block, keys=(("steps", short),))  # noqa: PLW2901 - the same block
+        if block.type == "delay" and "steps" in keys:
+            steps[block.name] = int(keys["steps"].values(known))
+    return steps
+
+
+def _with_keys(drawing, keys):
+    """The drawing with another key in place of the only one of some delays, by name."""
+    if not keys:
+        return drawing
+    blocks = []
+    for block in drawing.blocks:
+        if block.name in keys:
+            block = replace(block, keys=(keys[block.name],))  # noqa: PLW2901 - the same block
         blocks.append(block)
-    if frames <= FEW_FRAMES:
-        return drawing, 0
-    return replace(drawing, blocks=tuple(blocks)), frames
+    return replace(drawing, blocks=tuple(blocks))
 
 
 class _Ways:

@@ -28,7 +28,8 @@ def frozen(array) -> np.ndarray:
 def matrix(rows) -> np.ndarray:
     """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast
     together."""
-    if all(isinstance(entry, int | float) for row in rows for entry in row):
+    kinds = set().union(*(map(type, row) for row in rows))
+    if all(issubclass(kind, int | float) for kind in kinds):
         return np.array(rows, float)
     height = len(rows)
     width = len(rows[0])

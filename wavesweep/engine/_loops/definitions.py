@@ -233,7 +233,11 @@ def with_delays(equations: Equations, later: Sequence) -> Equations:
     E = [[*row, *[0] * k] for row in equations.E]
     B = list(equations.B)
     for j in range(n, n + k):
-        E.append([(i == j - 1) - (i == j) for i in range(n + k)])
+        row = [0] * (n + k)
+        row[j] = -1
+        if j:
+            row[j - 1] = 1
+        E.append(row)
         B.append([int(j == 0)])
     return Equations(states, E, B, [[*equations.C[0], *later]], equations.D)
 

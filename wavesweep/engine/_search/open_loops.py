@@ -92,9 +92,10 @@ def open_loops(
         return None
     late = 0
     if shortened and not second:
-        drawing, late = without_whole_frames(drawing, loops.values, number)
         whole = loops
-        loops = Loops(drawing, loops.values)
+        *shorter, late = without_whole_frames(drawing, loops.values, number)
+        loops = Loops(*shorter)
+        drawing = loops.drawing
     read = (FACTOR, BESIDE)[: 1 + bool(second)]
     both = dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
     with_both = loops.changed(both)

@@ -29,7 +29,7 @@ CAUTION = 20  # roundings of what is added up that two solves may cost
 def columns_together(cut: LinearFractional) -> int:
     """How many columns of such loops `arc_crossings` is to be given at once, in little memory."""
     order = cut.order - cut.late
-    return 1 if order > MANY_STATES or cut.late else max(1, 4 * NUMBERS_AT_ONCE // order**3)
+    return 1 if order > MANY_STATES else max(1, 4 * NUMBERS_AT_ONCE // order**3)
 
 
 def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
@@ -60,7 +60,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
         value, value_off, beyond, beyond_off = _boundary(
-            systems, solver, theta, cut.late, largest, loops
+            systems, solver, theta, largest, loops, cut.late
         )
         magnitude = np.maximum(np.abs([value, beyond]), NEXT_TO_ZERO)
         phase = np.array([value, beyond], complex) / magnitude
@@ -91,7 +91,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         loops = StateSpace(*(matrix[at] for matrix in opened))
         roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at], cut.late)
     return _collect(
-        columns, span, lambda theta: _boundary(opened, lines, theta, cut.late).value, roots
+        columns, span, lambda theta: _boundary(opened, lines, theta, late=cut.late).value, roots
     )
 
 
@@ -117,7 +117,7 @@ def _is_clear_next_to_one(opened, lines, poles, late):
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, off_in_roundings, _, _ = _boundary(
-        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta, late
+        StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta, late=late
     )
     q = m + m % 2
     F = value * theta**q
@@ -139,7 +139,7 @@ class _BoundaryFunctions(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, solver, theta, late=0, largest=0.0, loops=None) -> _BoundaryFunctions:
+def _boundary(opened, solver, theta, largest=0.0, loops=None, late=0) -> _BoundaryFunctions:
     """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the
     number at the boundary:
 

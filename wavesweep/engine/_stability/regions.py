@@ -146,8 +146,8 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     counts of the other regions follow from the directions of the crossings before them. If
     eigenvalues were counted in a column's first region, they are also counted in every region whose
     count comes to 0, which makes an interval stable; in narrow regions they are counted in all
-    columns. Of a loop of many states it follows from the count at 0 (`_count_from_zero`), where its
-    delays do not act on themselves. If the crossings of a column are not all proved, or one of its
+    columns. Of a loop of many states, or one whose numbers are late, it follows from the count at 0
+    (`_counts_from_zero`), where delays do not act on themselves. If the crossings of a column are not all proved, or one of its
     counts is not clear, every region of it is counted at many points, and a region has no label if
     these disagree.
     """
@@ -170,17 +170,15 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     def count_first(columns):
         return count_where_clear(spans, first[columns], matrices)
 
-    from_zero = None
-    many = crossings.many is not None or columns.cut.late
-    if many and crossings.complete.all():
-        from_zero = _count_from_zero(columns, span[0], slack, crossings)
-    if from_zero is None:
+    if crossings.many is not None or columns.cut.late:
+        begins = _counts_from_zero(columns, span[0], slack, crossings)
+        counted = begins < 0
+        unknown = np.flatnonzero(counted)
+        begins[unknown] = count_first(unknown)
+    else:
         begins, counted = _first_counts(
             columns.owner, crossings.growth_to_infinity, follows, least, count_first
         )
-    else:
-        begins = np.array([from_zero])
-        counted = np.array([False])
     unstable = (rise + begins[spans.column]).astype(int)
     doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
@@ -243,27 +241,33 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     return begins, counted
 
 
-def _count_from_zero(columns, low, slack, crossings) -> int | None:
-    """Return the unstable eigenvalues in the first region of a single column, by Nyquist's
-    criterion; None if they do not follow.
+def _counts_from_zero(columns, low, slack, crossings) -> np.ndarray:
+    """Return the unstable eigenvalues in the first region of each column, by Nyquist's criterion;
+    -1 if they do not follow.
 
-    Without the number as many are outside as `count_outside` says. From there to the region all
-    crossings are known with their directions, if it lies above 0: what is beyond the span on arcs
-    is so on both sides. An integrator is on the circle at 0, and outside next to it if it leaves.
+    Without the number as many are outside as `count_outside` says; what is late is 0 then. From
+    there to the region all crossings are known with their directions: what is beyond the span on
+    arcs is so on both sides. An integrator is on the circle at 0, and next to it outside on the side
+    to which it leaves.
     """
-    if low < 0:
-        return None
-    every = np.arange(columns.size)
-    cut = replace(columns.loops(every), late=0)  # what is late is 0 without the number
-    matrices = columns.numbers(every, np.zeros(1))
-    outside, sure = count_outside(cut.closed(*matrices), cut.errors_of_closed(*matrices))
+    cut = columns.cut
+    alone = replace(columns.loops(np.arange(columns.size)), late=0)
+    matrices = columns.numbers(np.arange(columns.size), np.zeros(columns.size))
+    outside, sure = count_outside(alone.closed(*matrices), alone.errors_of_closed(*matrices))
+    column = crossings.column
+    value = crossings.value
+    side = 1.0 if low >= 0 else -1.0
     leaves_zero = cut.integrates & (columns.along == FIRST) & (crossings.theta == 0.0)
-    between = (crossings.value >= -slack) & (crossings.value <= low + slack) & ~leaves_zero
-    next_to_zero = between & (np.abs(crossings.value) <= slack)
-    if not sure.all() or next_to_zero.any():
-        return None
-    leaving = np.maximum(crossings.jump[leaves_zero], 0.0).sum()
-    return int(outside[0] + crossings.jump[between].sum() + leaving)
+    next_to_zero = ~leaves_zero & (np.abs(value) <= slack)
+    if low >= 0:
+        between = (value > slack) & (value <= low + slack) & ~leaves_zero
+    else:
+        between = (value > low + slack) & (value < -slack) & ~leaves_zero
+    change = np.where(between, side * crossings.jump, 0.0)
+    change += np.where(leaves_zero, np.maximum(side * crossings.jump, 0.0), 0.0)
+    counts = outside + np.bincount(column, change, minlength=columns.size)
+    unclear = np.bincount(column[next_to_zero], minlength=columns.size) > 0
+    return np.where(sure & ~unclear & crossings.complete, counts, -1).astype(int)
 
 
 def _judged_ends(columns, span, crossings, spans, unstable):

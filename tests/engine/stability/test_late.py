@@ -1,0 +1,114 @@
+"""Delays in series with a gain, which are a factor on the circle: against closed forms, and against the same delays as states."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine._drawing import delays_in_series
+from wavesweep.engine._drawing.delays_in_series import without_whole_frames
+from wavesweep.engine._monodromy.radius import cut_within
+from wavesweep.engine._search import open_loops
+from wavesweep.program.sweep.grid import own_loop
+
+
+def drawn(blocks, wires):
+    return {"rates": {"tick_hz": 1000}, "numbers": {"K": 1.0}, "block": blocks, "wire": wires}
+
+
+def delay(steps, **keys):
+    return {"type": "delay", "steps": steps, **keys}
+
+
+MASS = {"type": "mass", "mass": 0.2, "damping": 2.0}
+SPRUNG = {"type": "mass", "mass": 0.3, "damping": 2.0, "stiffness": 40.0}
+SUM = {"type": "tf", "num": [1.0], "den": [1.0, -1.0], "discrete": True}
+LOW_PASS = {"type": "butterworth", "order": 3, "cutoff_hz": 30.0}
+FORCE = {"mass.f": "-K*d.y"}
+
+
+@pytest.mark.parametrize("steps", [21, 64, 333, 1000])
+def test_a_sum_behind_a_delay_is_stable_as_levin_and_may_say(steps):
+    """y[k+1] = y[k] - K y[k-d] is stable for 0 < K < 2 sin(pi/(2 (2 d + 1))) (S. A. Levin, R. M. May, 1976)."""
+    table = wavesweep.compile(drawn({"s": SUM, "d": delay(steps)}, {"d.u": "s.y", "s.u": "-K*d.y"})).stable_intervals("K", (-0.5, 1))
+    assert table.certified.all()
+    assert table.low.tolist() == [0.0]
+    np.testing.assert_allclose(table.high, 2 * np.sin(np.pi / (2 * (2 * steps + 1))), rtol=1e-13)
+
+
+IN_SERIES = {
+    "behind a mass": drawn({"mass": MASS, "d": delay(45)}, {"d.u": "mass.x", **FORCE}),
+    "before a mass": drawn({"mass": SPRUNG, "d": delay(30)}, {"d.u": "K*mass.v + K*mass.x", "mass.f": "-d.y"}),
+    "two": drawn({"mass": MASS, "f": LOW_PASS, "d": delay(25), "e": delay(9)}, {"d.u": "f.y", "f.u": "e.y", "e.u": "mass.x", **FORCE}),
+    "before a hold": drawn(
+        {"mass": MASS, "d": delay(130), "h": {"type": "hold", "every": 4}}, {"d.u": "mass.x", "h.u": "d.y", "mass.f": "-K*h.y"}
+    ),
+    "in slower ticks": drawn({"mass": SPRUNG, "d": delay(24, every=3)}, {"d.u": "mass.x", **FORCE}),
+    "a gain": drawn(
+        {"mass": MASS, "d": delay(40), "g": {"type": "gain", "k": "K"}}, {"d.u": "mass.x", "g.u": "d.y", "mass.f": "-g.y"}
+    ),
+    "a dead time": drawn(
+        {"mass": MASS, "d": {"type": "delay", "seconds": 0.0324}}, {"d.u": "K*mass.x", "mass.f": "-d.y"}
+    ),
+    "an unstable loop": drawn(
+        {"mass": {**MASS, "stiffness": -3.0}, "d": delay(50)}, {"d.u": "mass.x", **FORCE}
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_SERIES)
+@pytest.mark.parametrize("require", [None, {"radius": 0.9997}])
+def test_intervals_are_those_of_the_delay_as_states(monkeypatch, name, require):
+    """Also on a smaller circle, and along negative values."""
+    tables = []
+    asked = []
+    of_cut = open_loops.cut_of
+    monkeypatch.setattr(open_loops, "cut_of", lambda frame, *rest, **more: asked.append(frame) or of_cut(frame, *rest, **more))
+    for few in (delays_in_series.FEW_FRAMES, np.inf):
+        monkeypatch.setattr(delays_in_series, "FEW_FRAMES", few)
+        open_loops.remembered_loops.cache_clear()
+        tables.append(wavesweep.compile(IN_SERIES[name]).stable_intervals("K", (-20, 80), require=require))
+    open_loops.remembered_loops.cache_clear()
+    found, whole = tables
+    assert asked[0].E.shape[-1] < 20 < asked[1].E.shape[-1]
+    assert found.certified.all()
+    assert whole.certified.all()
+    assert len(found) == len(whole)
+    for column in ("low", "high", "low_omega", "high_omega"):
+        np.testing.assert_allclose(found[column], whole[column], rtol=1e-12, atol=1e-12)
+
+
+def frames_taken(tables, number="K"):
+    loops = own_loop(wavesweep.compile(tables).spec, f"numbers.{number}")
+    return without_whole_frames(loops.drawing, loops.values, number)[2]
+
+
+def test_whole_frames_are_taken_where_every_way_passes_the_delay_once():
+    """Of a delay of 130 ticks in frames of 4, 32; none where a way leads past it, or back to it without the number."""
+    assert frames_taken(IN_SERIES["before a hold"]) == 32
+    assert frames_taken(IN_SERIES["in slower ticks"]) == 23
+    assert frames_taken(IN_SERIES["two"]) == 24 + 8
+    late = {"mass": MASS, "d": delay(90)}
+    past = drawn(late, {"d.u": "mass.x", "mass.f": "-K*d.y - K*mass.v"})
+    back = drawn(late, {"d.u": "mass.x", "mass.f": "-K*d.y - 3*d.y"})
+    beside = drawn({**late, "e": delay(90)}, {"d.u": "mass.x", "e.u": "mass.v", "mass.f": "-K*d.y - 3*e.y"})
+    short = drawn({"mass": MASS, "d": delay(21)}, {"d.u": "mass.x", **FORCE})
+    outside = drawn(late, {"d.u": "mass.x", "mass.f": "-K*mass.x"})
+    assert [frames_taken(tables) for tables in (past, back, short, outside)] == [0, 0, 0, 0]
+    assert frames_taken(beside) == 89  # 3 goes past the delay of K, and is no way from K to it
+
+
+def test_a_late_cut_is_the_loop_with_states_for_what_is_late():
+    """All eigenvalues of the closed loop, on the unit circle and on a smaller one."""
+    loops = own_loop(wavesweep.compile(IN_SERIES["before a hold"]).spec, "numbers.K")
+    late = open_loops.open_loops(loops, "K", shortened=True).cut
+    whole = open_loops.open_loops(loops, "K").cut
+    assert late.late == 32
+    radius = np.full(late.batch, 0.99)
+    for short, long in ((late, whole), (cut_within(late, radius), cut_within(whole, radius))):
+        assert short.E.shape[-1] < 5 < 30 < long.E.shape[-1]
+        assert short.order == long.order
+        for K in (-30.0, 7.0, 200.0):
+            found, wanted = (np.linalg.eigvals(cut.closed(K, 0.0)).ravel() + 1 for cut in (short, long))
+            largest = wanted[np.abs(wanted) > 0.7]
+            assert largest.size > 20
+            assert np.abs(found[:, None] - largest).min(0).max() < 1e-9
