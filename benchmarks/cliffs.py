@@ -139,6 +139,14 @@ def one_delay(ticks: int) -> Cost:
     return of_table(lambda: wavesweep.compile(late(ticks)).stable_intervals("K", (0, 100)))
 
 
+def delay_on_itself(ticks: int) -> Cost:
+    """Along the spring, beside a damping that is as late and no number of the wire: the ticks are states."""
+    tables = late(ticks)
+    tables["block"]["e"] = tables["block"]["d"]
+    tables["wire"] |= {"e.u": "mass.v", "mass.f": "-K*d.y - 0.1*e.y"}
+    return of_table(lambda: wavesweep.compile(tables).stable_intervals("K", (0, 100)))
+
+
 def two_delays(ticks: int) -> Cost:
     """Along the damping, which is no gain, beside two delays, the second of two thirds of the ticks."""
     return of_table(lambda: wavesweep.compile(late(ticks, 2 * ticks // 3)).stable_intervals("c", (0.1, 10)))
@@ -266,8 +274,13 @@ RATIOS = (
         1.0,
     ),
     Ratio("frames of 1000 ticks beside 100", lambda: chained(chain(2, 1000)), lambda: chained(chain(2, 100)), 1.2),
-    Ratio("400 ticks of delay beside 100", lambda: one_delay(400), lambda: one_delay(100), 5.0),
-    Ratio("1000 ticks of delay beside 100", lambda: one_delay(1000), lambda: one_delay(100), 30.0),
+    Ratio("1000 ticks of delay beside 100", lambda: one_delay(1000), lambda: one_delay(100), 1.6),
+    Ratio(
+        "200 ticks of a delay that acts on itself beside 70",
+        lambda: delay_on_itself(200),
+        lambda: delay_on_itself(70),
+        6.0,
+    ),
     Ratio(
         "a box of two numbers beside one",
         lambda: box(SPRING, "K", some_of(OF_SPRING, 2)),

@@ -83,7 +83,7 @@ def random_system(seed, n):
 
 
 @pytest.mark.parametrize("close_to", [0.0, np.inf])
-@pytest.mark.parametrize(("seed", "late"), [(0, 0), (1, 0), (2, 0), (3, 0), (0, 24), (1, 1000), (2, 999), (3, 1)])
+@pytest.mark.parametrize(("seed", "late"), [(0, 0), (1, 1000), (2, 0), (3, 999)])
 def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, late, close_to):
     """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles, also if late."""
     opened = random_system(seed, 8)

@@ -196,7 +196,10 @@ class LinearFractional:
             of_v = self.D[..., VELOCITY : VELOCITY + 1, :]
             read = K * x + F * v
             through = K * of_x + F * of_v
-            A = self._late(E, B, read, through, 1.0) if self.late else E + B * (read / (1 - through))
+            if self.late:
+                A = self._late(E, B, read, through, 1.0)
+            else:
+                A = E + B * (read / (1 - through))
             if self.integrates:
                 at = E.shape[-1] - 1
                 A[..., at, at] = np.where(K[..., 0, 0] == 0, -1.0, A[..., at, at])

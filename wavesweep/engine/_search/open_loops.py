@@ -211,9 +211,7 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, find_p
     elif size == 1 and not alone:
         loops = loops.one(0)
     if alone or max(map(np.size, loops.values.values()), default=1) > REMEMBERED_LOOPS:
-        without = open_loops(
-            loops, *numbers, find_port=find_port, per_loop=alone, shortened=True
-        )
+        without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone, shortened=True)
     else:
         without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)
     return without and Opened(without, loop_of, second, swapped, alone)

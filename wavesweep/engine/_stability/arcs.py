@@ -194,9 +194,7 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None, late=0) -> _Bounda
     if late:
         of_value = np.abs(turn) * of_value + np.abs(per_turn) * of_gain
     roundings = CAUTION + E.shape[-1]
-    of_beyond = (
-        largest * of_gain * (largest * (size_forward + size_back) + largest * of_gain * EPS)
-    )
+    of_beyond = largest * of_gain * (largest * (size_forward + size_back) + largest * of_gain * EPS)
     return _BoundaryFunctions(
         value, roundings * size + of_value + of_turn, beyond, roundings * size_beyond + of_beyond
     )

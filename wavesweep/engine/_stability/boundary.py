@@ -329,7 +329,8 @@ def end_errors(
         size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
         sizes = np.abs(w), (np.abs(pair[0]), np.abs(pair[1])), np.abs(left), np.abs(state)
         rounding, error = _with_errors(cut, *sizes, _left(cut, w, state))
-        of_turn = np.where(on_axis, 0.0, cut.late * EPS * (np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v)))
+        late_terms = np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v)
+        of_turn = np.where(on_axis, 0.0, cut.late * EPS * late_terms)
         rounding = rounding + of_turn
         error = error + of_turn
         moved = error / np.abs(solved) * grazing

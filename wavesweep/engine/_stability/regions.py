@@ -147,9 +147,9 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
     eigenvalues were counted in a column's first region, they are also counted in every region whose
     count comes to 0, which makes an interval stable; in narrow regions they are counted in all
     columns. Of a loop of many states, or one whose numbers are late, it follows from the count at 0
-    (`_counts_from_zero`), where delays do not act on themselves. If the crossings of a column are not all proved, or one of its
-    counts is not clear, every region of it is counted at many points, and a region has no label if
-    these disagree.
+    (`_counts_from_zero`), where delays do not act on themselves. If the crossings of a column are
+    not all proved, or one of its counts is not clear, every region of it is counted at many points,
+    and a region has no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
     spans = cut_span(span, columns.size, crossings, (slack, slack))
