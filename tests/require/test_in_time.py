@@ -1,5 +1,8 @@
 """[sweep] require and wishes of responses in time: overshoot and settling of a step, peak to peak, and white noise."""
 
+from fractions import Fraction
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -11,6 +14,7 @@ from wavesweep.program.spec import load
 from wavesweep.require import enclosed
 from wavesweep.require.disc_panels import HALF_RIM
 from wavesweep.require.gain_bound import IN_TIME
+from wavesweep.require.maps import over_frame
 
 T = 0.01  # s
 ENDS = {"from": "ref", "to": "own"}
@@ -61,13 +65,14 @@ def values(gain, every, phase, ticks=1200):
     ("measure", "level", "low", "high"),
     [
         ("overshoot", 0.3, 1.0, 1.3 / T),  # (1 - s)^k beyond the end, s = K T
-        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),
+        ("step_settling", 0.1, (1 - 0.02**0.1) / T, (1 + 0.02**0.1) / T),  # also along a range from 0
         ("peak_to_peak", 1.5, 1.0, 1.2 / T),  # s/(2 - s)
         ("rms", 0.5, 1.0, 0.4 / T),  # the root of s/(2 - s)
     ],
 )
 def test_responses_of_an_integrator_have_closed_forms(measure, level, low, high):
-    loop = wavesweep.compile(INTEGRATOR)
+    start = 0 if measure == "step_settling" else 1
+    loop = wavesweep.compile(INTEGRATOR | {"sweep": {"along": "K", "K": {"start": start, "stop": 250}}})
     (row,) = loop.stable_intervals(require={measure: {**ENDS, "at_most": level}}).itertuples()
     assert (row.certified, row.high_set_by, row.high_omega) == (True, "response", 0.0)
     assert (row.low, row.high) == (pytest.approx(low, rel=1e-8), pytest.approx(high, rel=1e-8))
@@ -260,3 +265,25 @@ def test_a_range_in_which_the_loop_comes_to_rest_too_slowly_is_left_open():
 def test_a_product_of_matrices_with_large_errors_holds_its_corners():
     wide = Bounded(np.ones((1, 1)), np.ones((1, 1)))
     assert (wide @ wide).error >= 2 * 2 - 1
+
+
+def test_bounds_of_the_maps_of_a_frame_hold_and_do_not_grow_from_tick_to_tick():
+    """Ticks `A = [3/2, -1; 1, -1/2]` forget, with eigenvalues of 1/2, and the sizes of their entries grow by 2.1 each."""
+    ticks, n = 40, 2
+    e, b, c, d = (np.array(rows) for rows in ([[0.5, -1.0], [1.0, -1.5]], [[0.1], [0.3]], [[0.7, 0.2]], [[0.9]]))
+    tick = (e, b, c, d)
+    port = SimpleNamespace(kind=np.zeros(ticks, int), maps=[tick], sizes=[[0 * part for part in tick]])
+    found = over_frame(port, np.arange(n), (1,))
+    exact = np.vectorize(Fraction)
+    e, b, c, d = (exact(part) for part in tick)
+    states = [np.hstack([np.eye(n, dtype=int), np.zeros((n, ticks), int)]) + Fraction(0)]
+    outputs = []
+    for at in range(ticks):
+        inputs = np.arange(n + ticks) == n + at
+        outputs.append(c @ states[-1] + d * inputs)
+        states.append(states[-1] + e @ states[-1] + b * inputs)
+    states = states[-1] - states[0]
+    outputs = np.vstack(outputs)
+    for (value, error), true in zip(found, (states[:, :n], states[:, n:], outputs[:, :n], outputs[:, n:]), strict=True):
+        assert (np.abs(exact(value[0]) - true) <= exact(error[0])).all()
+        assert error.max() < 1e-13

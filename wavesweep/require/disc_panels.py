@@ -47,7 +47,8 @@ class Accuracy(NamedTuple):
 
     least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in
     the one no panel is halved; an interval that is proved from the other one on, of each column,
-    begins at the low end, if nothing is outside at the values that are looked at in between. slow:
+    begins at the low end, if nothing is outside at the values that are looked at in between, and
+    what is refuted from there on is so from the low end, if none of them is seen inside. slow:
     of that share no panel is halved below a NARROW_PANEL-th of its distance, since rounding does
     not tell the eigenvalue of the drift from 1.
     """
@@ -81,7 +82,7 @@ class Judge(Protocol):
 
     def worst(self, column, p) -> tuple[np.ndarray, np.ndarray]:
         """What decides at values of a column, on the unit circle or near it, less 1, and by how
-        much it is outside."""
+        much it is outside, NaN if that is not known."""
 
 
 def along_panels(judges, known, domain: Domain, accuracy: Accuracy) -> Intervals:
@@ -273,10 +274,9 @@ def _told(column, runs, judging, domain, accuracy) -> _Runs:
         sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
         if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
             near = high - low <= accuracy.begun[column] * width
-            if at == 0 and sides == [GOOD] and near:
-                begun = _seen_inside(column, low, high, judging)
-                if begun:
-                    continue
+            if at == 0 and near and _seen_alike(column, low, high, judging, sides == [GOOD]):
+                begun = sides == [GOOD]
+                continue
             if high - low > GAP_EXACTNESS * accuracy.of(high, width):
                 doubt = max(doubt, Doubt.ROUNDING)
             gaps[low] = low, high
@@ -291,10 +291,15 @@ def _told(column, runs, judging, domain, accuracy) -> _Runs:
     return _Runs(doubt, intervals, gaps)
 
 
-def _seen_inside(column, low, high, judging):
-    """Whether nothing is outside at values that are ever nearer to the low end."""
+def _seen_alike(column, low, high, judging, inside):
+    """Whether of values that are ever nearer to the low end none is seen outside; or else the
+    first is, and none is seen inside."""
     looked_at = low + (high - low) * LOW_END_PARTS
-    return all((judge.worst(column, looked_at)[1] <= SEEN_OUTSIDE).all() for judge in judging)
+    beyond = np.array([judge.worst(column, looked_at)[1] for judge in judging])
+    outside = (beyond > SEEN_OUTSIDE).any(0)
+    if inside:
+        return not outside.any()
+    return bool(outside[0]) and not (beyond <= SEEN_OUTSIDE).all(0).any()
 
 
 def _end(column, edge, gaps, judging, domain) -> _End:

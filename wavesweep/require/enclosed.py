@@ -17,9 +17,9 @@ The first S blocks of frames are summed. With u the largest state of these, entr
 
     sum_(k >= S) |O A^k G| <= (sum_(k < S) |O A^k| u) max |A^S G/u| / (1 - q).
 
-In the middle, errors of the matrices and rounding are as if each block had added e to the states,
-`e <= b u`, which moves no sample by more than `b sum_k |O A^k| u`. These bounds are computed to
-first order.
+In the middle, errors of the matrices and rounding are as if each block had added at most e to the
+states, which moves no sample by more than `sum_k |O A^k| e`; those of later blocks are as above with
+`|A^S| e` in place of that of states. These bounds are computed to first order.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ MOST_DOUBLINGS = 48  # of frames in which noise has acted
 KNOWN = 1e-10  # share of a value that its rest may be, if no level is asked for
 BAND = 0.02  # of the end of a step, in which it has settled
 # of the end of a step, which samples may be off; the first of these that their bound is below
-UNSURE = 10.0 ** np.arange(-10, -1)
+UNSURE = 10.0 ** np.arange(-10, -1, 0.5)
 
 
 class Enclosed(NamedTuple):
@@ -166,8 +166,8 @@ class _Rest(NamedTuple):
     sums: np.ndarray
     each: np.ndarray
     sums_off_so_far: np.ndarray
-    each_off_so_far: np.ndarray
     sums_off: np.ndarray
+    each_off_so_far: np.ndarray
     each_off: np.ndarray
 
 
@@ -221,15 +221,16 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
         all_states = states + u * (np.abs(X[:, 0]) / u[..., None]).max(-2).sum(-1)[:, None]
         pushed = (rough @ all_states[..., None])[..., 0] + dX[:, 0].sum(-1)
         pushed_each = (rough @ u[..., None])[..., 0] + dX[:, 0].max(-1)
-        so_far = (shown_middle @ u[..., None])[..., 0]
-        in_all = _all_shown(shown_middle, np.abs(power[:, 0] + identity), u)
+        grown = np.abs(power[:, 0] + identity)
+        later = _all_shown(shown_middle, grown, u)
         off = []
-        for reach in (so_far, in_all):
-            of_sums = reach * (pushed / u).max(-1)[:, None]
-            of_each = reach * (pushed_each / u).max(-1)[:, None]
-            off.append(of_sums + (of_O @ all_states[..., None])[..., 0])
-            off.append(of_each + (of_O @ u[..., None])[..., 0])
-        rest = _Rest(kappa * a.sum(-1)[:, None], kappa * a.max(-1)[:, None], *off)
+        for e, sizes in ((pushed, all_states), (pushed_each, u)):
+            of_O_alone = (of_O @ sizes[..., None])[..., 0]
+            so_far = (shown_middle @ e[..., None])[..., 0]
+            carried = ((grown @ e[..., None])[..., 0] / u).max(-1)
+            off.append((so_far + of_O_alone, so_far + later * carried[:, None] + of_O_alone))
+        sums, each = off
+        rest = _Rest(kappa * a.sum(-1)[:, None], kappa * a.max(-1)[:, None], *sums, *each)
         better = seen.value(rest)
         found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
         if count == 1:

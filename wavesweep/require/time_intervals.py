@@ -142,10 +142,11 @@ class InTime(Between):
         return label
 
     def worst(self, column, p):
-        """The point z = 1, less 1, and by how much the value is beyond the level, of it, as far as
-        that is known."""
+        """The point z = 1, less 1, and by how much the value is beyond the level, of it, if that is
+        known."""
         maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         maps = by_panel(maps, (p.size, 1))
         value = enclosed_value(self.measure, maps, self.rate, self.level)
-        known = np.where(np.isfinite(value.high), value.high, value.low)
+        beyond = np.where(value.low > self.level, value.low, np.nan)
+        known = np.where(np.isfinite(value.high), value.high, beyond)
         return np.zeros(p.size), known / self.level - 1
