@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from functools import cache, partial
 from itertools import chain, compress
 from math import ceil
-from operator import attrgetter
 
 import numpy as np
 
@@ -290,8 +289,6 @@ def within_ticks(spec: Spec) -> Iterator[str]:
     inside = drawing.inside
     wires = {inside.get(port, port): terms for port, terms in drawing.wires}
     for ring in drawn.rings():
-        from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
-
         blocks = [
             placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring
         ]
@@ -300,13 +297,15 @@ def within_ticks(spec: Spec) -> Iterator[str]:
         for block in blocks:
             ports += [f"{block.name}.{port}" for port in block.inputs]
             outputs += [f"{block.name}.{port}" for port in block.outputs]
-        through = block_diag(*map(attrgetter("D"), blocks))
-        back = np.zeros((len(ports), len(outputs)))
-        for row, port in enumerate(ports):
-            gains = drawn.sums.get(port, {})
-            back[row] = [float(gains.get(name, 0.0)) for name in outputs]
-        rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
-        acting = set(compress(outputs, through.any(axis=1)))
+        returned = []  # by each output, of all outputs, once round the loop
+        acts = []
+        for block in blocks:
+            sums = [drawn.sums.get(f"{block.name}.{port}", {}) for port in block.inputs]
+            gains = [[float(terms.get(name, 0.0)) for name in outputs] for terms in sums]
+            returned.append(block.D @ np.array(gains))
+            acts += block.D.any(axis=1).tolist()
+        rest = float(np.linalg.det(np.eye(len(outputs)) - np.concatenate(returned)))
+        acting = set(compress(outputs, acts))
         read = {}
         for port in ports:
             terms = wires.get(port, ())

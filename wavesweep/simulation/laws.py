@@ -152,10 +152,8 @@ def continuous(
     of the period) of what is added to inputs within the tick. sensed: output, name in the law and
     instant of what is read within it.
     """
-    from scipy.linalg import block_diag
-
     models = [_matrices(kind, keys, len(into), len(out)) for _, kind, keys, into, out in members]
-    A, B, C, D = (block_diag(*blocks) for blocks in zip(*models, strict=True))
+    A, B, C, D = (_along_diagonal(blocks) for blocks in zip(*models, strict=True))
     ports = _numbered(members, -2)
     shown = _numbered(members, -1)
     order = len(A)
@@ -179,6 +177,16 @@ def continuous(
     arrivals = [(list(inputs).index(port), name, at) for port, name, at in arriving]
     read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
     return _within_tick(period, matrices, *names, arrivals, read)
+
+
+def _along_diagonal(blocks) -> np.ndarray:
+    """A matrix that has these along its diagonal, and is 0 elsewhere."""
+    ends = np.cumsum([block.shape for block in blocks], axis=0)
+    diagonal = np.zeros(ends[-1])
+    for block, (below, right) in zip(blocks, ends, strict=True):
+        rows, columns = block.shape
+        diagonal[below - rows : below, right - columns : right] = block
+    return diagonal
 
 
 def _within_tick(period, matrices: LawMatrices, inputs, outputs, arriving, sensed) -> Law:
