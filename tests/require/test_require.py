@@ -18,6 +18,7 @@ from wavesweep.engine._search.lines_of_loops import _turns_of_pair, range_of_lin
 from wavesweep.engine._search.question import Question
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.assumptions import near_rates
+from wavesweep.program.analyses.claims import Status
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -25,6 +26,7 @@ from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_table import KINDS as TABLES
 from wavesweep.program.tables.interval_table import intervals, rows_again
 from wavesweep.program.tables.specs import intervals_of_specs
+from wavesweep.require import on_check
 from wavesweep.require.disc_panels import HALF_RIM, OPEN, SAFE
 from wavesweep.require.discs import Spiral
 from wavesweep.require.gain_bound import IN_TIME
@@ -382,6 +384,17 @@ CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
     "gives energy; leave bounded out, and stable intervals are found"
 )
+
+
+@pytest.mark.parametrize(("K_VE", "status"), [(100.0, Status.CERTIFIED), (1999.0, Status.REFUTED)])
+def test_what_a_table_has_of_the_own_design_is_not_looked_for_again(K_VE, status, monkeypatch):
+    spec = load(SPEC | {"environment": {**SPEC["environment"], "K_VE": K_VE, "B_VE": 1.0}})
+    swept = intervals(spec).columns
+    monkeypatch.setattr(on_check, "in_memory", None)  # what would look for it
+    found = on_check.facts(spec, {"swept": swept})
+    (row,) = np.flatnonzero(swept["B_VE"] == 1.0)
+    assert found["required"]["intervals"] == [(swept["low"][row], swept["high"][row])]
+    assert found["claims"][0].status == status
 
 
 @pytest.mark.parametrize(

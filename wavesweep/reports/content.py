@@ -23,6 +23,7 @@ from wavesweep.reports.sentences import counterexamples, interval_rows, question
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.claims import Verdict
+    from wavesweep.program.columns import Columns
     from wavesweep.program.spec import Spec
     from wavesweep.program.tables.kind import Line
     from wavesweep.program.tables.table import Table
@@ -91,7 +92,8 @@ def report(spec: Spec, asked: ReportRequest) -> str:
                 )  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        design_lines, judged, how_known = _own_lines(spec)
+        swept = sections[INTERVALS].table.columns if INTERVALS in sections else {}
+        design_lines, judged, how_known = _own_lines(spec, swept)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
@@ -177,9 +179,12 @@ def _found(title: str, table: Table, command: str) -> ReportSection:
     return ReportSection(title, how_known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
-def _own_lines(spec: Spec) -> tuple[list[Line], Verdict, str]:
+def _own_lines(spec: Spec, swept: Columns) -> tuple[list[Line], Verdict, str]:
     """What is known of the spec's own numbers, the verdict on what it asks, and how that is
-    known."""
+    known.
+
+    swept: the columns of the spec's table of intervals, empty without one.
+    """
     from wavesweep.program.analyses.assumptions import over_preset, unusual
     from wavesweep.program.analyses.claims import Verdict
     from wavesweep.program.analyses.own_design import own_claim, own_design, own_lines
@@ -189,7 +194,7 @@ def _own_lines(spec: Spec) -> tuple[list[Line], Verdict, str]:
     judging = offered("verdict")
     claims = []
     if judging:
-        found |= judging.further(spec, found)
+        found |= judging.further(spec, found | {"swept": swept})
         claims += found["claims"]
         lines += [line for _, line in judging.verdict_lines(spec, found)]
     lines += [*unusual(spec), *over_preset(spec)]

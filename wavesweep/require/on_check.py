@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,17 +11,19 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.analyses.claims import Claim, Status, own_scope, required
 from wavesweep.program.analyses.interval_jobs import job_over
 from wavesweep.program.analyses.own_design import is_an_end, searched
-from wavesweep.program.columns import Columns
+from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import keys_of, make_grid
 from wavesweep.program.sweep.running import in_memory
 from wavesweep.program.tables.number_words import span_in_words
 
 
-def facts(spec: Spec, *_: object) -> dict[str, Any]:
+def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
     """required: of a spec with [sweep] require, along which number its own design was looked at,
     `from` and `to` where, the intervals there that have it, and whether these are certified;
     claims: the same.
+
+    own: may have the columns of the spec's table of intervals as `swept`.
     """
     if not spec.require:
         return {}
@@ -34,11 +36,14 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
         return {"claims": [unknown]}
     path = spec.names.find(name).path
     low, high = searched(spec, name, path)
+    rows = _swept(spec, path, own.get("swept", {}))
+    if rows:
+        low, high = next((axis.start, axis.stop) for axis in spec.sweep if axis.path == path)
     found: dict[str, Any] = {"along": name, "from": low, "to": high, "intervals": []}
     try:
         axis = Axis(name, path, (), low, high, False, "linear")
-        job = job_over(make_grid(spec, (), path), axis, require=spec.require)
-        rows = in_memory(job)
+        if not rows:
+            rows = in_memory(job_over(make_grid(spec, (), path), axis, require=spec.require))
     except WavesweepError as error:
         claim = Claim(what, own_scope(spec), Status.UNKNOWN, str(error))
         return {"required": found | {"certified": False}, "claims": [claim]}
@@ -55,6 +60,21 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
     reason = f"{name} = {value:g}{at_end}, {met}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
     return {"required": found, "claims": [claim]}
+
+
+def _swept(spec: Spec, path: str, swept: Columns) -> Columns:
+    """The rows of the table of intervals that are of the spec's own design; none if it is not one
+    of the sweep."""
+    if not swept or whose_column(swept):
+        return {}
+    own = np.ones(swept["low"].size, bool)
+    for axis in spec.sweep:
+        value = spec.values[axis.path]
+        if axis.path == path:
+            own &= axis.start < value < axis.stop
+        else:
+            own &= swept[axis.name] == value
+    return {name: column[own] for name, column in swept.items()} if own.any() else {}
 
 
 def _along(spec: Spec) -> str:
