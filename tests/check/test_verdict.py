@@ -324,7 +324,9 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
     own = own_design(spec)
     first, second, *_ = own_lines(spec, own, of_spec(spec, own | further(spec, own)))
     assert first.endswith("proved stable for device.mass from 0.08 to 0.12, operator.damping = 0")
-    assert second.startswith("  own numbers (device.mass = 0.1, operator.damping = 0), as all below: stable")
+    assert second.startswith(
+        "  own numbers (device.mass = 0.1, operator.damping = 0), as for the limits and modes below: stable"
+    )
     assert "0.08" not in found["assumes"]  # which is about the spec's own numbers
     (outside, *_) = verdict_lines(changed := load(tables | {"sweep": {"B_VE": [2.0, 3.0]}}), wavesweep.verdict(changed))
     assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"

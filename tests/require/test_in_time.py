@@ -159,6 +159,40 @@ def test_wishes_of_responses_in_time_are_those_of_marches(every, phase):
 
 
 @pytest.mark.asks("designs")
+def test_a_step_is_known_where_a_state_ends_at_rest_but_for_rounding():
+    """That of a motor whose torque is 0 when its angle has come to the reference, against a march."""
+    tick, lag, inertia, damping, kp, ki, kd, tau = 0.001, 0.001, 0.0012, 0.004, 1.0, 2.0, 0.03, 0.002
+    tables = {
+        "rates": {"tick_hz": 1 / tick},
+        "numbers": {"K": kp},
+        "block": {
+            "amp": {"type": "tf", "num": [1], "den": [lag, 1]},
+            "arm": {"type": "inertia", "inertia": inertia, "damping": damping},
+            "pid": {"type": "pid", "kp": "K", "ki": ki, "kd": kd, "tau": tau},
+        },
+        "wire": {"arm.f": "amp.y", "amp.u": "pid.y", "pid.u": "ref - arm.x"},
+        "ports": {"inputs": {"ref": "ref"}, "outputs": {"own": "arm.x"}},
+    }
+    flow = np.zeros((4, 4))
+    flow[:3] = [[-1 / lag, 0, 0, 1 / lag], [1 / inertia, -damping / inertia, 0, 0], [0, 1, 0, 0]]
+    over = expm(tick * flow)
+    state = np.zeros(4)
+    places = []
+    total = slope = last = 0.0
+    for _ in range(1000):
+        places.append(state[2])
+        error = 1 - state[2]
+        total += tick * error
+        slope = (tau * slope + error - last) / (tau + tick)
+        last = error
+        state[3] = kp * error + ki * total + kd * slope
+        state = over @ state
+    found = wished(tables, [kp], overshoot={"at_most": 1.0, **ENDS})["overshoot"]
+    assert found.certified[0]
+    assert found.value[0] == pytest.approx(max(places) - 1, rel=1e-8)
+
+
+@pytest.mark.asks("designs")
 @pytest.mark.slow
 def test_a_drive_of_three_rates_settles_as_its_march_does():
     """Its samples are known to 1e-8 of their end, and its steps are those of two ticks of a frame of 32."""

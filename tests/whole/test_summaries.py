@@ -171,7 +171,7 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
     } | known(2)
     tally = LoopSummary(OWN)
     tally.add(columns)
-    least = "least stable K_VE: 100 N/m at b = 2 N*s/m"
+    least = "smallest stable K_VE: 100 N/m at b = 2 N*s/m"
     assert Sentences(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
     below = LoopSummary(OWN)
     below.add(columns | {"high": np.array([1e6, 2000.0])})

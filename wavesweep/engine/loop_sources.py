@@ -189,15 +189,22 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
     """A block as matrices or in the language of drawings."""
     if isinstance(block, StateSpaceBlock | Mapping):
         return block
-    dt = getattr(block, "dt", None)
     none_is_continuous = type(block).__module__.startswith("scipy.signal")
+    if hasattr(block, "zeros") and hasattr(block, "gain") and none_is_continuous:
+        block = block.to_tf()
+    is_transfer = hasattr(block, "num") and hasattr(block, "den")
+    is_state_space = all(hasattr(block, matrix) for matrix in "ABCD")
+    if not hasattr(block, "dt") or not (is_transfer or is_state_space):
+        expected = "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
+        raise UsageError(f"block {name}: expected {expected}, found {type(block).__name__}")
+    dt = block.dt
     if dt is None and not none_is_continuous:
         expected = "a system that says its time: dt = 0 for continuous, or its sample time in s"
         raise UsageError(
             f"block {name}: expected {expected}, found dt = None, which leaves it open"
         )
     every = _every(name, dt, rate_hz)
-    if all(hasattr(block, matrix) for matrix in "ABCD"):
+    if is_state_space:
         rows, columns = np.shape(block.D)
         inputs = _ports(getattr(block, "input_labels", None), columns, "u")
         outputs = _ports(getattr(block, "output_labels", None), rows, "y")
@@ -205,19 +212,14 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
         states = tuple(labels) if all(map(is_name, labels)) else ()
         matrices = block.A, block.B, block.C, block.D
         return StateSpaceBlock(*matrices, every, 0, inputs, outputs, states)
-    if hasattr(block, "num") and hasattr(block, "den"):
-        num = np.squeeze(np.asarray(block.num, float))
-        den = np.squeeze(np.asarray(block.den, float))
-        if num.ndim > 1 or den.ndim > 1:
-            raise UsageError(
-                f"block {name}: expected a transfer function with one input and one output; convert it to state space"
-            )
-        coefficients = {"num": np.atleast_1d(num).tolist(), "den": np.atleast_1d(den).tolist()}
-        return {"type": "tf", **coefficients, **_timing(every, 0)}
-    expected = (
-        "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
-    )
-    raise UsageError(f"block {name}: expected {expected}, found {block!r:.60}")
+    num = np.squeeze(np.asarray(block.num, float))
+    den = np.squeeze(np.asarray(block.den, float))
+    if num.ndim > 1 or den.ndim > 1:
+        raise UsageError(
+            f"block {name}: expected a transfer function with one input and one output; convert it to state space"
+        )
+    coefficients = {"num": np.atleast_1d(num).tolist(), "den": np.atleast_1d(den).tolist()}
+    return {"type": "tf", **coefficients, **_timing(every, 0)}
 
 
 def _every(name: str, dt: Any, rate_hz: float) -> int | None:

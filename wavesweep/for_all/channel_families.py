@@ -200,7 +200,8 @@ def frames_with_messages(
     if number and not drawing.scalar_place(name_of(number)):
         raise UsageError(
             f"intervals along {number}: where messages may be late or lost, expected a number that one wire or gain reads "
-            "linearly, found another; look along another one"
+            "linearly, found another; look along another one, or have a range of it proved: "
+            f"[for_all] {number.removeprefix('numbers.')} = {{ start, stop }}, and `wavesweep check`"
         )
     drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
@@ -362,7 +363,8 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
         if len(steps) > MOST_SYMBOLS:
             raise UsageError(
                 f"channels {', '.join(channel.name for channel in channels)}: expected at most {MOST_SYMBOLS} ways in which "
-                "messages are late or lost, found more; choose longer ticks, or fewer by which messages are late"
+                "messages are late or lost, found more, as every tick of `late` is one; write what every message takes as a "
+                "delay (seconds) before the channel, and as `late` what it may take beyond, or choose longer ticks"
             )
     for (row, after), (sent, sources) in steps.items():
         yield row, sent, after, sources

@@ -104,7 +104,10 @@ class SlowFrames:
                 ticks_of[block.name] = ticks
         slow = [block for block in drawing.blocks if block.name in ticks_of]
         if len(set(ticks_of.values())) > 1:
-            expected = "one `every` of all blocks that do not run in every tick, whatever varies"
+            expected = (
+                "one `every` of all blocks that do not run in every tick, where frames vary (the faster of them may "
+                "run in every tick of a slower rates.tick_hz, and what is faster still may be continuous)"
+            )
             runs = ", ".join(f"{block.every.text} of {block.name}" for block in slow)
             refuse(_every(slow[-1]), expected, runs)
         *lengths, nominal = ticks_of[slow[0].name] if slow else (1,)

@@ -163,7 +163,10 @@ def _number(request: Request, name: str, parts: Mapping[str, Leaf]) -> AskedNumb
     if varies:
         count = len(values_of_range(axis))
         if count > MOST_VARYING:
-            expected = f"at most {MOST_VARYING} values of a number that varies"
+            expected = (
+                f"at most {MOST_VARYING} values of a number that varies, such as "
+                "values = [16, 18, 20] with steps of 2 in place of a range"
+            )
             mistakes.refuse(axis.place, label, expected, f"{count}")
     for part in CHANCES:
         if part in parts:

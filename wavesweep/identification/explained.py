@@ -183,7 +183,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
         if curved.rms < np.inf:
             fit = _beside(fit, found, curved)
             withheld = False
-    withheld = withheld or (much and name == "force")
+    withheld = withheld or bool(much and name == "force")
     left = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
     rms = float(np.sqrt(np.mean(left**2)))

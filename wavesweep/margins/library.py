@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from pandas import DataFrame
+
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.table import Table
+
+MOST_ANSWERS = 16  # that are kept: a figure asks again
+
+
+@lru_cache(MOST_ANSWERS)
+def _margins(spec: Spec, cut: str) -> Table:
+    return table.margins(spec, cut)
 
 
 class LoopMargins(api.Loop):
@@ -45,11 +56,11 @@ class LoopMargins(api.Loop):
         -----
         Accuracy: every row has a bound on its relative error, or a reason of doubt.
         """
-        return framed(table.margins(self.spec, cut))
+        return framed(_margins(self.spec, cut))
 
     def plot_margins(
         self,
-        cut: str,
+        cut: str = "",
         *,
         ax: Axes | None = None,
         legend: bool = True,
@@ -60,7 +71,7 @@ class LoopMargins(api.Loop):
 
         Parameters
         ----------
-        cut : str
+        cut : str, optional
             As for `margins`.
         ax, legend, caption
             As for `plot_zwidth`.
@@ -79,7 +90,7 @@ class LoopMargins(api.Loop):
         """
         from wavesweep.margins.figure import margins, named_specs
 
-        axes_given, margins_table = axes_asked(self.spec, axes), table.margins(self.spec, cut)
+        axes_given, margins_table = axes_asked(self.spec, axes), _margins(self.spec, cut)
         places = []
         for values in product(*(axis.values for axis in axes_given)):
             if values:

@@ -396,7 +396,8 @@ def _output_line(name: str, output: Numbers) -> str:
         line += f", peak {output['peak']:.6g} reached {output['peak_s']:.4g} s after the step"
     if output["settled_s"] is None:
         return line
-    return f"{line}, within {100 * SETTLED_WITHIN_VALUE:g} % from {output['settled_s']:.4g} s after it on"
+    after = "it" if " the step" in line else "the step"
+    return f"{line}, within {100 * SETTLED_WITHIN_VALUE:g} % from {output['settled_s']:.4g} s after {after} on"
 
 
 def unstable(linear: Numbers) -> str:

@@ -90,12 +90,12 @@ _B = _positive("b", "N*s/m", "wave impedance")
 _INTEGRATION = Key.word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
 _U_Y = (("u",), ("y",))
 _SHARE = {"low": 0.0, "high": 1.0}
-_METHOD = Key.word(
-    "method",
-    "implicit",
-    "integral by rectangles from the left, from the right, or trapezia",
-    INTEGRATIONS,
-)
+_INTEGRALS = {
+    "explicit": "rectangles from the left: a run adds what the input was in the last one",
+    "implicit": "rectangles from the right: a run adds what the input is now",
+    "trapezoidal": "trapezia: a run adds the mean of both",
+}
+_METHOD = Key.word("method", "implicit", "how the integral is computed", _INTEGRALS)
 _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
@@ -300,12 +300,7 @@ TYPES = MappingProxyType(
         "integrator": _type(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
-            Key.word(
-                "method",
-                "explicit",
-                "rectangles from the left, from the right, or trapezia",
-                INTEGRATIONS,
-            ),
+            Key.word("method", "explicit", "how the integral is computed", _INTEGRALS),
             *_LIMITS,
             limits=_BEYOND,
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "

@@ -102,6 +102,8 @@ class KeyReader:
             return self.number(path, check(key, leaf.value))
         except Rejected as error:
             expected = error.expected.replace("number", "number, or an expression,", 1).rstrip(",")
+            if key.unit == "tick" and isinstance(leaf.value, float):
+                expected += ", of ticks (a faster rates.tick_hz has a whole number in each period)"
             return self.refuse(leaf, path, expected, error.found, of_key=False)
 
     def number(self, path: str, value: float) -> Tree:

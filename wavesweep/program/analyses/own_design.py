@@ -166,7 +166,7 @@ def own_lines(
     subject = f"{spec.name}, {spec.kind}"
     if verdict:
         yield from verdict.lines(subject)
-        subject = f"  {_own_in_words(spec, found)}"
+        subject = f"  {_own_in_words(spec)}"
     yield f"{subject}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
@@ -176,9 +176,9 @@ def own_lines(
         yield f"  assumes: {found['assumes']}"
 
 
-def _own_in_words(spec: Spec, found: Mapping[str, Any]) -> str:
+def _own_in_words(spec: Spec) -> str:
     """The spec's own numbers, those by name for which [for_all] has others, and messages in
-    time; what else is of them."""
+    time; what below is of them."""
     axes = spec.for_all.axes if spec.for_all else ()
     values = [f"{axis.name} = {spec.values[axis.path]:g}" for axis in axes]
     named = f" ({', '.join(values)})" if 0 < len(values) <= MOST_AXES else ""
@@ -186,10 +186,7 @@ def _own_in_words(spec: Spec, found: Mapping[str, Any]) -> str:
     late = any(each.frames.lost or each.frames.loss or each.messages for each in scopes)
     what = "message" if spec.drawing else "result"
     in_time = f", every {what} in time" if late else ""
-    # The age of the oldest number is that of all frames and messages.
-    aged = found.get("age") and (late or spec.changing)
-    below = "below but for the age" if aged else "all below"
-    return f"own numbers{named}{in_time}, as {below}"
+    return f"own numbers{named}{in_time}, as for the limits and modes below"
 
 
 def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import FORMATS, PATH, folder, is_given
 
@@ -96,12 +96,13 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
                 )
             figure = plots.figure_of(kind)(columns, facts)
             written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
-        except (
-            results.NOT_OURS
-        ) as error:  # a whole table may have facts and numbers that no run writes
-            said = f"{type(error).__name__}: {error}"
+        except (*results.NOT_OURS, SpecError) as error:
+            # A whole table may have facts and numbers that no run writes.
+            beside = "" if path.suffix == ".parquet" else f" and {path.stem}.datapackage.json"
+            mistakes = f" ({str(error).splitlines()[0]})" if isinstance(error, SpecError) else ""
             raise UsageError(
-                f"{path}: expected numbers and facts that can be drawn, found others ({said})"
+                f"{path}{beside}: expected numbers and facts that can be drawn, found others{mistakes}; "
+                "run the command that made them again (--debug shows where drawing failed)"
             ) from error
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():

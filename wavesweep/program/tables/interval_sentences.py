@@ -166,7 +166,7 @@ class Sentences:
         if least["value"] == largest["from"] and largest["ended_by"] == "stability":
             return ""
         claim = self._claim.of_row(certified=least["certified"])
-        said = f"least {claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
+        said = f"smallest {claim.value(self._along)}: {rounded_up(least['value'])}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
             said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         elif least["unknown_below"]:
