@@ -381,7 +381,7 @@ def test_periods_in_any_order_are_judged_without_an_axis(nominal, lengths):
         ({"kd": {"start": 1, "stop": 2, "vary": True}}, "one of start, stop, values, varying"),
         ({"kd": {"start": 1, "stop": 2, "varying": 1}}, "expected true or false"),
         ({"kdd": {"start": 1, "stop": 2}}, "an unknown axis"),
-        ({"n": {"start": 1, "stop": 99, "varying": True}}, "expected at most 64 values of a number that varies, found 99"),
+        ({"n": {"start": 1, "stop": 99, "varying": True}}, "expected at most 64 values of a number that varies, .*, found 99"),
         ({"lost": -1}, "expected a whole number >= 0"),
     ],
 )

@@ -500,7 +500,7 @@ def largest(run, what, just_below, high, low, c, refuted, refuter):
     return True
 
 
-@shape(rf"\s*least ({WHAT}): (?:just above )?{N}{AT}(?:, refuted at {N} by (.*))?", "stability-region")
+@shape(rf"\s*smallest ({WHAT}): (?:just above )?{N}{AT}(?:, refuted at {N} by (.*))?", "stability-region")
 def smallest(run, what, low, c, refuted, refuter):
     of_members(run, what)
     truth = min(map(least, run.sets(c)))
@@ -760,7 +760,7 @@ def marched(run, held_output):
 
 @shape(
     rf"(h\.)?y (?:settles at|is {N} at the end, where the linear loop settles at) {N}"
-    rf"(?:, peak {N} reached {N} s after the step)?(?:, within 2 % from {N} s after it on)?",
+    rf"(?:, peak {N} reached {N} s after the step)?(?:, within 2 % from {N} s after (?:it|the step) on)?",
     "simulate",
 )
 def settles(run, held_output, ends, at, peak, peak_s, seconds):
