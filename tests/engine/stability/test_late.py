@@ -57,26 +57,56 @@ IN_SERIES = {
 }
 
 
-@pytest.mark.parametrize("name", IN_SERIES)
-@pytest.mark.parametrize("require", [None, {"radius": 0.9997}])
-def test_intervals_are_those_of_the_delay_as_states(monkeypatch, name, require):
-    """Also on a smaller circle, and along negative values."""
-    tables = []
-    asked = []
+def both_ways(monkeypatch, tables, along, span, **asked):
+    """The table of intervals with the delay on the circle, and with the delay as states."""
+    shapes = []
     of_cut = open_loops.cut_of
-    monkeypatch.setattr(open_loops, "cut_of", lambda frame, *rest, **more: asked.append(frame) or of_cut(frame, *rest, **more))
+    monkeypatch.setattr(
+        open_loops, "cut_of", lambda frame, *rest, **more: shapes.append(frame.E.shape) or of_cut(frame, *rest, **more)
+    )
+    found = []
     for few in (delays_in_series.FEW_FRAMES, np.inf):
         monkeypatch.setattr(delays_in_series, "FEW_FRAMES", few)
         open_loops.remembered_loops.cache_clear()
-        tables.append(wavesweep.compile(IN_SERIES[name]).stable_intervals("K", (-20, 80), require=require))
+        found.append(wavesweep.compile(tables).stable_intervals(along, span, **asked))
     open_loops.remembered_loops.cache_clear()
-    found, whole = tables
-    assert asked[0].E.shape[-1] < 20 < asked[1].E.shape[-1]
+    assert shapes[0][-1] < 20 < shapes[-1][-1]
+    return found
+
+
+def assert_same(found, whole):
     assert found.certified.all()
     assert whole.certified.all()
     assert len(found) == len(whole)
     for column in ("low", "high", "low_omega", "high_omega"):
         np.testing.assert_allclose(found[column], whole[column], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", IN_SERIES)
+@pytest.mark.parametrize("require", [None, {"radius": 0.9997}])
+def test_intervals_are_those_of_the_delay_as_states(monkeypatch, name, require):
+    """Also on a smaller circle, and along negative values."""
+    assert_same(*both_ways(monkeypatch, IN_SERIES[name], "K", (-20, 80), require=require))
+
+
+BEFORE_BOTH = {"d.u": "K*mass.x + B*mass.v", "mass.f": "-d.y"}
+BEHIND_BOTH = {"d.u": "mass.x", "v.u": "d.y", "mass.f": "-K*d.y - B*v.y"}
+
+
+@pytest.mark.parametrize(
+    ("plant", "wires"), [(MASS, BEFORE_BOTH), (SPRUNG, BEFORE_BOTH), (MASS, BEHIND_BOTH)], ids=["mass", "spring", "difference"]
+)
+@pytest.mark.parametrize(
+    ("along", "span", "axes"),
+    [("K", (0, 60), {}), ("K", (-20, 60), {"B": [0.0, 1.0, 4.0]}), ("B", (-3, 5), {"K": [0.0, 2.0, 30.0]})],
+)
+def test_two_numbers_of_a_wire_are_late_together(monkeypatch, plant, wires, along, span, axes):
+    """Where the one that is fixed acts through the delay as well."""
+    blocks = {"mass": plant, "d": delay(40)} | ({"v": {"type": "difference"}} if wires is BEHIND_BOTH else {})
+    tables = drawn(blocks, wires)
+    tables["numbers"] |= {"B": 0.5}
+    axes = {name: np.array(values) for name, values in axes.items()}
+    assert_same(*both_ways(monkeypatch, tables, along, span, **axes))
 
 
 def frames_taken(tables, number="K"):

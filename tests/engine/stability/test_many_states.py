@@ -64,7 +64,7 @@ def test_a_filter_that_forgets_all_within_a_frame_takes_no_digits():
     assert arc_crossings(CutColumns(cut_of(tables), np.arange(1), FIRST, np.zeros(1)), (0.0, 1000.0)).complete.all()
 
 
-def random_system(seed, n):
+def random_system(seed, n, rows=1):
     """A loop with lightly damped and some equal poles."""
     random = np.random.default_rng(seed)
     z = (1 - 10.0 ** random.uniform(-4, -1, n // 2)) * np.exp(1j * random.uniform(0.01, 3, n // 2))
@@ -77,8 +77,8 @@ def random_system(seed, n):
     return StateSpace(
         np.linalg.solve(change, E @ change)[None] - np.eye(n),
         random.normal(size=(1, n, 1)),
-        random.normal(size=(1, 1, n)),
-        random.normal(size=(1, 1, 1)),
+        random.normal(size=(1, rows, n)),
+        random.normal(size=(1, rows, 1)),
     )
 
 
@@ -86,34 +86,38 @@ def random_system(seed, n):
 @pytest.mark.parametrize(("seed", "late"), [(0, 0), (1, 1000), (2, 0), (3, 999)])
 def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, late, close_to):
     """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles, also if late."""
-    opened = random_system(seed, 8)
+    opened = random_system(seed, 8, rows=2)
     monkeypatch.setattr(resolvent, "MODAL_ERROR", close_to)
     form = TriangularForm.of(*opened[:3])
     assert form.diagonal == (close_to > 0)
     angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))
     theta = np.concatenate([np.linspace(0.05, 3.1, 5), angles[::2] * (1 + 1e-6)])[None]
-    assert_within_errors(opened, form, form.system(opened), theta, late)
+    assert_within_errors(opened, form, form.system(opened), theta, late, fixed=0.3 if late == 999 else None)
 
 
-@pytest.mark.parametrize("late", [0, 1, 24, 999, 1000])
-def test_the_boundary_along_delay_lines_is_within_its_errors(late):
+@pytest.mark.parametrize(("late", "fixed"), [(0, None), (1, None), (24, -2.5), (999, None), (1000, None), (1000, 0.7)])
+def test_the_boundary_along_delay_lines_is_within_its_errors(late, fixed):
     """Down to the ends of the circle, where the late part of both functions is known best, and at angles with many turns."""
     E = np.array([[[-0.01, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 1.0, -1.0]]])
-    opened = StateSpace(E, np.array([[[0.5], [0.0], [0.0]]]), np.array([[[0.0, 0.1, 0.3]]]), np.array([[[0.2]]]))
+    rows = np.array([[[0.0, 0.1, 0.3], [0.4, 0.0, -0.2]]])
+    opened = StateSpace(E, np.array([[[0.5], [0.0], [0.0]]]), rows, np.array([[[0.2], [-0.1]]]))
     theta = np.concatenate([[1e-7, 1e-3], np.linspace(0.05, 3.1, 9), [np.pi - 1e-3, np.pi - 1e-7]])[None]
-    assert_within_errors(opened, DelayLines.of(E), opened, theta, late)
+    assert_within_errors(opened, DelayLines.of(E), opened, theta, late, fixed)
 
 
-def assert_within_errors(opened, form, system, theta, late):
-    """Against 60 digits; system: the opened loop in the states of the form."""
+def assert_within_errors(opened, form, system, theta, frames, fixed):
+    """Against 60 digits; system: the opened loop in the states of the form. fixed: a number of the second row of C, or None."""
+    late = frames and arcs._Late(frames, None if fixed is None else np.full((1, 1), fixed))
     found = arcs._boundary(StateSpace(*(matrix[:, None] for matrix in system)), form, theta, 2.0, np.zeros(1, int), late)
     eps = np.finfo(float).eps
     with mpmath.workdps(60):
         E, B, C, D = (mpmath.matrix(matrix[0].tolist()) for matrix in opened)
         for at, angle in enumerate(theta[0]):
             z = mpmath.expj(float(angle))
-            H = (C * mpmath.lu_solve((z - 1) * mpmath.eye(E.rows) - E, B) + D)[0] / z**late
-            value, beyond = -H.imag / mpmath.sin(float(angle)), 1 - 4 * abs(H) ** 2
+            H, *other = (C * mpmath.lu_solve((z - 1) * mpmath.eye(E.rows) - E, B) + D) / z**frames
+            unit = 1 if fixed is None else 1 - fixed * other[0]
+            value = (unit / H).imag * abs(H) ** 2 / mpmath.sin(float(angle))
+            beyond = abs(unit) ** 2 - 4 * abs(H) ** 2
             assert abs(value - float(found.value[0, at])) <= eps * found.value_off[0, at]
             assert abs(beyond - float(found.beyond[0, at])) <= eps * found.beyond_off[0, at]
 

@@ -7,7 +7,7 @@ is multiplied, by z^d, z being that of a frame, and does nothing else to the loo
 """
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import lcm
 
@@ -21,17 +21,19 @@ FEW_FRAMES = 20
 
 
 def without_whole_frames(
-    drawing: Drawing, values: Mapping[str, object], number: str
+    drawing: Drawing, values: Mapping[str, object], *numbers: str
 ) -> tuple[Drawing, Mapping[str, object], int]:
-    """Return the drawing and its values with the delays and dead times in series with a number
-    shortened to a frame or less, and the frames that this takes away; both as they are and 0 if
-    these are few.
+    """Return the drawing and its values with the delays and dead times in series with a number, or
+    with two of the same wire, shortened to a frame or less, and the frames that this takes away;
+    both as they are and 0 if these are few.
 
     values: flat numbers, or arrays over a batch, with the ticks of dead times, see `structure`.
-    number: a scalar gain of the drawing, see `scalar_place`.
+    numbers: scalar gains of the drawing, see `scalar_place` and `shares_wire`.
     """
     known = scalars(values)
-    ways = _Ways.without(drawing, known, number)
+    if sum(_steps(drawing, known).values()) <= FEW_FRAMES and not drawing.dead_times:
+        return drawing, values, 0
+    ways = _Ways.without(drawing, known, numbers)
     every = {block.name: int(block.every.values(known)) for block in drawing.blocks}
     runs = {block.name: max(1, len(block.phases)) for block in drawing.blocks}
     frame = lcm(*every.values())
@@ -103,25 +105,26 @@ class _Ways:
         self.end: set[str] = set()
 
     @staticmethod
-    def without(drawing: Drawing, known: Mapping[str, object], number: str) -> "_Ways":
-        """The ways of a loop without this number; known: numbers by name."""
+    def without(drawing: Drawing, known: Mapping[str, object], numbers: Sequence[str]) -> "_Ways":
+        """The ways of a loop without these numbers; known: numbers by name."""
         ways = _Ways()
-        table, _, place = drawing.scalar_place(number).partition(".")
+        zero = dict.fromkeys(numbers, Tree.number(0.0))
+        table, _, place = drawing.scalar_place(numbers[0]).partition(".")
         for port, terms in (*drawing.wires, *drawing.couplings):
             reader = _block_of(port)
             for signal, gain in terms:
                 source = _block_of(signal)
-                if gain.reads(number):
+                if any(gain.reads(number) for number in numbers):
                     ways.begin.add(reader)
                     ways.end.add(source)
-                if np.any(gain.with_number(number, 0.0).values(known)):
+                if np.any(gain.with_trees(zero).values(known)):
                     ways.readers[source].add(reader)
         if table == "block":  # a gain, or a word of firmware
             factor = _block_of(place)
             ways.begin |= ways.readers[factor]
             ways.end.add(factor)
             gains = dict(next(block.keys for block in drawing.blocks if block.name == factor))
-            if "k" in gains and not np.any(gains["k"].with_number(number, 0.0).values(known)):
+            if "k" in gains and not np.any(gains["k"].with_trees(zero).values(known)):
                 ways.readers[factor] = set()
         return ways
 

@@ -149,6 +149,18 @@ class LinearFractional:
             D=direct / left,
         )
 
+    def open_late(self, along: str) -> StateSpace:
+        """Return the loop with both numbers open, and not late, to the signal of the one that is
+        looked for, and then that of the other one."""
+        E, B, x, v = self.with_integrator()
+        D_x = self.D[..., OFFSET : OFFSET + 1, :]
+        D_v = self.D[..., VELOCITY : VELOCITY + 1, :]
+        rows = [x, v] if along == FIRST else [v, x]
+        direct = [D_x, D_v] if along == FIRST else [D_v, D_x]
+        C = np.concatenate(np.broadcast_arrays(*rows), axis=-2)
+        D = np.concatenate(np.broadcast_arrays(*direct), axis=-2)
+        return StateSpace(E, B, C, D)
+
     def with_integrator(self) -> SignalRows:
         """Return the loop with the integrator as the last state."""
         x = self.C[..., OFFSET : OFFSET + 1, :]

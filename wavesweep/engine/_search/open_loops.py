@@ -91,9 +91,11 @@ def open_loops(
     if not drawing.scalar_place(number):
         return None
     late = 0
-    if shortened and not second:
+    if shortened:
         whole = loops
-        *shorter, late = without_whole_frames(drawing, loops.values, number)
+        *shorter, late = without_whole_frames(
+            drawing, loops.values, *filter(None, (number, second))
+        )
         loops = Loops(*shorter)
         drawing = loops.drawing
     read = (FACTOR, BESIDE)[: 1 + bool(second)]
@@ -155,7 +157,7 @@ class Opened:
         find_port: see `open_loops`. Errors: IllPosedLoopError if the loops have no solution without
         the number.
         """
-        path = varied_beside(loops, number)
+        path = _fixed_beside(loops, number)
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
                 opened = _without(loops, number, size, path, swapped, find_port=find_port)
@@ -194,6 +196,27 @@ def varied_beside(loops: Loops, number: str) -> str:
     return paths[-1] if paths else ""
 
 
+def _fixed_beside(loops, number):
+    """The path of another number that loops are to be without as well, or empty: of one in which
+    they differ, see `varied_beside`, or with which delays are in series; none if they are in series
+    with the number alone."""
+
+    def late(*numbers):
+        return without_whole_frames(loops.drawing, loops.values, *numbers)[2]
+
+    varied = varied_beside(loops, number)
+    if late(number):
+        return varied if varied and late(number, name_of(varied)) else ""
+    if varied:
+        return varied
+    for path in loops.values:
+        other = name_of(path)
+        shares_wire = other != number and loops.drawing.shares_wire(number, other)
+        if shares_wire and late(number, other):
+            return path
+    return ""
+
+
 def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
     """The slices with loops without the number, and without that with the path `path` if there
     is one; see `Opened`."""
@@ -205,7 +228,7 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, find_p
     if path:
         distinct_in = {name: v for name, v in loops.values.items() if np.ndim(v) and name != path}
         first, loop_of = distinct_rows(distinct_in, size)
-        second = loops.values[path]
+        second = np.broadcast_to(loops.values[path], size)
         loops = loops.some(first) if first.size > 1 else loops.one(first[0])
         loops = loops.changed({path: 0.0})
     elif size == 1 and not alone:

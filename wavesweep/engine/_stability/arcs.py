@@ -43,7 +43,12 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     """
     cut = columns.cut
     fixed = columns.fixed
-    opened = cut.open_in(columns.along, fixed)
+    opened = cut.open_late(columns.along) if cut.late else cut.open_in(columns.along, fixed)
+
+    def late(columns):
+        """What is late of some columns, an index that gives `fixed` the axes of angles."""
+        return cut.late and _Late(cut.late, fixed[columns] if np.any(fixed) else None)
+
     lines = DelayLines.of(opened.E)
     poles, _ = eigenvalues(opened.E)
     poles = poles[:, (poles != -1).any(0)]  # those at z = 0 are equally far from all of the circle
@@ -60,7 +65,7 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
         loops = np.zeros(1, int) if fixed.size == 1 else column
         systems = StateSpace(*(matrix[loops][:, None] for matrix in system))
         value, value_off, beyond, beyond_off = _boundary(
-            systems, solver, theta, largest, loops, cut.late
+            systems, solver, theta, largest, loops, late((column, None))
         )
         magnitude = np.maximum(np.abs([value, beyond]), NEXT_TO_ZERO)
         phase = np.array([value, beyond], complex) / magnitude
@@ -89,10 +94,12 @@ def arc_crossings(columns: CutColumns, span: tuple[float, float]) -> Crossings:
     at = np.flatnonzero(roots.open_low)
     if at.size:
         loops = StateSpace(*(matrix[at] for matrix in opened))
-        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at], cut.late)
-    return _collect(
-        columns, span, lambda theta: _boundary(opened, lines, theta, late=cut.late).value, roots
-    )
+        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at], late((at, None)))
+
+    def boundary(theta):
+        return _boundary(opened, lines, theta, late=late(slice(None))).value
+
+    return _collect(columns, span, boundary, roots)
 
 
 @np.errstate(all="ignore")
@@ -102,9 +109,10 @@ def _is_clear_next_to_one(opened, lines, poles, late):
 
     With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its
     imaginary part is odd in theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m +
-    1, and `F = theta^q f` is analytic on a disc that no other eigenvalue is in. F(0) is the mean of
-    its rim, and by Schwarz's lemma F is off from that by at most the largest difference on the rim
-    times the part of the way there.
+    1, or of 2 m at most if products of two responses are in it (see `_of_late`), and `F = theta^q
+    f` is analytic on a disc that no other eigenvalue is in. F(0) is the mean of its rim, and by
+    Schwarz's lemma F is off from that by at most the largest difference on the rim times the part
+    of the way there.
     """
     E = opened.E
     m = poles_at_one(E)
@@ -113,13 +121,16 @@ def _is_clear_next_to_one(opened, lines, poles, late):
         radius = np.minimum(WIDEST, away[:, m] / 4)
     else:
         radius = np.full(len(E), WIDEST)
-    radius = np.minimum(radius, 1 / (4 * max(1, late)))  # of a part of a turn
+    if late:
+        radius = np.minimum(radius, 1 / (4 * late.frames))  # of a part of a turn
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, off_in_roundings, _, _ = _boundary(
         StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta, late=late
     )
     q = m + m % 2
+    if late and late.fixed is not None:
+        q = 2 * m
     F = value * theta**q
     noise = (EPS * off_in_roundings * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
@@ -139,7 +150,7 @@ class _BoundaryFunctions(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def _boundary(opened, solver, theta, largest=0.0, loops=None, late=0) -> _BoundaryFunctions:
+def _boundary(opened, solver, theta, largest=0.0, loops=None, late=None) -> _BoundaryFunctions:
     """Return two functions of the boundary at angles theta, which may be complex, of H = 1/K, K the
     number at the boundary:
 
@@ -149,55 +160,128 @@ def _boundary(opened, solver, theta, largest=0.0, loops=None, late=0) -> _Bounda
 
     the first by the resolvent identity: nothing cancels, not even at the points of the circle on
     the real axis. It is 0 where K is real; the second is positive on the circle where |K| is larger
-    than `largest`.
-
-    late: frames d by which the number is late. Then H is z^-d times that, which leaves `beyond` as
-    it is, and -Im H/sin(theta), which is the first function, becomes
-
-        value = cos(d theta) value_0 + sin(d theta)/sin(theta) (H_0(z) + H_0(1/z))/2
-
-    with the function and the H for d = 0. solver: delay lines of the loops, or their form, which
-    they are the `loops` of.
+    than `largest`. solver: delay lines of the loops, or their form, which they are the `loops` of.
+    late: see `_of_late`.
     """
+    right = solver.reached(opened.E, opened.B, theta)
+    H = _response(opened, solver, right, theta, loops)
+    value = H.turning
+    value_off = H.turning_off
+    beyond = 1 - (largest * H.forward) * (largest * H.back)
+    beyond_off = H.roundings + largest * (largest * H.square_off)
+    if late:
+        G = None
+        if late.fixed is not None:
+            G = _response(opened, solver, right, theta, loops, row=1)
+        value, value_off, more, more_off = _of_late(late, theta, H, G)
+        beyond = beyond + more
+        beyond_off = beyond_off + more_off
+    if not np.iscomplexobj(theta):
+        value = value.real
+        beyond = beyond.real
+    return _BoundaryFunctions(value, value_off, beyond, beyond_off)
+
+
+class _Response(NamedTuple):
+    """H at theta and at -theta, `forward` and `back`, and `turning`, -Im H/sin(theta).
+
+    roundings: of the terms of a sum, that it may be off by. size: of the terms of the mean of both,
+    and turning_size of those of `turning`. off, turning_off, square_off: how far the mean, `turning`
+    and the product of both may be off, in roundings of 1.
+    """
+
+    forward: np.ndarray
+    back: np.ndarray
+    turning: np.ndarray
+    roundings: int
+    size: np.ndarray
+    turning_size: np.ndarray
+    off: np.ndarray
+    turning_off: np.ndarray
+    square_off: np.ndarray
+
+    @property
+    def mean(self):
+        """Re H on the circle."""
+        return (self.forward + self.back) / 2
+
+
+def _response(opened, solver, right, theta, loops, row=0) -> _Response:
+    """The response of a row of C and D; right: what B reaches. See `_boundary`."""
     E, B, C, D = opened
+    C = C[..., row : row + 1, :]
+    D = D[..., row, 0]
     left = solver.row(E, C, -theta)
-    right = solver.reached(E, B, theta)
-    D = D[..., 0, 0]
     terms = left * right
-    value = terms.sum(-1)
     size = np.abs(terms).sum(-1)
     # H at theta, by what B reaches, and at -theta, by what C reads.
     forward = C[..., 0, :] * right
     back = left * B[..., 0]
-    H_forward = forward.sum(-1) + D
-    H_back = back.sum(-1) + D
     size_forward = np.abs(forward).sum(-1) + np.abs(D)
     size_back = np.abs(back).sum(-1) + np.abs(D)
-    beyond = 1 - (largest * H_forward) * (largest * H_back)
-    size_beyond = 1 + 2 * (largest * size_forward) * (largest * size_back)
-    of_turn = 0.0
-    if late:
-        turn, per_turn, unsure, unsure_per_turn = _turned(late, theta)
-        mean = (H_forward + H_back) / 2
-        size_of_mean = (size_forward + size_back) / 2
-        of_turn = unsure * size + unsure_per_turn * size_of_mean
-        value = turn * value + per_turn * mean
-        size = np.abs(turn) * size + np.abs(per_turn) * size_of_mean
-    if not np.iscomplexobj(theta):
-        value = value.real
-        beyond = beyond.real
     if isinstance(solver, DelayLines):
         roundings = CAUTION + max(map(len, solver.lines), default=0)
-        of_value = roundings * size + of_turn
-        return _BoundaryFunctions(value, of_value, beyond, roundings * size_beyond)
-    of_value, of_gain = _errors_of_form(solver, loops, left, right, theta)
-    if late:
-        of_value = np.abs(turn) * of_value + np.abs(per_turn) * of_gain
-    roundings = CAUTION + E.shape[-1]
-    of_beyond = largest * of_gain * (largest * (size_forward + size_back) + largest * of_gain * EPS)
-    return _BoundaryFunctions(
-        value, roundings * size + of_value + of_turn, beyond, roundings * size_beyond + of_beyond
+        of_turning = 0.0
+        of_gain = 0.0
+    else:
+        roundings = CAUTION + E.shape[-1]
+        of_turning, of_gain = _errors_of_form(solver, loops, left, right, theta)
+    both = size_forward + size_back
+    return _Response(
+        forward=forward.sum(-1) + D,
+        back=back.sum(-1) + D,
+        turning=terms.sum(-1),
+        roundings=roundings,
+        size=both / 2,
+        turning_size=size,
+        off=roundings * both / 2 + of_gain,
+        turning_off=roundings * size + of_turning,
+        square_off=2 * roundings * size_forward * size_back + of_gain * (both + of_gain * EPS),
     )
+
+
+class _Late(NamedTuple):
+    """What is late: by so many frames, and the number that is fixed, of which the second row of C is;
+    None if it is 0."""
+
+    frames: int
+    fixed: np.ndarray | None
+
+
+def _of_late(late, theta, H, G):
+    """Return `value` of `_boundary` with its error, and what is added to `beyond` with the error of
+    that, for numbers that are d frames late.
+
+    With the fixed number F and its response G, `z^d = K H + F G`, so on the circle `K H` is
+    `z^d - F G`. With R = Re, and I = -Im/sin(theta), of H and of G,
+
+        Im K/sin(theta) |H|^2 = cos(d theta) I_H + sin(d theta)/sin(theta) R_H - F (R_G I_H - I_G R_H),
+        |K H|^2 - 1 = F^2 |G|^2 - 2 F (cos(d theta) R_G - sin(d theta)/sin(theta) sin(theta)^2 I_G).
+    """
+    turn, per_turn, unsure, unsure_per_turn = _turned(late.frames, theta)
+    value = turn * H.turning + per_turn * H.mean
+    value_off = np.abs(turn) * H.turning_off + np.abs(per_turn) * H.off
+    value_off = value_off + unsure * H.turning_size + unsure_per_turn * H.size
+    if G is None:
+        return value, value_off, 0.0, 0.0
+    F = late.fixed
+    square = np.sin(theta) ** 2
+    size_of_square = np.abs(square)
+    value = value - F * (G.mean * H.turning - G.turning * H.mean)
+    value_off = value_off + np.abs(F) * (
+        _off_in_product(G.size, G.off, H.turning_size, H.turning_off)
+        + _off_in_product(G.turning_size, G.turning_off, H.size, H.off)
+    )
+    shared = turn * G.mean - per_turn * square * G.turning
+    shared_off = np.abs(turn) * G.off + np.abs(per_turn) * size_of_square * G.turning_off
+    shared_off = shared_off + unsure * G.size + unsure_per_turn * size_of_square * G.turning_size
+    beyond = F**2 * (G.forward * G.back) - 2 * F * shared
+    return value, value_off, beyond, F**2 * G.square_off + 2 * np.abs(F) * shared_off
+
+
+def _off_in_product(a, a_off, b, b_off):
+    """How far a product may be off, in roundings of 1; a, b: sizes of the terms of its factors."""
+    return a * b_off + a_off * b + EPS * a_off * b_off + a * b
 
 
 def _turned(late, theta):

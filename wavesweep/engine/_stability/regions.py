@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine._monodromy.cut import FIRST, CutColumns
+from wavesweep.engine._monodromy.cut import FIRST, SECOND, CutColumns
 from wavesweep.engine._monodromy.resolvent import Inverse
 from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._stability.boundary import end_errors
@@ -15,6 +15,8 @@ from wavesweep.engine.doubles import EPS
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
 
+# of a number that is fixed, within which a crossing along it leaves open what is outside there
+NEAR_CROSSING = 1e-9
 SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
 USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
@@ -171,7 +173,8 @@ def regions(columns: CutColumns, span, crossings: Crossings) -> Regions:
         return count_where_clear(spans, first[columns], matrices)
 
     if crossings.many is not None or columns.cut.late:
-        begins = _counts_from_zero(columns, span[0], slack, crossings)
+        low = np.full(columns.size, float(span[0]))
+        begins = _counts_from_zero(columns, low, slack, crossings)
         counted = begins < 0
         unknown = np.flatnonzero(counted)
         begins[unknown] = count_first(unknown)
@@ -241,33 +244,56 @@ def _first_counts(owner, growth_to_infinity, follows, least, count):
     return begins, counted
 
 
-def _counts_from_zero(columns, low, slack, crossings) -> np.ndarray:
-    """Return the unstable eigenvalues in the first region of each column, by Nyquist's criterion;
-    -1 if they do not follow.
+def _counts_from_zero(columns, to, slack, crossings) -> np.ndarray:
+    """Return the unstable eigenvalues of each column next to the value `to`, above it, by Nyquist's
+    criterion; -1 if they do not follow.
 
-    Without the number as many are outside as `count_outside` says; what is late is 0 then. From
-    there to the region all crossings are known with their directions: what is beyond the span on
-    arcs is so on both sides. An integrator is on the circle at 0, and next to it outside on the side
-    to which it leaves.
+    Without the number as many are outside as `_counts_at_zero` says. From there to the value all
+    crossings are known with their directions: what is beyond the span on arcs is so on both sides.
+    An integrator is on the circle at 0, and next to it outside on the side to which it leaves.
     """
-    cut = columns.cut
-    alone = replace(columns.loops(np.arange(columns.size)), late=0)
-    matrices = columns.numbers(np.arange(columns.size), np.zeros(columns.size))
-    outside, sure = count_outside(alone.closed(*matrices), alone.errors_of_closed(*matrices))
+    outside = _counts_at_zero(columns)
     column = crossings.column
     value = crossings.value
-    side = 1.0 if low >= 0 else -1.0
-    leaves_zero = cut.integrates & (columns.along == FIRST) & (crossings.theta == 0.0)
+    end = to[column] + slack
+    side = np.where(end >= 0, 1.0, -1.0)
+    leaves_zero = columns.cut.integrates & (columns.along == FIRST) & (crossings.theta == 0.0)
     next_to_zero = ~leaves_zero & (np.abs(value) <= slack)
-    if low >= 0:
-        between = (value > slack) & (value <= low + slack) & ~leaves_zero
-    else:
-        between = (value > low + slack) & (value < -slack) & ~leaves_zero
+    above = (value > slack) & (value <= end)
+    below = (value < -slack) & (value > end)
+    between = (above | below) & ~leaves_zero
     change = np.where(between, side * crossings.jump, 0.0)
     change += np.where(leaves_zero, np.maximum(side * crossings.jump, 0.0), 0.0)
     counts = outside + np.bincount(column, change, minlength=columns.size)
     unclear = np.bincount(column[next_to_zero], minlength=columns.size) > 0
-    return np.where(sure & ~unclear & crossings.complete, counts, -1).astype(int)
+    return np.where((outside >= 0) & ~unclear & crossings.complete, counts, -1).astype(int)
+
+
+def _counts_at_zero(columns) -> np.ndarray:
+    """Return the unstable eigenvalues of each column at the value 0, -1 if they are not known.
+
+    What is late is 0 without both numbers. With the fixed one alone they follow along that one from
+    its value 0, where an integrator is set aside that nothing reads.
+    """
+    from wavesweep.engine._stability.arcs import arc_crossings
+
+    every = np.arange(columns.size)
+    fixed = columns.fixed
+    if not columns.cut.late or not fixed.any():
+        alone = replace(columns.loops(every), late=0)
+        numbers = columns.numbers(every, np.zeros(columns.size))
+        outside, sure = count_outside(alone.closed(*numbers), alone.errors_of_closed(*numbers))
+        return np.where(sure, outside, -1)
+    cut = columns.cut
+    other = SECOND if columns.along == FIRST else FIRST
+    cut = replace(cut, integrates=cut.integrates and other == FIRST)
+    beside = CutColumns(cut, columns.owner, other, 0 * fixed).apart(every)
+    span = min(0.0, fixed.min()), max(0.0, fixed.max())
+    found = arc_crossings(beside, span)
+    counts = _counts_from_zero(beside, fixed, SLIVER * (span[1] - span[0]), found)
+    distance = np.abs(found.value - fixed[found.column])
+    near = distance <= NEAR_CROSSING * np.abs(fixed[found.column])
+    return np.where(np.bincount(found.column[near], minlength=fixed.size) > 0, -1, counts)
 
 
 def _judged_ends(columns, span, crossings, spans, unstable):
