@@ -98,10 +98,10 @@ BEHIND_BOTH = {"d.u": "mass.x", "v.u": "d.y", "mass.f": "-K*d.y - B*v.y"}
 )
 @pytest.mark.parametrize(
     ("along", "span", "axes"),
-    [("K", (0, 60), {}), ("K", (-20, 60), {"B": [0.0, 1.0, 4.0]}), ("B", (-3, 5), {"K": [0.0, 2.0, 30.0]})],
+    [("K", (0, 60), {}), ("K", (-20, 60), {"B": [0.0, 1.0, 30.0]}), ("B", (-3, 5), {"K": [0.0, 2.0, 300.0]})],
 )
 def test_two_numbers_of_a_wire_are_late_together(monkeypatch, plant, wires, along, span, axes):
-    """Where the one that is fixed acts through the delay as well."""
+    """Where the one that is fixed acts through the delay as well, and is stable without the other, or is not."""
     blocks = {"mass": plant, "d": delay(40)} | ({"v": {"type": "difference"}} if wires is BEHIND_BOTH else {})
     tables = drawn(blocks, wires)
     tables["numbers"] |= {"B": 0.5}
