@@ -109,6 +109,20 @@ def test_two_numbers_of_a_wire_are_late_together(monkeypatch, plant, wires, alon
     assert_same(*both_ways(monkeypatch, tables, along, span, **axes))
 
 
+def test_a_frame_that_shows_a_hand_has_the_delay_as_states():
+    """With both numbers out of it: what the hand feels at the end is K itself."""
+    tables = drawn({"mass": SPRUNG, "d": delay(40)}, {**BEFORE_BOTH, "mass.f": "-d.y + F"})
+    tables["numbers"] |= {"B": 1.5}
+    ends = wavesweep.compile(tables | {"wire": {**BEFORE_BOTH}}).stable_intervals("K", (0, 200))
+    hand = {"force": "F", "displacement": "mass.x", "reaction": "d.y"}
+    table = wavesweep.compile(tables | {"ports": {"hand": hand, "wall": {"stiffness": "K", "damping": "B"}}}).stable_intervals(
+        "K", (0, 200)
+    )
+    assert table.certified.all()
+    np.testing.assert_allclose(table.high, ends.high, rtol=1e-12)
+    np.testing.assert_allclose(table.felt_high, ends.high, rtol=1e-12)
+
+
 def frames_taken(tables, number="K"):
     loops = own_loop(wavesweep.compile(tables).spec, f"numbers.{number}")
     return without_whole_frames(loops.drawing, loops.values, number)[2]

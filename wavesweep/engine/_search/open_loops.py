@@ -116,7 +116,7 @@ def open_loops(
     drawn = loops.drawn(number, second)
     port = find_port(drawn, drawing, (number, second), read) if find_port else None
     if port and late:
-        return open_loops(whole, number, find_port=find_port, per_loop=per_loop)
+        return open_loops(whole, number, second, find_port=find_port, per_loop=per_loop)
     shown = (port.force, (port.reaction,)) if port else ("", ())
     with drawn.naming_blocks(), np.errstate(all="ignore"):
         frame = open_frame(drawn, drift, PRODUCT, read, *shown, per_loop=per_loop)
