@@ -349,6 +349,7 @@ def _interval_steps(
     spec: Spec, verdict: Facts, region: str, name: str
 ) -> Iterator[tuple[str, str]]:
     """Yield the commands for stable intervals; region: the possible one, empty without. name: of the spec, quoted."""
+    from wavesweep.check.planning import read_in_several_places
     from wavesweep.check.verdict import distance
 
     if region and verdict["stable"] and not spec.require and len(verdict["limits"]) > 1:
@@ -358,9 +359,15 @@ def _interval_steps(
         if not spec.drawing or (spec.for_all and spec.for_all.axes):
             members = "of [for_all]"
         else:
-            members = "that messages may do"
+            members = "patterns of messages"
         yield f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject
-    elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
+        return
+    limits = [
+        limit
+        for limit in verdict["limits"]
+        if limit["stable"] is not None and not read_in_several_places(spec, limit["name"])
+    ]
+    if limits:
         axis = min(limits, key=distance)
         span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
         yield f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""

@@ -8,12 +8,13 @@ from math import ceil
 import numpy as np
 
 from wavesweep.capabilities import asked, home_of
-from wavesweep.engine.drawing import scalars
+from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.expressions import sum_of
 from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
+from wavesweep.program.analyses.claims import questions
 from wavesweep.program.analyses.interval_jobs import job_of, method
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular
@@ -81,6 +82,14 @@ def _loop_lines(spec):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
 
+def read_in_several_places(spec: Spec, number: str) -> bool:
+    """Whether messages may be late or lost, and more than one wire or gain reads a number, so that
+    no intervals along it hold for all of these."""
+    messages = [each for question in questions(spec) for each in question.scope.messages]
+    late = spec.drawing is not None and not all(each.in_time for each in messages)
+    return late and not spec.drawing.scalar_place(name_of(number))
+
+
 def _interval_lines(spec, command, along, estimated):
     try:
         job = job_of(spec, along)
@@ -88,6 +97,11 @@ def _interval_lines(spec, command, along, estimated):
         return [f"  {command}: not possible with this spec: {error}"]
     grid = job.grid
     axis = job.asked.axis
+    if read_in_several_places(spec, axis.path):
+        reason = (
+            f"several wires or blocks read {axis.name}; `check` proves a range of it in [for_all]"
+        )
+        return [f"  {command}: not possible with this spec: {reason}"]
     expected = cache(partial(expected_seconds, job))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
     slices = _count(job.slices, "slice")

@@ -236,7 +236,9 @@ def _draw_values(
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
         finite = value is not None and np.isfinite(value)
         if finite:
-            said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "")
+            said = f"{value:.4g}"
+            if margin is not None:
+                said += f" ({float(f'{100 * margin:.3g}'):g} %)"
         else:
             said = "not known"
         if finite:

@@ -277,7 +277,8 @@ def _bound_lines(found: Numbers) -> Iterator[Line]:
 
 
 def _shares(margins: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {rounded_down(100 * share, 3)} %" for name, share in margins.items())
+    per_cent = {name: float(rounded_down(100 * share, 3)) for name, share in margins.items()}
+    return ", ".join(f"{name} {share:g} %" for name, share in per_cent.items())
 
 
 def _design(

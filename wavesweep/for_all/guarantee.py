@@ -21,7 +21,7 @@ ROWS = {
         unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
     ),
     "for_all": RowKind(
-        "all numbers of [for_all], or all that messages may do",
+        "all numbers of [for_all], or all patterns of late and lost messages",
         "proved for all",
         "#D55E00",
         2,

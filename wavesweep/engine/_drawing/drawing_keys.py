@@ -25,6 +25,8 @@ PERIOD = "dt"  # the name of a block's own period in its expressions
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))
 # parts of names of keys with which people limit controllers
 LIMITS = ("windup", "limit", "sat", "clamp", "max", "min")
+# and of those with which they say how often a block runs
+RATES = ("period", "rate", "hz", "sample", "Ts")
 NAMES_OF = (
     "the name of a number in [numbers]",
     "the output of a block, a number, or a signal from outside that [ports] names",
@@ -314,6 +316,8 @@ class KeyReader:
             else:
                 near = _synonym(key, keys) or nearest(key, choices) or "high" * is_limit
                 found = "an unknown key"
+                if not near and any(word in key for word in RATES):
+                    found = "a rate or a period, which `every` has in ticks of rates.tick_hz"
             self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), found, near)
             meant.setdefault(near, leaf)
         return meant

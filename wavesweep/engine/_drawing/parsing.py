@@ -44,7 +44,8 @@ def parse(text: str) -> Tree:
     tree = _operand(tokens, 1, 0)
     kind, rest, at = tokens.popleft()
     if kind != "end":
-        raise Fault(at, "an operator or the end", show(rest))
+        without_unit = " (a number has no unit behind it)" if kind == "name" else ""
+        raise Fault(at, f"an operator or the end{without_unit}", show(rest))
     return tree
 
 

@@ -454,7 +454,7 @@ class Scope:
         of_table = self.numbers or self.tick or [*self.frames.in_words()]
         tables = ["all of [for_all]"] if of_table else []
         if late:
-            tables.append("all that messages may do")
+            tables.append("all patterns of late and lost messages")
         return f"{' and '.join(tables)}{', at random' if at_random else ''}"
 
     def own(self) -> str:

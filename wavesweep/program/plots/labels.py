@@ -131,8 +131,9 @@ def claimed(facts: Mapping[str, Any]) -> str:
     several = len(claims) > 1
     sentences = []
     for word, claim in claims.items():
-        if claim["loops"] or several or of_rows(facts, word).what.required:
-            kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
+        kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
+        beside = several and kind is not None
+        if claim["loops"] or beside or of_rows(facts, word).what.required:
             name = kind.legend if several and kind else ""
             named = not name or claim["said"].endswith(name)  # "stable with every passive hand"
             sentences.append(claim["said"] if named else f"{name}: {claim['said']}")
