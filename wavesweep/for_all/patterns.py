@@ -358,10 +358,12 @@ def rates_of(A: np.ndarray, words: Sequence[Word], least: float = 0.0) -> np.nda
         for later in symbols[1:]:
             products = A[:, later] @ products
         known = np.isfinite(products).all((-1, -2))
-        bounds = _bounds(products, length)
-        open_ = known & (bounds >= least)
-        bounds[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
-        rates[:, some] = np.where(known, bounds, np.inf)
+        found = np.full(known.shape, np.inf)
+        if least:
+            found = np.where(known, _bounds(products, length), np.inf)
+        open_ = known & (found >= least)
+        found[open_] = np.abs(np.linalg.eigvals(products[open_])).max(-1) ** (1 / length)
+        rates[:, some] = found
     return rates
 
 

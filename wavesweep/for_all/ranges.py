@@ -47,6 +47,10 @@ OF_SIDE = 0.5
 HOPELESS_PARTS = 4
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
+# after a part that is proved the next ones along the first side are tried as wide as it, or twice
+# as wide after so many in a row
+PROVED_BEFORE = 3
+WIDER = 1 + 1e-6  # for rounding
 NARROWEST_SIDE = 1e-6  # of a side, below which a box is not divided along it
 # of what the entries of frames change along the side that moves them most: norms hardly change along
 # one that moves them less
@@ -246,7 +250,8 @@ class _Trials:
     narrow: widths of sides below which they are not divided. work: operations of the proof; used:
     those so far. outcomes, enclosed: of parts in the queue, by their numbers. norms: of the part
     that was proved last. divided: stretches of the first side in whose middle there were no norms:
-    they are divided for all other numbers.
+    they are divided for all other numbers. width: along the first side, beyond which a part is not
+    tried but divided; in_a_row: parts that were proved one after the other.
     """
 
     frames: Frames
@@ -259,11 +264,14 @@ class _Trials:
     enclosed: dict[int, Enclosed | int] = field(default_factory=dict)
     norms: Centre | None = None
     divided: set[tuple[float, ...]] = field(default_factory=set)
+    width: float = np.inf
+    in_a_row: int = 0
 
     def outcome_of_first(self, queue: _Queue) -> _Outcome:
         """The outcome of the first part of a queue, which is tried if it was not."""
         first = queue.waiting[0]
-        if _stretch(first.part) in self.divided:
+        low, high = _stretch(first.part)
+        if (low, high) in self.divided or high - low > WIDER * self.width:
             halves = [replace(first.part, box=half) for half in _halves(first.part.box, 0)[::-1]]
             self.outcomes[first.number] = _Outcome(halves, 0.0)
         elif first.number not in self.outcomes:
@@ -299,6 +307,14 @@ class _Trials:
         enclosed = self.enclosed.get(number)
         tried = _tried(begun, enclosed, self.follows, rest, self.narrow, self.words)
         self.norms = tried.norms or self.norms
+        self.in_a_row += 1
+        low, high = _stretch(part)
+        if tried.parts:
+            self.in_a_row = 0
+        elif self.in_a_row >= PROVED_BEFORE:
+            self.width = 2 * (high - low)
+        else:
+            self.width = high - low
         return tried
 
 

@@ -58,6 +58,7 @@ SETTLED_WITHIN = 1e-2
 # operations of a proof over ranges beside what varies, of each design that is looked at
 QUICK = 3e10
 FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on
+BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 # operations of a verdict at one value, half a second, before it is asked of intervals
 SOON_OPERATIONS = 4e9
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
@@ -473,7 +474,7 @@ def all_of(rows: Sequence[Row]) -> Row:
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved
     to be stable from about 0 on."""
-    rules = replace(rules, work=QUICK)
+    rules = replace(rules, work=QUICK, begins=BEGINS * FROM_ABOUT_ZERO)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
     if rules.vary and rules.ranges:
         share = FROM_ABOUT_ZERO

@@ -76,8 +76,9 @@ class Rules:
     results are in place with the next frame. elapsed: whether the slow environment integrates over
     the time since its last frame. messages: whether the loop has channels; at_random: whether these
     lose messages at random, or frames and results are taken to be at random. work: operations of a
-    proof over ranges beside what varies. words: that refuted earlier loops of a search for designs,
-    for each rule of which frames may follow which; None where each loop is looked at for itself.
+    proof over ranges beside what varies; begins: share of the number that it reaches, down to which
+    it goes. words: that refuted earlier loops of a search for designs, for each rule of which frames
+    may follow which; None where each loop is looked at for itself.
     """
 
     for_all: ForAllRanges
@@ -87,6 +88,7 @@ class Rules:
     messages: bool = False
     at_random: bool = False
     work: float = WORK_OVER
+    begins: float = 0.0
     words: defaultdict[bytes, list[Word]] | None = field(default=None, repr=False, compare=False)
 
     @staticmethod
@@ -307,7 +309,7 @@ def bracketed_over(
     report = partial(PROOF_LOGGER.info, SO_FAR, name_of(along))
     for share in STARTS:
         start = low + share * (high - low)
-        found = bracket_over(loops, start, span, least, rules.work, report)
+        found = bracket_over(loops, start, span, least, rules.work, rules.begins, report)
         if np.isfinite(found.low):
             below = _end(loops, found.below)
             above = _end(loops, found.above)

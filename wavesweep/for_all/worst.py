@@ -112,14 +112,16 @@ def bracket_over(
     limits: tuple[float, float],
     least: float,
     work: float = OPERATIONS_OF_PROOFS,
+    begins: float = 0.0,
     report: Report | None = None,
 ) -> WorstBracket:
     """Return the numbers around a start, within limits, at which all loops of the box decay in
     every order of frames.
 
-    least: the lowest number that the proof aims at. work: operations of the proofs. report: is
-    called with the lowest and the highest number that are proved so far, and the percentage of the
-    way up or down at which the proof is.
+    least: the lowest number that the proof aims at. work: operations of the proofs. begins: share
+    of the highest number that is proved, below which it does not go either. report: is called with
+    the lowest and the highest number that are proved so far, and the percentage of the way up or
+    down at which the proof is.
     """
     limits = max(limits[0], least), limits[1]
     above = _worst(loops, start, limits[1])
@@ -161,7 +163,8 @@ def bracket_over(
             break
         above = _met(loops, found, start, above)
         rounds = rounds - 1
-    goal = _goal(below, limits[0], start)
+    lowest = max(limits[0], first.zero + begins * (high - first.zero))
+    goal = max(lowest, _goal(below, limits[0], start))
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
         low = min(low, end)
@@ -170,7 +173,7 @@ def bracket_over(
         open_ = open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
-    low_is_near = _near(low, below.x if below.word else limits[0])
+    low_is_near = _near(low, below.x if below.word else lowest)
     high_is_near = _near(high, above.x if above.word else limits[1])
     return WorstBracket(low, high, below, above, bool(low_is_near and high_is_near), open_)
 
