@@ -445,7 +445,10 @@ def acting(products: np.ndarray, n: int) -> np.ndarray:
     factor = weight / np.sqrt(2)
     one, other = _crossed(n)
     flat = products.reshape(len(products), -1)
-    return factor[:, None] * factor * (flat[:, one] + flat[:, other])
+    acts = flat.take(one, axis=1)
+    acts += flat.take(other, axis=1)
+    acts *= factor[:, None] * factor
+    return acts
 
 
 @lru_cache(maxsize=64)

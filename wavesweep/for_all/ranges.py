@@ -30,6 +30,7 @@ from wavesweep.for_all.patterns import Word, growing, growth
 # the second share, and used up to the first one.
 MARGIN, SHARES = 1e-3, (0.5, 0.1)
 BACK = 0.5  # of the margin that norms have, with which they are centred
+ROOM_TRIED = 0.8  # of a margin that known norms do not have, the next one that is tried
 # operations that one search for norms in the middle of a box may take, or those of NEWTON_OF_GRAPH
 # steps, if they are more
 OPERATIONS_OF_CENTRE = 4e9
@@ -573,17 +574,29 @@ def _forms(A, follows, start, work, words=()):
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
     grown = (1 + most_room) * at_middle
     enough = (1 + least_room) / (1 + most_room)
-    if start is not None and start.shrinks((1 + BACK * most_room) * at_middle):
-        centre, factor = replace(start, work=0.0), 1.0
+    room = _room_of(start, at_middle, least_room, most_room) if start else 0.0
+    if room:
+        centre = replace(start, work=0.0)
     else:
         centre, factor = find_norms(grown, follows, start, min(work, most), enough)
-    if factor < enough:
-        return None, centre.work
-    room = factor * (1 + most_room) - 1
+        if factor < enough:
+            return None, centre.work
+        room = factor * (1 + most_room) - 1
     centre = recentred(centre, (1 + BACK * room) * at_middle, NEWTON_STEPS_OF_HALF)
     spent = centre.work
     centre, slopes = sloped(centre.rounded(), (1 + BACK * room) * A.terms[: 1 + A.numbers])
     return (centre, slopes), spent + centre.work
+
+
+def _room_of(start, A, least, most):
+    """The margin that known norms have for matrices if they keep BACK of it, at most so much; 0 if
+    it is below the least one."""
+    room = most
+    while room >= least:
+        if start.shrinks((1 + BACK * room) * A):
+            return room
+        room *= ROOM_TRIED
+    return 0.0
 
 
 def _judged(A, found, follows):
