@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identify_coverage import LOGARITHMS, force_of, marched, read
+from identify_coverage import LOGARITHMS, coupled, force_of, marched, read
 from scipy.linalg import solve_discrete_are
 from simulated_logs import KINDS, of_curves, of_one_mass, of_two_masses
 
@@ -155,6 +155,18 @@ def test_two_masses_are_found_from_noise_with_a_drift_too(hand, seconds):
     }
     assert all(inside[name] for name in LOGARITHMS.values()), inside
     assert np.mean(list(inside.values())) >= 0.8
+
+
+@pytest.mark.slow
+def test_two_masses_are_found_from_steps_that_hardly_excite_their_resonance():
+    """At 48 Hz, where steps of 20 ms have next to nothing: a rate far from that of the damping would hide it."""
+    source = np.random.default_rng(0)
+    force = 3.5 * np.sign(source.standard_normal(30)).repeat(20)
+    speeds = read(coupled(0.132, 2.75, 0.044, 0.0, 2980.0, 0.6, force, 2.625, 0.0, "velocity"), 1e-4, source)
+    found = predicted(Model(load=True, measured="velocity"), force, speeds, 1e-3, 1e-4)
+    truth = [np.log(0.132), 2.75, np.log(0.044), 0.0, np.log(2980.0), 0.6, 2.625]
+    assert (abs(found.theta - truth) <= 1.5 * found.half).all()
+    assert found.half[0] < 1e-3
 
 
 @pytest.mark.slow

@@ -28,9 +28,8 @@ from wavesweep.identification.prediction import (
     theta_of,
 )
 
-PASSES = 2  # of the smoother, the second with the curve
-# the same for numbers that are answered: what the curve does within a tick is known from the second
-PASSES_ANSWERED = 3
+# of the smoother: the second with the curve, the third with what the curve does within a tick
+PASSES = 3
 STEPS_WITH_CURVE = 12  # of the search with a curve
 # of a curve over the mass, per tick; friction that turns round is steeper, and no line in a tick
 STEEPEST = 0.5
@@ -83,11 +82,11 @@ def alone(place: Place, first: int, end: int) -> Beside:
     return _fitted(few._replace(point=least_of(*few, STEPS_WITH_CURVE)))
 
 
-def with_curve(name: str, place: Place, passes: int = PASSES) -> Beside:
+def with_curve(name: str, place: Place) -> Beside:
     """The fit of a log with a curve, from that without."""
     fit = place
     numbers = []
-    for _ in range(passes):
+    for _ in range(PASSES):
         log = replace(fit.log, beside=tuple(_held(CURVES[name], fit)))
         fit = fit._replace(log=log)
         fit = fit._replace(point=least_of(*fit, STEPS_WITH_CURVE))

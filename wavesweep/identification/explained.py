@@ -13,7 +13,6 @@ from scipy.special import gammaincc
 from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.identification.curves import (
     CURVES,
-    PASSES_ANSWERED,
     alone,
     forceless,
     with_curve,
@@ -179,7 +178,7 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     for effect in () if withheld else effects:
         fit = replace(fit, extra=np.maximum(fit.extra, np.abs(effect.moved)))
     if name in CURVES and share > NEARLY:
-        curved = with_curve(name, found.place, PASSES_ANSWERED)
+        curved = with_curve(name, found.place)
         if curved.rms < np.inf:
             fit = _beside(fit, found, curved)
             withheld = False

@@ -672,9 +672,8 @@ def _near(log, whole, near=None):
     point = least_of(alone, search, search.begun, skip, 20)
     without = _square(alone, search, point, skip)
     skip = int(MOST) // 2 + SPARE_ROWS
-    found = search.found(point) | {"rate": RATES[0]}  # that of one mass is not that of two
     tried = []
-    for begun in _resonances(alone, found, skip):
+    for begun in _resonances(alone, search.found(point), skip):
         search = Search(whole, begun)
         point = least_of(log, search, search.begun, skip, 10)
         tried.append((_square(log, search, point, skip), search, point))
@@ -698,7 +697,10 @@ def _square(log, search, point, skip):
 
 
 def _resonances(log, found, skip):
-    """Two masses, by the resonances that explain most beside one mass, apart from each other."""
+    """Two masses, by the resonances that explain most beside one mass, apart from each other.
+
+    found: the numbers of one mass.
+    """
     model = log.model
     period = log.period
     tones = np.geomspace(3 / (len(log.reading) * period), 0.4 / period, RESONANCES)
@@ -708,12 +710,16 @@ def _resonances(log, found, skip):
         resonance(pushing, tone, RINGING, period, 0.0, model.measured) / unit for tone in tones
     ]
     delays = COUPLED_DELAYS if model.delay is None else (model.delay,)
+    # The rate of one mass is not that of two where a resonance is damped, and is nearly where it rings.
+    places = [found]
+    for delay in delays:
+        places.append(found | {"rate": RATES[0], "delay": delay})
     pairs = []
-    for delay, (white, drift) in product(delays, FILTERS):
-        filtered = found | {"delay": delay, "white": white, "drift": drift}
+    for place, (white, drift) in product(places, FILTERS):
+        filtered = place | {"white": white, "drift": drift}
         predictor, errors, effects = errors_of(log, filtered, skip)
         alone = projected(errors, effects)[1]
-        whole_ticks = round(delay)
+        whole_ticks = round(place["delay"])
         for tone, mode in zip(tones, modes, strict=True):
             both = np.stack([effects[0], predictor.innovations(late(mode, whole_ticks), skip)])
             gains, left = projected(errors, both)
@@ -725,10 +731,10 @@ def _resonances(log, found, skip):
         if len(starts) < RESONANCES_TRIED and all(
             abs(np.log(tone / near)) > RESONANCES_APART for near, _ in starts
         ):
-            numbers = of_modes(1.0 + share, found["rate"], tone, RINGING, share)
+            numbers = of_modes(1.0 + share, filtered["rate"], tone, RINGING, share)
             shape = {
                 "share": share,
-                "load_rate": found["rate"],
+                "load_rate": filtered["rate"],
                 "square": np.exp(numbers["log_coupling"]),
             }
             starts.append((tone, filtered | shape | {"coupling_rate": numbers["coupling_damping"]}))
