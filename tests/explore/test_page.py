@@ -111,6 +111,14 @@ def test_a_page_opens_with_the_proved_plane_if_there_is_time(seconds, how):
 
 
 @pytest.mark.slow
+def test_a_page_names_what_its_spec_asks_of_more_than_its_own_numbers():
+    ranges = {"device.mass": {"start": 0.08, "stop": 0.12}}
+    page = Page(load({"controller": {"kind": "dc-slow"}, "for_all": ranges}), answer_s=0.0)
+    _, _, data = page.text().partition('"asked"')
+    assert data.lstrip(": ").startswith('["whether stable for device.mass from 0.08 to 0.12"]')
+
+
+@pytest.mark.slow
 @pytest.mark.thorough
 def test_a_loop_without_a_hand_has_its_step_response_and_its_margins(serving):
     client, kp = serving(DRIVE), 0.3

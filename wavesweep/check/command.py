@@ -216,10 +216,10 @@ def _judged(
 
 
 def _show_first(lines: Iterable[str], whole: bool) -> int:
-    """Print the lines that come first, of which the verdict is never folded; gives their number."""
+    """Print the lines that come first, of which the verdict is folded least; gives their number."""
     first, *others = lines
     fold = _within if whole else _folded
-    return _show([first, *chain.from_iterable(map(fold, others))])
+    return _show([*_within(first), *chain.from_iterable(map(fold, others))])
 
 
 def _frames_of_run(

@@ -99,7 +99,9 @@ class Page:
         return {
             "name": spec.name,
             "kind": spec.kind,
-            "asked": [f"{each.what.question} {each.scope.in_words()}".strip() for each in asked],
+            "asked": [
+                f"{each.what.worded().question} {each.scope.in_words()}".strip() for each in asked
+            ],
             "version": __version__,
             "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,

@@ -864,10 +864,10 @@ class Verdict(NamedTuple):
             said = (self.worst,)
         whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"
         first = whole
-        if len(first) > WIDEST:
+        if len(first) > WIDEST and len(said) > 1:
             without_reasons = "; ".join(replace(claim, reason="").words() for claim in said)
             first = f"{subject}: {without_reasons}"
-        if len(first) > WIDEST:
+        if len(first) > WIDEST and len(said) > 1:
             first = f"{subject}: {'; '.join(claim.brief() for claim in said)}"
         yield first
         for claim in self.answers:
