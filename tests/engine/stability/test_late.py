@@ -82,8 +82,13 @@ def assert_same(found, whole):
         np.testing.assert_allclose(found[column], whole[column], rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", IN_SERIES)
-@pytest.mark.parametrize("require", [None, {"radius": 0.9997}])
+SMALLER = {"radius": 0.9997}
+ON_SMALLER = ("before a hold", "a dead time", "an unstable loop")
+
+
+@pytest.mark.parametrize(
+    ("name", "require"), [*((name, None) for name in IN_SERIES), *((name, SMALLER) for name in ON_SMALLER)]
+)
 def test_intervals_are_those_of_the_delay_as_states(monkeypatch, name, require):
     """Also on a smaller circle, and along negative values."""
     assert_same(*both_ways(monkeypatch, IN_SERIES[name], "K", (-20, 80), require=require))
