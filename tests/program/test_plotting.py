@@ -64,7 +64,7 @@ def test_a_figure_has_no_legend_and_no_notes_if_they_are_not_wanted(inside):
         figure.draw_without_rendering()
         part = figure.subfigs[0] if inside else figure
         panel = part.axes[0].get_position()
-        return bool(figure.findobj(Legend)), "computed" in part.get_supxlabel(), panel.height
+        return bool(figure.findobj(Legend)), "Strokes" in part.get_supxlabel(), panel.height
 
     (_, _, least), (legends, notes, most) = drawn(), drawn(legend=False, caption=False)
     assert (legends, notes) == (False, False)

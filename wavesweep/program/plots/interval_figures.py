@@ -79,9 +79,8 @@ _EDGE = 0.03  # of the axis, beyond the bars at its ends
 # share of the axis without intervals at its high end, from which it is not shown; and what is
 _EMPTY, _SHOWN_OF_EMPTY = 0.4, 0.1
 _HOW = {  # how stable sets are drawn, in the notes below the figure
-    "strokes": "Strokes point to the unstable side.",
-    "between": "Lines are computed between swept values too.",
-    "bars": "Bars hold at their value alone.",
+    "strokes": "Strokes: the unstable side.",
+    "bars": "Bars: at their value alone.",
     "cut": "Beyond the axis no swept value has an interval.",
 }
 
@@ -304,8 +303,8 @@ def _draw_plane(
             axes, region.bars, member.look, bars, shown.span if member.at_values else None
         )
         lines = [*region.certain, *region.doubtful]
-        if lines:
-            how.update(["between"] if filled else ["between", "strokes"])
+        if lines and not filled:
+            how.add("strokes")
         reached += [_ROOM_OF_BOUNDARY * y for line in lines for _, y in line]
         if region.bars:
             how.add("bars")
@@ -395,7 +394,7 @@ def _assumption(shown: Shown) -> str:
     said, _, _ = assumed(shown.facts).partition(":")  # usual engines follow
     kind = shown.facts.get("spec", {}).get("controller", {}).get("kind")
     note = f"{kind}, {said}" if kind and said else said
-    return ". ".join(filter(None, (note, claimed(shown.facts))))
+    return " ".join(filter(None, (f"{note}." if note else "", claimed(shown.facts))))
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from wavesweep.program.analyses.claims import of_rows
+from wavesweep.program.analyses.claims import NOBODY, of_rows
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.results import fields
@@ -30,6 +30,15 @@ _SYMBOLS = {
     "device.delay": "delay of the amplifier",
     "device.dead_time": "dead time of the amplifier",
     "local_model.delay": "delay of the local model",
+}
+# words of summaries, and of captions in their place; a sign and its number stay in one line
+_SHORTER = {
+    " (as physics does; a program holds its sums)": "",
+    ' (step = "elapsed")': "",
+    "velocity from differences of position": "velocity by differences",
+    " of at most ": " ≤\u00a0",
+    " of at least ": " ≥\u00a0",
+    ", up and down,": "",
 }
 for _filter in ("lp1", "hp", "lp2"):
     for _edge in ("cutoff", "passband", "stopband"):
@@ -126,22 +135,30 @@ def assumption(facts: Mapping[str, Any]) -> str:
 
 
 def claimed(facts: Mapping[str, Any]) -> str:
-    """What the rows of each kind say of which loops, where these are not the spec's own alone."""
+    """What the rows of each kind say of which loops, where these are not the spec's own alone and
+    the legend does not say it by the name of the kind."""
     claims = facts.get("claims", {})
-    several = len(claims) > 1
     sentences = []
-    for word, claim in claims.items():
+    for word in claims:
+        claim = of_rows(facts, word)
         kind = row_kinds().get(word)  # none of a wish, whose claim begins with its name
-        beside = several and kind is not None
-        if claim["loops"] or beside or of_rows(facts, word).what.required:
-            name = kind.legend if several and kind else ""
-            named = not name or claim["said"].endswith(name)  # "stable with every passive hand"
-            sentences.append(claim["said"] if named else f"{name}: {claim['said']}")
+        name = kind.legend if len(claims) > 1 and kind else ""
+        said = f"{claim.what.worded().holds} {claim.scope.in_words()}".rstrip()
+        in_legend = name and (claim.scope.hands == NOBODY or said.endswith(name))
+        if (claim.scope.in_words() or claim.what.required) and not in_legend:
+            sentences.append(f"{name}: {said}" if name else said)
     said = "; ".join(sentences)
-    return as_it_stands(f"{said[:1].upper()}{said[1:]}." if said else "")
+    return _in_caption(f"{said[:1].upper()}{said[1:]}." if said else "")
 
 
 def assumed(facts: Mapping[str, Any]) -> str:
     """What a run assumes of wall, delay and velocity, with the names of specs; empty if it
     assumes nothing."""
-    return as_it_stands(str(facts.get("assumes") or ""))
+    return _in_caption(str(facts.get("assumes") or ""))
+
+
+def _in_caption(text: str) -> str:
+    """A sentence of a summary as a caption has it."""
+    for long, short in _SHORTER.items():
+        text = text.replace(long, short)
+    return as_it_stands(text)
