@@ -19,7 +19,8 @@ from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
 from wavesweep.for_all.on_check import facts, lines
-from wavesweep.for_all.rows import ForAllGuarantee, text_of_part
+from wavesweep.for_all.patterns import LONGEST_RETURN
+from wavesweep.for_all.rows import TEXT, ForAllGuarantee, text_of_part
 from wavesweep.for_all.unknown import Part
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -423,12 +424,12 @@ def test_both_ends_name_their_own_pattern_and_the_summary_that_of_the_upper_one(
 
 
 def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
-    frames = f"frames {', '.join(['16, 33'] * 200)}"
-    whole = f"frames {', '.join(['16, 33'] * 40)}"
+    frames = f"frames {', '.join(['16, 33'] * 400)}"
+    whole = f"device.mass = 0.114997, frames {', '.join(['116, 133'] * (LONGEST_RETURN // 2))}"
     assert text_of_part(Part(1.0, 2.0, {whole: None}, {"frames 3": None})) == f"below: {whole}; from: frames 3"
     both = text_of_part(Part(1.0, 2.0, {frames: None}, {"frames 3": None}))
     assert both.endswith(" ...; from: frames 3")
-    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= 1000
+    assert len(text_of_part(Part(1.0, 2.0, None, {frames: None}))) <= TEXT
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 # operations of a verdict at one value, half a second, before it is asked of intervals
 SOON_OPERATIONS = 4e9
 CONTRADICTED = "the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
-TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
+TEXT = 2000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
 
 FOR_ALL_RECORD = record_type(
