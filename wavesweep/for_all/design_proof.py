@@ -67,7 +67,11 @@ class DesignProof:
         path: of its stiffness. limits, designs: see `DesignRanking`.
         """
         del limits, designs
-        return np.array([proved_from_zero(spec, path, stop, self.rules) for spec in specs])
+        proved = []
+        for number, spec in enumerate(specs, 1):
+            rules = replace(self.rules, said=f"design {number} of {len(specs)}: ")
+            proved.append(proved_from_zero(spec, path, stop, rules))
+        return np.array(proved)
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,8 +77,9 @@ class Rules:
     the time since its last frame. messages: whether the loop has channels; at_random: whether these
     lose messages at random, or frames and results are taken to be at random. work: operations of a
     proof over ranges beside what varies; begins: share of the number that it reaches, down to which
-    it goes. words: that refuted earlier loops of a search for designs, for each rule of which frames
-    may follow which; None where each loop is looked at for itself.
+    it goes. said: words before what a proof has reached. words: that refuted earlier loops of a
+    search for designs, for each rule of which frames may follow which; None where each loop is looked
+    at for itself.
     """
 
     for_all: ForAllRanges
@@ -89,6 +90,7 @@ class Rules:
     at_random: bool = False
     work: float = WORK_OVER
     begins: float = 0.0
+    said: str = ""
     words: defaultdict[bytes, list[Word]] | None = field(default=None, repr=False, compare=False)
 
     @staticmethod
@@ -306,7 +308,7 @@ def bracketed_over(
     low, high = about
     zero = loops.sides[0].zero
     least = zero + RANGES_FROM_ZERO * (high - zero)
-    report = partial(PROOF_LOGGER.info, SO_FAR, name_of(along))
+    report = partial(PROOF_LOGGER.info, SO_FAR, rules.said + name_of(along))
     for share in STARTS:
         start = low + share * (high - low)
         found = bracket_over(loops, start, span, least, rules.work, rules.begins, report)
