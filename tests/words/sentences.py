@@ -138,7 +138,7 @@ def nothing(run, *_):
 
 @shape(
     rf"(?:.*: )?{N} of {N} done \({N} %\) after \d+ (?:s|min|h)(?:; [a-z ,]*)?"
-    rf"(?:; (?:design {N} of {N}: )?[\w.]+ proved from {N} to {N} so far \({N} % of the (?:way|box)\))?"
+    rf"(?:; (?:design \d+ of \d+: )?[\w.]+ proved from {N} to {N} so far \({N} % of the (?:way|box)\))?"
     r"(?:, about \d+ (?:s|min|h) left)?(?:; [a-z \[\]]*)?"
 )
 def progress(run, done, count, share, low, high, way):
