@@ -20,6 +20,7 @@ from wavesweep.program.plots.style import (
     family_map,
     figure,
     note_below,
+    wide,
 )
 
 REACH = 1.5  # what is farther from 0 is not shown
@@ -38,7 +39,9 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
     name = facts["over"]
     z = columns["z_re"] + 1j * columns["z_im"]
     entries = len(facts["ends"]) if name else NAMED
-    with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN + 0.17 * (1 + entries)) as canvas:
+    width = 1.3 * ONE_COLUMN
+    narrower = min(1.0, wide(width) / width)  # which a circle is in both directions
+    with figure(width, 1.1 * ONE_COLUMN * narrower + 0.17 * (1 + entries)) as canvas:
         axes = canvas.subplots()
         axes.plot(_CIRCLE.real, _CIRCLE.imag, color="0.6", linewidth=0.8)
         for ratio in RATIOS:
