@@ -100,6 +100,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
             grid[0, 0].axvspan(
                 *columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0
             )
+            grid[-1, 1].locator_params(axis="x", nbins=2)
             if is_narrow():
                 grid[-1, 1].set_xlabel("shaded time (s)")
             else:

@@ -857,17 +857,17 @@ class Verdict(NamedTuple):
         return self.worst.status
 
     def lines(self, subject: str) -> Iterator[str]:
-        """Yield the verdict in a line that begins with its subject, and the answers that this
-        does not say in full."""
+        """Yield the verdict in a line that begins with its subject, and the answers of several
+        that this does not say in full."""
         said = self.answers
         if self.status <= Status.UNKNOWN:
             said = (self.worst,)
         whole = f"{subject}: {'; '.join(claim.words() for claim in said)}"
         first = whole
-        if len(first) > WIDEST and len(said) > 1:
+        if len(first) > WIDEST and len(self.answers) > 1:
             without_reasons = "; ".join(replace(claim, reason="").words() for claim in said)
             first = f"{subject}: {without_reasons}"
-        if len(first) > WIDEST and len(said) > 1:
+        if len(first) > WIDEST and len(self.answers) > 1:
             first = f"{subject}: {'; '.join(claim.brief() for claim in said)}"
         yield first
         for claim in self.answers:
