@@ -8,6 +8,7 @@ is multiplied, by z^d, z being that of a frame, and does nothing else to the loo
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from math import lcm
 
@@ -117,8 +118,10 @@ class _Ways:
                 if any(gain.reads(number) for number in numbers):
                     ways.begin.add(reader)
                     ways.end.add(source)
-                if np.any(gain.with_trees(zero).values(known)):
-                    ways.readers[source].add(reader)
+                with suppress(ZeroDivisionError):  # a gain that is none, of loops that are none
+                    if not np.any(gain.with_trees(zero).values(known)):
+                        continue
+                ways.readers[source].add(reader)
         if table == "block":  # a gain, or a word of firmware
             factor = _block_of(place)
             ways.begin |= ways.readers[factor]
