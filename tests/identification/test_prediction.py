@@ -138,7 +138,7 @@ def test_velocities_at_which_a_force_turns_round_are_no_outliers():
 def test_a_drag_is_not_friction_below_zero():
     (log,) = of_curves("drag", 1, 0, 0.3)
     with pytest.raises(UsageError, match=r"a friction of at least 0.*leave --friction out"):
-        predicted(Model(friction=True, measured="velocity"), log.force, log.reading, log.period, log.step)
+        identified(Model(friction=True, measured="velocity"), log.force, log.reading, log.period, log.step)
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ from wavesweep.identification.prediction import (
     estimated_at,
     innovations_of,
     predicted,
+    refuse_friction_below_zero,
 )
 
 ENCODER_OFFSETS = 12  # offsets of the encoder's steps over which rounding errors are averaged
@@ -84,12 +85,16 @@ def identified(
     If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded
     readings, see `fit.fitted`; otherwise that by the errors of predictions, whose intervals allow
     for forces that the log does not have.
+
+    Errors: UsageError if the force does not show in the readings, or if friction comes out below 0
+    in a log that the model does not explain.
     """
     log = (force, reading, period, resolution)
     found = predicted(model, *log)
     fit = fitted(model, *log, found)
     verdict = judged(fit) if fit else None
     if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
+        refuse_friction_below_zero(found)
         fit, verdict = lacking(by_prediction(found, *log), found)
     if fit.estimate:
         one_way = "offset" in fit.model.without

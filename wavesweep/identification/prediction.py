@@ -474,7 +474,7 @@ def predicted(
     force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the
     readings, 0 for none.
 
-    Errors: UsageError if the force does not show in the readings, or if friction comes out below 0.
+    Errors: UsageError if the force does not show in the readings.
     """
     wild = _spikes(reading, resolution)
     between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
@@ -502,12 +502,17 @@ def predicted(
                 moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line))
             )
     found = estimated_at(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
-    if model.friction:
-        at = found.model.names.index("friction")
-        most = float(found.theta[at] + found.half[at])
-        if most < 0:
-            raise UsageError(NO_FRICTION.format(friction=most))
     return replace(found, used=~wild[skip:])
+
+
+def refuse_friction_below_zero(found: Prediction) -> None:
+    """Raise UsageError if a fit has a friction below 0."""
+    if not found.model.friction:
+        return
+    at = found.model.names.index("friction")
+    most = float(found.theta[at] + found.half[at])
+    if most < 0:
+        raise UsageError(NO_FRICTION.format(friction=most))
 
 
 class _Rounds(NamedTuple):

@@ -8,7 +8,12 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.log import Log
 from wavesweep.identification.model import Model
-from wavesweep.identification.prediction import FEWEST, MOST, predicted
+from wavesweep.identification.prediction import (
+    FEWEST,
+    MOST,
+    predicted,
+    refuse_friction_below_zero,
+)
 from wavesweep.program.csv_files import seconds
 
 PIECES_OF_LOG = (2, 4, 8)  # into how many equal pieces a log is cut
@@ -91,6 +96,7 @@ def _known(model, log, resolution):
         return None
     try:
         found = predicted(model, log.force, log.reading - log.reading[0], log.period, resolution)
+        refuse_friction_below_zero(found)
     except (UsageError, np.linalg.LinAlgError):
         return None
     half = dict(zip(found.model.names, found.half, strict=True))
