@@ -6,8 +6,12 @@ import pytest
 import wavesweep
 from wavesweep.engine._drawing import delays_in_series
 from wavesweep.engine._drawing.delays_in_series import without_whole_frames
+from wavesweep.engine._monodromy.cut import FIRST
 from wavesweep.engine._monodromy.radius import cut_within
+from wavesweep.engine._monodromy.resolvent import Inverse
+from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine._search import open_loops
+from wavesweep.engine._stability import boundary
 from wavesweep.program.sweep.grid import own_loop
 
 
@@ -164,3 +168,26 @@ def test_a_late_cut_is_the_loop_with_states_for_what_is_late():
             largest = wanted[np.abs(wanted) > 0.7]
             assert largest.size > 20
             assert np.abs(found[:, None] - largest).min(0).max() < 1e-9
+
+
+def test_the_slope_of_a_late_boundary_is_its_derivative():
+    """By central differences, with a fixed number that is late as well; and errors of ends count the turns of what is late."""
+    blocks = {"mass": SPRUNG, "d": delay(200)}
+    tables = drawn(blocks, BEFORE_BOTH)
+    tables["numbers"] |= {"B": 0.5}
+    loops = own_loop(wavesweep.compile(tables).spec, "numbers.K")
+    cut = open_loops.open_loops(loops, "K", "B", shortened=True).cut.at((None,))
+
+    def curve(theta):
+        w = on_circle(np.array([theta]))
+        return boundary._value_and_slope(cut, FIRST, 0.5, w, Inverse(np.linalg.inv(boundary._shifted(cut, w))))[0]
+
+    for theta in (0.01, 0.3, 2.0):
+        step = 1e-7
+        difference = (curve(theta + step)[0] - curve(theta - step)[0]) / (2 * step)
+        np.testing.assert_allclose(curve(theta)[1], difference, rtol=1e-5)
+    value = curve(0.3)[0]
+    w = on_circle(np.array([0.3]))
+    residual, moved, _ = boundary.end_errors(cut, FIRST, 0.5, value, w, np.zeros(1, bool))
+    assert residual < 1e-12
+    assert moved > 199 * np.finfo(float).eps * np.abs(value)
