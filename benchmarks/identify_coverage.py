@@ -272,8 +272,8 @@ def outcome(kind, log_of_kind):
     """Which intervals of a log contain the truth, by name, the error of the mass, half its interval, and CPU seconds.
 
     Of a log whose numbers have no intervals, what is missing in place of the first. Where that is friction or a resonance, it
-    is fitted again with it, as the command says to do; the truth is then that of two masses. The command refuses two masses
-    of which load or coupling may be anything within a factor of two: "open".
+    is fitted again with it, as the command says to do; the truth is then that of two masses. The command refuses a mass that
+    may be anything within a factor of three, and two masses of which load or coupling may be anything within two: "open".
     """
     _, _, measured = kind.partition(", of ")
     truth = log_of_kind.truth
@@ -295,7 +295,8 @@ def outcome(kind, log_of_kind):
     if verdict.withheld:
         return {"inside": verdict.missing, "seconds": used}
     reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
-    if any(2 * reach.get(name, 0.0) > log(2) for name in ("log_load", "log_coupling")):
+    coupled_open = any(2 * reach.get(name, 0.0) > log(2) for name in ("log_load", "log_coupling"))
+    if coupled_open or 2 * reach["log_mass"] >= log(3):
         return {"inside": "open", "seconds": used}
     found = dict(zip(fit.model.names, fit.theta, strict=True))
     truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
