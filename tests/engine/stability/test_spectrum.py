@@ -1,5 +1,7 @@
 """Units in which a matrix is balanced, and verdicts on the circle."""
 
+import tracemalloc
+
 import mpmath
 import numpy as np
 import pytest
@@ -78,6 +80,20 @@ def with_delays(poles, steps):
     A = np.diag(np.r_[np.full(poles, 0.995), np.zeros(steps)]) + np.diag(np.ones(n - 1), -1)
     A[-1, -1], A[0, -1] = 0.3, 1e-3 if poles == 1 else 0.0
     return A - np.eye(n)
+
+
+@pytest.mark.parametrize(("size", "clear"), [(0.95, True), (1.0, False)])
+def test_a_ring_of_delays_beside_the_circle_takes_little_memory(size, clear):
+    """It has an eigenvalue at each of many places there, at which no inverse is needed."""
+    E = np.roll(np.eye(160), 1, 0) - np.eye(160)
+    E[0, -1] = size
+    tracemalloc.start()
+    outside, sure = count_outside(E[None])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert bool(sure[0]) is clear
+    assert outside[0] == 0 or not clear
+    assert peak < 2e7  # bytes; 160 complex matrices of it have 6.5e7
 
 
 @pytest.mark.parametrize(("poles", "known"), [(1, True), (2, True), (8, False)])

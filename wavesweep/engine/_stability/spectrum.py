@@ -267,13 +267,18 @@ def _sure_radius(E, radius, delta):
         return sure.reshape(np.shape(radius))
     for at in np.unique(matrix):
         w = np.unique(points[matrix == at])
-        w = w[_by_eigenvectors(balanced[at], w) <= rounding[at]]
-        if not w.size:
-            continue
-        w = w[_at_least(E[at], units[at], w) <= rounding[at]]
-        if any(_smallest(balanced[at, None], point[None, None]) <= rounding[at] for point in w):
+        if _may_reach(E[at], balanced[at], units[at], w, rounding[at]):
             sure[index[at]] = np.nan
     return sure.reshape(np.shape(radius))
+
+
+def _may_reach(E, balanced, units, w, rounding):
+    """Whether a rounding of that size may make one of w `(points,)` an eigenvalue of E, of many
+    states: the cheap bounds come first, and few points are left for the others."""
+    w = w[_by_eigenvectors(balanced, w) <= rounding]
+    if w.size:
+        w = w[_at_least(E, units, w) <= rounding]
+    return any(_smallest(balanced[None], point[None, None]) <= rounding for point in w)
 
 
 @np.errstate(all="ignore")
@@ -435,10 +440,17 @@ def _count_outside(E):
         far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
         far[:, :MEETING] = False
         most = (~far).sum(-1).max()
-        balanced, _ = balance(E[near])
+        far = far[:, :most]
+        balanced, units = balance(E[near])
         rounding = BACKWARD * EPS * np.abs(balanced).max((-1, -2))
-        smallest = _smallest(balanced, on_circle(np.abs(np.angle(1 + closest[:, :most]))))
-        clear[near] = np.where(far[:, :most], np.inf, smallest).min(-1) > rounding
+        points = on_circle(np.abs(np.angle(1 + closest[:, :most])))
+        if E.shape[-1] < BOUNDED_STATES:
+            smallest = _smallest(balanced, points)
+            clear[near] = np.where(far, np.inf, smallest).min(-1) > rounding
+            return count, clear
+        for at, matrix in enumerate(near):
+            w = np.unique(points[at, ~far[at]])
+            clear[matrix] = not _may_reach(E[matrix], balanced[at], units[at], w, rounding[at])
     return count, clear
 
 
