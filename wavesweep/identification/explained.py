@@ -42,6 +42,9 @@ SURE_SIGNIFICANCE = 8.0
 NEARLY = 0.95  # share of a force that a curve has to explain to be fitted beside the numbers
 # share of the force of the log, beyond which a force that nothing explains leaves no interval
 MUCH = 0.5
+# share of the force of the log, below which a force that the model lacks, whatever it depends on, is
+# less than amplifiers and sensors know of it: it widens the intervals by what it changes
+LEAST_LACKING = 1e-5
 NAMED_SHARE = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 SAMPLES_TRIED = 3000  # samples at most to which a model with one more effect is fitted
@@ -171,11 +174,12 @@ def lacking(fit: Fit, found: Prediction) -> tuple[Fit, Verdict]:
     tone_hz = float("nan")
     if best is not None:
         share = float(1 - best.left / force)
-    withheld = bool(share > NAMED_SHARE)
+    pushed = float(np.std(rows.force[first:end]))
+    withheld = bool(share > NAMED_SHARE and force > LEAST_LACKING * pushed)
     # As much force as the log has itself may be that of a motion that no model here has. A log that
     # leaves the mass open has its own refusal.
     open_mass = float((fit.half + fit.extra)[0]) > np.log(3) / 2
-    much = not open_mass and force > MUCH * float(np.std(rows.force[first:end]))
+    much = not open_mass and force > MUCH * pushed
     if withheld:
         name = best.name
         tone_hz = best.tone_hz
