@@ -190,7 +190,7 @@ def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[s
     if isinstance(block, StateSpaceBlock | Mapping):
         return block
     none_is_continuous = type(block).__module__.startswith("scipy.signal")
-    if hasattr(block, "zeros") and hasattr(block, "gain") and none_is_continuous:
+    if type(block).__name__.startswith("ZerosPolesGain") and none_is_continuous:
         block = block.to_tf()
     is_transfer = hasattr(block, "num") and hasattr(block, "den")
     is_state_space = all(hasattr(block, matrix) for matrix in "ABCD")

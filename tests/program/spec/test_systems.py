@@ -33,6 +33,7 @@ def tables(rates=1000, **blocks):
     [
         {"plant": control.tf([20], [1, 20, 0]), "law": control.ss(*LAW, 0.02)},
         {"plant": signal.TransferFunction([20], [1, 20, 0]), "law": signal.StateSpace(*LAW, dt=0.02)},
+        {"plant": signal.ZerosPolesGain([], [0, -20], 20)},
         {"law": StateSpaceBlock(*map(np.array, LAW), every=20)},
     ],
 )
@@ -48,7 +49,7 @@ def test_a_system_is_the_block_that_a_spec_would_write(blocks):
         (1000, control.ss(*LAW, 0.0213), r"block law: expected a sample time of whole ticks of 0\.001 s"),
         (1000, control.ss(*LAW, None), "block law: expected a system that says its time"),
         (None, control.ss(*LAW, 0.02), r"rates\.tick_hz: expected a number beside blocks that are systems"),
-        (1000, object(), "block law: expected a system"),
+        (1000, object(), "block law: expected a StateSpaceBlock, a system of .*, found object"),
         (1000, 3, r"block\.law: expected a table, found 3"),
     ],
 )
