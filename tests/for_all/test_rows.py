@@ -480,11 +480,12 @@ def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, v
     spec = load(tables).with_values({"kp": value[place]})
     found = for_all_module.verdict(spec)
     expected = {"proved": "proved", "between": "unknown"}.get(place, "refuted")
-    counterexample = row.counterexample if expected == "refuted" else ""
-    assert (found["verdict"], found["counterexample"]) == (expected, counterexample)
+    assert found["verdict"] == expected
+    if place != "beyond":  # where a long pattern no longer grows
+        assert found["counterexample"] == (row.counterexample if expected == "refuted" else "")
     frames = {ticks: held_arm(ticks, value[place]) for ticks in (5, 10)}
     if expected == "refuted":
-        word = [int(ticks) for ticks in row.counterexample.removeprefix("frames ").split(", ")]
+        word = [int(ticks) for ticks in found["counterexample"].removeprefix("frames ").split(", ")]
         assert np.abs(np.linalg.eigvals(reduce(np.matmul, [frames[ticks] for ticks in reversed(word)]))).max() > 1
     elif expected == "proved":
         assert all(np.abs(np.linalg.eigvals(reduce(np.matmul, each))).max() < 1 for each in product(frames.values(), repeat=8))

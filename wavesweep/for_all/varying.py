@@ -50,7 +50,7 @@ from wavesweep.for_all.mean_square import (
     losses_at_random,
 )
 from wavesweep.for_all.norms import OPERATIONS_OF_SEARCH
-from wavesweep.for_all.patterns import Word, is_refuted
+from wavesweep.for_all.patterns import Word, growing_of, is_refuted, short_words
 from wavesweep.for_all.plan import FRAME, LOST, Plan
 from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.unknown import SO_FAR
@@ -408,12 +408,14 @@ def decided(family: LoopFrames | Chances, work: float = OPERATIONS_OF_SEARCH) ->
 
 
 def decided_along(family: LoopFrames, value: float, found: Bracket | None) -> tuple[str, str]:
-    """The same at a value of a number, by what is found about an interval along it: its proof,
-    and the patterns of its ends."""
+    """The same at a value of a number, by what is found about an interval along it, its proof and
+    the patterns of its ends, or by a short pattern: a long one may grow next to its end alone."""
     if found is not None and found.low <= value <= found.high:
         return PROVED, ""
-    for word in found.words if found else ():
-        if word and is_refuted(family, word, value):
+    words = [word for word in found.words if word] if found else []
+    words += growing_of(family.at(value), short_words(family.follows))
+    for word in words:
+        if is_refuted(family, word, value):
             return REFUTED, text_of_pattern(family, word)
     return UNKNOWN, ""
 
