@@ -192,6 +192,31 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
     assert 1 + len(table.facts["runners_up"]) <= table.facts["proved"] < table.facts["slices"]["computed"]
 
 
+@pytest.mark.thorough
+@pytest.mark.asks("for_all")
+def test_the_next_best_designs_are_those_of_the_next_walls():
+    """The walls of all six designs are proved one by one by `stable_intervals` of a spec without [design]."""
+    spec = {
+        "controller": {"kind": "pmw", "b": 10},
+        "environment": {"integration": "explicit", "delay": 1},
+        "device": {"velocity": "difference"},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+        "for_all": {"rates.ratio": {"values": [16, 20, 25], "varying": True}},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+    }
+    vary = {"b": [6, 10, 16], "filters.lp1.order": [1, 2]}
+    tables = spec | {"design": {"population": 24, "generations": 2, "vary": vary, "wish": {"z_width": {}}}}
+    table = design(load(tables), jobs=1)
+    found = [(table.columns["b"][0], table.columns["filters.lp1.order"][0])]
+    found += [tuple(each["numbers"].values()) for each in table.facts["runners_up"]]
+    walls = {}
+    for b, order in product(*vary.values()):
+        own = load(spec).with_values({"b": b, "filters.lp1.order": order})
+        rows = compile(own).stable_intervals()
+        walls[b, order] = rows[rows.guarantee == "for_all"].high.max()
+    assert found == sorted(walls, key=walls.get, reverse=True)[: len(found)]
+
+
 def coupled(ticks, K, mass):
     """A frame of direct coupling with exact velocity; the force of its sample, K x + v, is in place a tick later."""
     decay = np.exp(-1.5 / mass * 1e-3)

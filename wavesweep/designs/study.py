@@ -68,6 +68,7 @@ NEARLY_THE_SAME = 0.01  # of a number's range: designs that differ by less are p
 # designs of a search that are checked for all, if none of the front holds for it
 DESIGNS_TRIED = 2000
 RUNNERS_UP = 3  # further designs next to a single best one
+RANKED_ALONE = 8  # designs that rank one by one before these are chosen, at either distance
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
 COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
@@ -310,7 +311,10 @@ def _with_similar(run, best, own):
     over all that it is checked for."""
     candidates = run.feasible()
     genes = [best]
-    if run.job.grid.spec.for_all:  # of which the search proves nothing
+    guarantee = run.job.grid.spec.for_all
+    if guarantee:  # of which the search proves nothing
+        if guarantee.ranking(run.job.grid.spec) is not None:
+            candidates = run.ranked_alone(candidates, best)
         candidates = np.concatenate([own, candidates])
         genes.append(run.next_to(candidates, best, NEARLY_THE_SAME, PROVED))
     genes.append(run.next_to(candidates, best, FRONT_DISTANCE, RUNNERS_UP))
@@ -587,6 +591,21 @@ class _Run:
         """The first of some designs, the best first, that differ from those of a result and from
         each other; see `differing`."""
         return others[differing(self.job.grid.spec.design.vary, others, genes, apart, most)]
+
+    def ranked_alone(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
+        """The first of some designs that differ from those of a result, the best first as they rank
+        one by one: together, those that are worse than the best have bounds alone."""
+        near = self.next_to(others, genes, NEARLY_THE_SAME, RANKED_ALONE)
+        far = self.next_to(others, genes, FRONT_DISTANCE, RANKED_ALONE)
+        some = np.unique(np.concatenate([near, far]), axis=0)
+        evaluation = Evaluation.of(self.job, self.job.asked.scenarios, last=False)
+        wanted = self.job.grid.spec.design
+        records = [evaluation.records(designs_of(wanted.vary, one[None]), 1) for one in some]
+        objectives, violation = judged(
+            wanted, np.concatenate([evaluation.records({}, 0), *records])
+        )
+        order = np.lexsort(objectives.T[::-1])
+        return some[order[violation[order] == 0]]
 
     def runners_up(
         self, genes: np.ndarray, others: np.ndarray, records: np.ndarray
