@@ -217,7 +217,7 @@ def of_members(run, said):
         (r"\b([nc]) (?:of|=|is|in) (-?[\d.]+(?:, -?[\d.]+)*)", values),
         (rf"\b([nc]|mass) from {N} to {N}", span),
         (r"frames of (\d[\d, ]*) ticks?( in any order|)", frames),
-        (rf"(?:within|at least|at most|down to 2 % in) {N}", level),
+        (rf"(?:within|at least|at most|down to 2 % in|[≤≥]) {N}", level),
         (r"slopes from 0 to 1\b|, seed 0\b", ""),
     ):
         left = said = re.sub(pattern, held, said)
@@ -436,6 +436,24 @@ def in_doubt(run, some=1, count=1, again=1):
     return run.case.asks == CONSERVES and some == again == len(rows) and count == len(run.rows)
 
 
+@shape(
+    rf"\s*{N} of {N} rows? not certified \(search {N}\) search: part of the range could not be searched with proof .*",
+    "stability-region",
+)
+def unsearched(run, some, count, again):
+    doubts = [each["doubt"] for each in run.rows if each.get("guarantee", "spec") == run.word]
+    stable_for_none = min(run.case.members["c"]) <= 0
+    return stable_for_none and some == again == doubts.count("search") and count == len(doubts)
+
+
+@shape(
+    rf"{N} rows? of for_all undecided: between what is proved and what is refuted more than 1 % is not known",
+    "stability-region",
+)
+def unsettled(run, count):
+    return count == sum(each.get("guarantee") == "for_all" and not each["settled"] for each in run.rows)
+
+
 @shape(rf"  (stable|met|as required) at (every|no) value searched: (\w) {N} to {N}", "check")
 def searched(run, what, which, name, low, high):
     found = along(run, name, what != "stable")
@@ -443,9 +461,12 @@ def searched(run, what, which, name, low, high):
     assert name == "K" or (low, high) == (0.1, 10.0)
 
 
-@shape(rf"  slowest mode: falls to 1/e in {N} s, damping ratio (?:not known|{N})(?:, {N} Hz)?(?:, .*)?", "check")
-def slowest(run, tau, ratio, hz):
+@shape(
+    rf"  slowest mode: falls to 1/e in {N} s, damping ratio (?:not known|{N})(?:, {N} Hz)?(?: and {N} Hz)?(?:, .*)?", "check"
+)
+def slowest(run, tau, ratio, hz, second):
     z, seconds = own(run)
+    assert second is None or near(second, round(second * seconds) / seconds, 1e-3), second  # an image of the frames
     return mode_of(z, seconds, tau, ratio, hz)
 
 
@@ -459,7 +480,7 @@ def mode_of(z, seconds, tau, ratio, hz):
     if abs(z) < 1e-9:
         return tau < 1e-6
     assert near(tau, abs(seconds / log(abs(z))), 6e-4), (tau, seconds / log(abs(z)))
-    if hz is None:
+    if not hz:
         return z > 0 and ratio in (None, 1.0)
     assert z < 0
     assert near(hz, 0.5 / seconds, 2e-4)
@@ -513,6 +534,10 @@ def smallest(run, what, low, c, refuted, refuter):
 
 @shape(rf"\s*(stable|proved|with .*?) for every K (?:from {N} )?up to:? {N}{AT}( .*)?", "stability-region")
 def every(run, what, low, high, c, more):
+    if others := re.search(r", and in (\d+) other rows?", more or ""):
+        alike = [each for each in run.rows if each["interval"] == 0 and near(each["high"], high, 1e-5)]
+        assert len(alike) == int(others[1]) + 1, more
+        more = more.replace(others[0], "")
     assert not re.search(r"\d", more or ""), more
     digits = PROVED if run.word == "for_all" else DIGITS
     return of_members(run, what) and are_ends(
@@ -664,9 +689,14 @@ def margin(run, value, omega, hz, refuted, refuter, of, better=1):
         assert any(near(refuted, each) for each in cells), (refuted, cells)
         assert better * refuted >= better * truth * (1 - better * 1e-9), (refuted, truth)
         assert better * value <= better * refuted
-        c = float(refuter.removeprefix("c = "))
-        assert min(run.case.members["c"]) <= c <= max(run.case.members["c"]), refuter
-        assert better * of(loop_of(run, run.case.own_length, c)) <= better * refuted * (1 + better * 1e-6), (refuted, refuter)
+        members = run.case.members
+        with_numbers = {name: float(number) for name, number in re.findall(rf"([nc]) = {N}", refuter)}
+        assert refuter == ", ".join(f"{name} = {number:g}" for name, number in with_numbers.items()), refuter
+        n = int(with_numbers.get("n", run.case.own_length))
+        c = with_numbers.get("c", run.case.tables["numbers"]["c"])
+        assert n in members["n"], refuter
+        assert min(members["c"]) <= c <= max(members["c"]), refuter
+        assert better * of(loop_of(run, n, c)) <= better * refuted * (1 + better * 1e-6), (refuted, refuter)
     flat = abs(own(run)[0]) < 1e-9  # the closed loop is then a delay, as large at all frequencies
     if omega is not None and refuted is None and not flat:
         places = {pi, 0.0, *(each.crossing for each in loops(run, constant))}

@@ -338,7 +338,7 @@ def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
         text = f"{name}: over within a frame"
     else:
         text = f"{name}: falls to 1/e in {tau} s, damping ratio {ratio}"
-    if mode["omega"]:
+    if mode["omega"] or mode["second_hz"]:
         text += f", {mode['omega'] / (2 * pi):.4g} Hz"
     if mode["second_hz"]:
         text += f" and {mode['second_hz']:.4g} Hz"
