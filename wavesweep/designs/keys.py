@@ -61,6 +61,11 @@ class Design(TableValue):
     settings: Mapping[str, int]
     place: Place = field(default=Place(), repr=False, compare=False)
 
+    @property
+    def only_walls(self) -> bool:
+        """Whether the stiffest wall is the only wish, so that designs compare by it alone."""
+        return [wish.name for wish in self.wishes] == ["z_width"]
+
     def with_hardware(self, hardware: Mapping[str, object], mistakes: Mistakes) -> Design:
         """Return the design with the numbers of the device that wishes do not give; add a mistake
         for each that is missing.

@@ -311,9 +311,9 @@ def _with_similar(run, best, own):
     over all that it is checked for."""
     candidates = run.feasible()
     genes = [best]
-    guarantee = run.job.grid.spec.for_all
-    if guarantee:  # of which the search proves nothing
-        if guarantee.ranking(run.job.grid.spec) is not None:
+    spec = run.job.grid.spec
+    if spec.for_all:  # of which the search proves nothing
+        if spec.design.only_walls and spec.for_all.ranking(spec) is not None:
             candidates = run.ranked_alone(candidates, best)
         candidates = np.concatenate([own, candidates])
         genes.append(run.next_to(candidates, best, NEARLY_THE_SAME, PROVED))
@@ -600,10 +600,10 @@ class _Run:
         some = np.unique(np.concatenate([near, far]), axis=0)
         evaluation = Evaluation.of(self.job, self.job.asked.scenarios, last=False)
         wanted = self.job.grid.spec.design
-        records = [evaluation.records(designs_of(wanted.vary, one[None]), 1) for one in some]
-        objectives, violation = judged(
-            wanted, np.concatenate([evaluation.records({}, 0), *records])
-        )
+        records = np.zeros(len(some), self.job.dtype)
+        for at, one in enumerate(some):
+            records[at] = evaluation.records(designs_of(wanted.vary, one[None]), 1)[0]
+        objectives, violation = judged(wanted, records)
         order = np.lexsort(objectives.T[::-1])
         return some[order[violation[order] == 0]]
 

@@ -254,7 +254,7 @@ def _proved_of(spec, points: Points, designs, wall, stable_to, proof):
     limits = np.full(first.size, float(stop))
     np.fmin.at(limits, back, stable_to)
     numbers = None
-    if [wish.name for wish in spec.design.wishes] == ["z_width"]:
+    if spec.design.only_walls:
         _, numbers = distinct_rows({name: columns[name][first] for name in designs}, first.size)
     return proof.stiffest(specs, path, stop, limits, numbers)[back]
 

@@ -50,7 +50,9 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
         B, dB = B / r, (dB + SHORT_SUM_ROUNDING * np.abs(B)) / r
         if cut.late:
             grown = r**-cut.late
-            x, v, D = x * grown, v * grown, D * grown
+            x = x * grown
+            v = v * grown
+            D = D * grown
             rounding = cut.late * SHORT_SUM_ROUNDING
             dx = dx * grown + rounding * np.abs(x)
             dv = dv * grown + rounding * np.abs(v)
