@@ -733,6 +733,9 @@ def _notices(job):
         yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
     if spec.for_all:
         yield from (f"{name}: {claim.words()}" for name, claim in _claims(job).items())
+        if any(wish.name == "z_width" for wish in spec.design.wishes):
+            share = spec.for_all.proof(spec).from_share
+            yield f"walls are proved from {100 * share:g} % of z_width on"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {MOST_CHECKED} combinations"
     if all(wish.kind.reads for wish in spec.design.wishes):

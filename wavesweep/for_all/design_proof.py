@@ -15,6 +15,7 @@ from wavesweep.for_all.rows import (
     cases_of,
     proved_from_zero,
     refuse_unsuitable_ranges,
+    share_from_zero,
     verdict,
 )
 from wavesweep.for_all.varying import Rules
@@ -40,6 +41,11 @@ class DesignProof:
     def vary(self) -> bool:
         """Whether frames vary."""
         return self.rules.vary
+
+    @property
+    def from_share(self) -> float:
+        """From which share of the stiffest wall on walls are proved."""
+        return share_from_zero(self.rules)
 
     def refuse_unsuitable(self, spec: Spec, along: str) -> None:
         """Raise UsageError for numbers that designs cannot be proved for; along: of walls, empty

@@ -471,15 +471,20 @@ def all_of(rows: Sequence[Row]) -> Row:
     )
 
 
+def share_from_zero(rules: Rules) -> float:
+    """From which share of a wall on walls of designs are proved: next to 0 many loops only just
+    decay."""
+    if rules.vary and rules.ranges:
+        return FROM_ABOUT_ZERO
+    return 10 * PROVED_FROM_ZERO
+
+
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     """Return up to what stiffness of a wall, at most `stop`, all loops of the rules are proved
-    to be stable from about 0 on."""
+    to be stable from `share_from_zero` of it on."""
     rules = replace(rules, work=QUICK, begins=BEGINS * FROM_ABOUT_ZERO)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
-    if rules.vary and rules.ranges:
-        share = FROM_ABOUT_ZERO
-    else:
-        share = 10 * PROVED_FROM_ZERO
+    share = share_from_zero(rules)
     from_zero = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
     return float(from_zero["high"].max(initial=0.0))
 
