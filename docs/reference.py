@@ -24,7 +24,6 @@ import click
 
 import wavesweep
 from wavesweep.capabilities import library_names, of_library
-from wavesweep.explain.words import MESSAGES, TERMS
 from wavesweep.program.cli import main
 from wavesweep.program.cli.entry import COMMANDS, group
 from wavesweep.program.spec import describing
@@ -185,16 +184,6 @@ def doubts() -> str:
     return _rows(("word", "meaning", "what to do"), rows)
 
 
-def glossary() -> str:
-    """The words of the field and of this program."""
-    return _rows(("word", "meaning"), TERMS.items())
-
-
-def messages() -> str:
-    """What verdicts, summaries and refusals say."""
-    return _rows(("words", "meaning", "what to do"), [(_plain(word), *map(_plain, each)) for word, each in MESSAGES.items()])
-
-
 SAMPLE = """[controller]
 kind = "pmw"
 [sweep]
@@ -226,7 +215,6 @@ SAMPLED = {
     "identify": "identify pushed.csv --friction",
     "check": "check mine.toml",
     "export": "export mine.toml --to c",
-    "inspect": "inspect results/mine/zwidth.parquet",
     "verify": "verify results/mine",
 }
 
@@ -393,7 +381,7 @@ def draw_loop(kind: str, name: str) -> bytes:
     return "\n".join(line.rstrip() for line in picture.getvalue().splitlines()).encode() + b"\n"
 
 
-OF_WORDS = (doubts, glossary, messages)
+OF_WORDS = (doubts,)
 MADE = {
     made.__name__: made
     for made in (

@@ -147,18 +147,6 @@ CAPABILITIES = (
         offers=("diagram", "on_check", "timing"),
     ),
     Capability(
-        "inspect",
-        {
-            "inspect": "Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt."
-        },
-    ),
-    Capability(
-        "explain",
-        {
-            "explain": "Explain a word of doubt, a column, a value in one, or a message: what it means, and what to do."
-        },
-    ),
-    Capability(
         "programs",
         {
             "paper": "Reproduce the paper's figures and test its statements.",
@@ -202,7 +190,7 @@ QUESTIONS = MappingProxyType(
         ),
         "How does it behave": ("bode", "simulate"),
         "Which design, and how to build it": ("design", "explore", "report", "export"),
-        "Tables and words": ("plot", "inspect", "verify", "explain"),
+        "Tables": ("plot", "verify"),
         "The paper, and speed": ("paper", "bench"),
     }
 )
@@ -242,13 +230,6 @@ def listed(commands: Iterable[str]) -> str:
     if several:
         return f"{', '.join(several)} and {last}"
     return last
-
-
-def where_explained(word: str) -> str:
-    """What to type for more about a word; empty if no command explains words."""
-    if home_of("explain"):
-        return f"wavesweep explain {word}"
-    return ""
 
 
 def modules(name: str) -> Iterator[Any]:

@@ -329,7 +329,6 @@ HELP = "from wavesweep.program.cli import main; main(['--help'])"
         "import wavesweep; wavesweep.load({'controller': {'kind': 'pmw'}})",
         HELP,
         "from wavesweep.program.cli import main; main(['zwidth', '--help'])",
-        "from wavesweep.program.cli import main; main(['explain', 'crowded'])",
     ],
 )
 def test_nothing_heavy_is_loaded_before_it_is_used(program):

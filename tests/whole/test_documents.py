@@ -94,8 +94,7 @@ OTHERWISE = {
     "paper",
     "bench",
     "keys",
-    "explain",
-}  # the first two take minutes; what `keys` and `explain` print has pages of its own
+}  # the first two take minutes; what `keys` prints has a page of its own
 
 
 @pytest.mark.slow

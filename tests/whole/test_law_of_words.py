@@ -15,9 +15,7 @@ SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in rang
 
 
 @pytest.mark.slow
-@pytest.mark.asks(
-    "for_all", "contact", "require", "check", "reports", "margins", "simulation", "poles", "sensitivity", "inspect"
-)
+@pytest.mark.asks("for_all", "contact", "require", "check", "reports", "margins", "simulation", "poles", "sensitivity")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_is_said_of_a_spec_is_so(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -30,7 +28,7 @@ DEVICES = [*QUICK_DEVICES, *(pytest.param(seed, marks=pytest.mark.thorough) for 
 
 
 @pytest.mark.slow
-@pytest.mark.asks("for_all", "passive", "designs", "explain")
+@pytest.mark.asks("for_all", "passive", "designs")
 @pytest.mark.parametrize("seed", DEVICES)
 def test_what_is_said_of_a_device_is_so(seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -38,7 +36,7 @@ def test_what_is_said_of_a_device_is_so(seed, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.asks("passive", "inspect")
+@pytest.mark.asks("passive")
 @pytest.mark.parametrize(
     ("seed", "box"), [(1, False), *(pytest.param(seed, seed < 4, marks=pytest.mark.thorough) for seed in (0, *range(2, 12)))]
 )
@@ -47,7 +45,6 @@ def test_what_is_said_of_hands_is_so(seed, box, tmp_path, monkeypatch):
     hold_hands(seed, box)
 
 
-@pytest.mark.asks("explain")
 def test_each_number_of_an_explanation_is_one_that_the_law_knows():
     for word in meanings():
         hold_entries(word)

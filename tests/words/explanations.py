@@ -4,12 +4,15 @@ A phrase is taken out of a text once it is held, and no number may be left.
 """
 
 # ruff: noqa: ARG001 (a function has the rows and the column of its phrase, also if it does not need them)
-import json
 import re
 from functools import cache
+from itertools import chain
 from math import log, pi, sqrt
 
 import pandas
+
+from wavesweep.program.tables import HOMES
+from wavesweep.program.tables.fields import DOUBTS, columns_of
 
 PHRASES = []
 
@@ -27,11 +30,11 @@ def phrase(pattern):
 @cache
 def meanings():
     """All that is explained: the entries of each word."""
-    from words.law import said_by
-
-    code, out, _ = said_by("explain", "--json")
-    assert code == 0
-    return json.loads(out)
+    found = {word: [{"meaning": each.meaning, "advice": each.advice}] for word, each in DOUBTS.items() if word}
+    for field in chain.from_iterable(map(columns_of, HOMES)):
+        for word, meaning in {field.name: field.description, **field.values}.items():
+            found.setdefault(word, []).append({"meaning": meaning, "advice": field.advice})
+    return found
 
 
 def hold_columns(table):
@@ -47,7 +50,7 @@ def hold_columns(table):
 def hold_entries(word, rows=()):
     """All that is said of a word is known, and holds of some rows."""
     for entry in meanings()[word]:
-        left = f"{entry['meaning']} {entry['advice']}"
+        left = f"{entry['meaning']} {entry['advice']}".strip()
         for pattern, function in PHRASES:
             if pattern.search(left):
                 left = pattern.sub("", left)

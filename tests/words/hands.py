@@ -80,10 +80,6 @@ def hold_hands(seed, box=False):
     hold_rows(table, hands, device)
     hold_columns(table)
     hold_lines(unfolded(lines, "    "), table, claims)
-    code, out, err = said_by("inspect", "h/zwidth-hands.csv")
-    assert code == 0
-    doubts = table["doubt"].count()
-    assert ("; in doubt: " in out) == (doubts > 0), (out, err)
 
 
 def hold_rows(table, hands, device):

@@ -78,9 +78,6 @@ def hold_spec(seed, others=OTHERS):
             run.word = "spec"
         if re.search(r"\d", line):
             hold(run, line)
-    for line in lines:
-        if found := re.fullmatch(r"  \w+: (.*) \(wavesweep explain (\w+)\)", line):
-            assert " ".join(found[1].split()) in " ".join(said_by("explain", found[2])[1].split()), line
     if not table["certified"].all():
         assert any(words in line for line in lines for words in UNSURE)
 

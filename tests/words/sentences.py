@@ -155,7 +155,7 @@ def limits_of_wall(run, limit):
     return limit == run.case.tables["block"]["s"]["high"]
 
 
-@shape(rf"{N} rows without a reliable value \(rounding; wavesweep explain rounding\)", "bode")
+@shape(rf"{N} rows without a reliable value \(rounding\)", "bode")
 def no_value(run, count):
     unsure = run.case.asks == CONSERVES or abs(abs(own(run)[0]) - 1) < 1e-9
     return unsure and count == sum(each["doubt"] == "rounding" for each in run.table)

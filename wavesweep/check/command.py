@@ -18,7 +18,6 @@ from wavesweep.capabilities import asked, offered
 from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
-from wavesweep.program.tables.fields import DOUBTS
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -325,11 +324,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
     drawing = spec.drawing
     regions = [command for command in ("zwidth", "stability-region") if command in possible]
     region = regions[0] if regions else ""
-    known = DOUBTS.keys() - {""}
-    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in known]
     steps = []
-    if doubts:
-        steps.append((f"explain {doubts[0]}", "what this doubt means, and what helps"))
     steps += _interval_steps(spec, verdict, region, name)
     if "design" in possible:
         steps.append((f"design {name}", "designs that meet the wishes of [design]"))

@@ -61,7 +61,7 @@ FROM_ABOUT_ZERO = 0.01  # of the high end, from which on such a proof counts as 
 BEGINS = 0.9  # of FROM_ABOUT_ZERO, down to which such a proof goes
 # operations of a verdict at one value, half a second, before it is asked of intervals
 SOON_OPERATIONS = 4e9
-CONTRADICTED = "the proof and a constant rate contradict each other: please report it (wavesweep explain contradiction)"
+CONTRADICTED = "the proof and a constant rate contradict each other: please report it"
 TEXT = 2000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
 

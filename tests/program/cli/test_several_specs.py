@@ -75,6 +75,7 @@ def test_the_old_name_of_both_commands_names_them(wavesweep):
     code, _, err = wavesweep("compare", "waves.toml", "direct.toml")
     assert code == 2
     assert "Compare specs with `wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses.\n" in err
+    assert "inspect is no longer a command. pandas.read_parquet shows a table" in wavesweep("inspect", "results/waves")[2]
 
 
 @pytest.mark.slow

@@ -97,6 +97,13 @@ MOVED = MappingProxyType(
         "--force": "stood for two options: --overwrite replaces results of another spec, --restart begins a run anew",
     }
 )
+GONE = MappingProxyType(
+    {
+        "compare": "Compare specs with `wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses.",
+        "explain": "docs/concepts.md has its words, docs/tables.md the columns and words of doubt.",
+        "inspect": "pandas.read_parquet shows a table, and the data package beside it says what its columns mean.",
+    }
+)
 
 
 def command_of(name: str) -> click.Command:
@@ -137,11 +144,8 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
             from difflib import get_close_matches
 
-            if name == "compare":  # the old name of two commands
-                both = (
-                    "`wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses"
-                )
-                ctx.fail(f"compare is no longer a command. Compare specs with {both}.")
+            if name in GONE:
+                ctx.fail(f"{name} is no longer a command. {GONE[name]}")
             close = get_close_matches(name, COMMANDS, n=1)
             ctx.fail(f"No such command {name!r}." + (f" Did you mean {close[0]}?" if close else ""))
         return super().resolve_command(ctx, args)

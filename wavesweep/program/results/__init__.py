@@ -16,7 +16,6 @@ from wavesweep.program.results.lock import at_work
 from wavesweep.program.results.package import add_figures
 from wavesweep.program.results.table_files import (
     NOT_OURS,
-    described_fields,
     read,
     read_table,
 )
@@ -34,7 +33,6 @@ __all__ = [
     "add_figures",
     "at_work",
     "changes",
-    "described_fields",
     "discard",
     "existing_facts",
     "fields",

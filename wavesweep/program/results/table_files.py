@@ -19,7 +19,6 @@ from wavesweep.program.results.package import (
     PART,
     packaged_facts,
     packaged_fault,
-    packaged_fields,
     packaged_kinds,
     packaged_parts,
     parsed,
@@ -414,13 +413,6 @@ def schema_fields(path: Path) -> tuple[Field, ...]:
         kind = kinds.get(str(column.type), "string")
         fields.append(Field(column.name, kind, unit, description))
     return tuple(fields)
-
-
-def described_fields(path: Path) -> tuple[Field, ...]:
-    """The columns of a table as its schema describes them or, of a CSV, the package beside it. `read_table` has read it."""
-    if path.suffix == ".csv":
-        return packaged_fields(path.with_suffix(".datapackage.json"))
-    return schema_fields(path)
 
 
 def read_rows(

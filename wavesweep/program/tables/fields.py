@@ -34,7 +34,7 @@ _ADVICE = MappingProxyType(
         "": "",
         "rounding": (
             "Look for rates that do not divide (their frames are of many ticks) and for numbers of "
-            "very different size (stiff springs on light masses, poles within 1e-3 of each other), and describe that part with fewer "
+            "very different size (stiff springs on light masses, poles that nearly coincide), and describe that part with fewer "
             "or slower states. The numbers of the row are good guesses."
         ),
         "counts": (
@@ -172,13 +172,3 @@ def columns_of(kind: str) -> tuple[Field, ...]:
     """The columns of a kind of table behind those of its axes; those of a capability stand in its `columns.py`."""
     home = next((capability for capability in CAPABILITIES if kind in capability.kinds), None)
     return (home.module("columns").COLUMNS if home else COLUMNS).get(kind, ())
-
-
-def all_columns() -> dict[str, tuple[Field, ...]]:
-    """The columns of all kinds of tables, and those that a design study can have."""
-    columns = dict(COLUMNS)
-    for capability in CAPABILITIES:
-        if capability.kinds:
-            home = capability.module("columns")
-            columns |= getattr(home, "EXPLAINED", home.COLUMNS)
-    return columns

@@ -6,7 +6,6 @@ from textwrap import wrap
 
 import numpy as np
 
-from wavesweep.capabilities import where_explained
 from wavesweep.program.analyses.claims import WIDEST, Claim, Status
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
@@ -94,11 +93,10 @@ class Sentences:
         return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 
     def reasons(self) -> Iterator[Line]:
-        """Yield what each word of doubt means; where there is more to read about it, once."""
-        for number, word in enumerate(self._numbers["doubts"]):
-            said = f"  {word}: {DOUBTS[word].meaning}"
-            hint = where_explained(word) if number == 0 else ""
-            yield f"{said} ({hint})" if hint else said, True
+        """Yield what each word of doubt means, and what helps."""
+        for word in self._numbers["doubts"]:
+            yield f"  {word}: {DOUBTS[word].meaning}", True
+            yield f"    {DOUBTS[word].advice}", True
 
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""

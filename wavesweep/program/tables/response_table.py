@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.capabilities import where_explained
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.claims import own_figures
@@ -222,9 +221,6 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
     others = found["doubted_rows"] - found["doubted_worst_gains"]
     if others:
         words = ", ".join(found["doubts"])
-        explained = where_explained(next(iter(found["doubts"])))
-        if explained:
-            words = f"{words}; {explained}"
         yield f"{count(others, 'row')} without a reliable value ({words})", True
 
 

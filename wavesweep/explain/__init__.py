@@ -1,1 +1,0 @@
-"""`explain`: words of the program, and what to do about them."""
