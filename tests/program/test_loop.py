@@ -1,12 +1,10 @@
 """The library as its users call it."""
 
 import re
-import tomllib
 
 import control
 import numpy as np
 import pytest
-from support.drawn import NETWORK
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
@@ -32,14 +30,6 @@ def test_every_stable_interval_is_a_row(hole):
     assert table.intervals.tolist() == [2, 2, 1]
     assert table.interval.tolist() == [0, 1, 0]
     assert table.certified.all()
-
-
-def test_scalars_take_no_dimension_of_the_spectral_radius(hole):
-    radius = hole.spectral_radius(K_VE=[100.0, 1000.0], B_VE=1.0)
-    assert radius.shape == (2,)
-    assert radius[0] < 1 < radius[1]
-    assert hole.spectral_radius(b=[20.0, 30.0, 40.0], K_VE=[1.0, 2.0]).shape == (3, 2)
-    assert hole.spectral_radius().shape == ()
 
 
 def test_the_ideal_coupling_counts_its_radius_per_frame_of_the_others():
@@ -114,16 +104,6 @@ def test_combinations_that_a_spec_would_refuse_are_refused(hole, axes, says):
         hole.stable_intervals(**axes)
 
 
-def test_values_that_suit_each_other_but_not_the_specs_own_are_taken(hole):
-    calls = ({"rates.fast_hz": 4000.0, "filters.lp1.cutoff_hz": 800.0}, {"rates.ratio": 40, "environment.delay": 30})
-    for axes in calls:
-        changed = wavesweep.compile(hole.spec.with_values(axes))
-        assert hole.stable_intervals(**axes).high.tolist() == changed.stable_intervals().high.tolist()
-        assert hole.spectral_radius(**axes) == changed.spectral_radius()
-    along = hole.stable_intervals("filters.lp1.cutoff_hz", (5, 800), **{"rates.fast_hz": 4000.0})
-    assert along.certified.all()
-
-
 def test_a_frame_that_overflows_has_an_infinite_radius_and_rows_with_a_doubt(capfd):
     """A wave line of 693 N*s/m at a device of 0.14 g, over frames of 100 ticks: the frame is beyond 1e308."""
     tables = {
@@ -139,24 +119,6 @@ def test_a_frame_that_overflows_has_an_infinite_radius_and_rows_with_a_doubt(cap
     assert capfd.readouterr() == ("", "")  # nor a word of LAPACK
 
 
-def test_keys_of_blocks_are_axes_as_in_a_spec_that_sweeps_them():
-    tables, path = tomllib.loads(NETWORK), "block.sensor.every"
-    loop = wavesweep.compile(tables)
-    named = wavesweep.compile(tables | {"sweep": tables["sweep"] | {path: [20, 60]}})
-    found, expected = (each.stable_intervals(**{path: [20, 60]}) for each in (loop, named))
-    assert found.equals(expected)
-    assert found.high[0] != found.high[1]
-    radii = loop.spectral_radius(**{path: [20, 60]})
-    assert radii.tolist() == named.spectral_radius(**{path: [20, 60]}).tolist()
-    assert radii[0] != radii[1]
-    with pytest.raises(UsageError, match="give the span"):
-        loop.stable_intervals(path)
-    with pytest.raises(UsageError, match="name of a numeric key"):
-        loop.spectral_radius(**{"block.sensor.ever": [20, 60]})
-    with pytest.raises(SpecError, match="whole number"):
-        loop.spectral_radius(**{path: [20, 2.5]})
-
-
 def test_a_loop_with_other_numbers_is_that_of_a_spec_with_them():
     loop = wavesweep.compile({"controller": {"kind": "pmw"}})
     other = loop.with_(b=40, **{"device.mass": 0.2})
@@ -166,10 +128,3 @@ def test_a_loop_with_other_numbers_is_that_of_a_spec_with_them():
         loop.with_(Kpp=3)
     with pytest.raises(SpecError):
         loop.with_(b=-1)
-
-
-def test_the_radius_of_a_loop_at_one_rate_is_that_of_a_frame():
-    loop = wavesweep.compile({"controller": {"kind": "dc"}})
-    one, two, five = loop.spectral_radius(**{"rates.ratio": [1, 2, 5]})
-    assert one < 1
-    assert (two, five) == (pytest.approx(one**2), pytest.approx(one**5))

@@ -3,8 +3,6 @@
 The slow wall's held force reaches the device through a first-order low-pass at the fast rate.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -12,9 +10,8 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.haptics.controller_page import BlockDiagram, wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.haptics.controllers import CONTROLLERS, Controller
-from wavesweep.program.analyses.assumptions import model_in_words
 
 KIND = "dc-filtered"
 
@@ -132,12 +129,3 @@ def test_the_analysis_of_the_document_is_how_fast_the_loop_dies_away():
     expected = [-8e-3 / np.log(size) if size < 1 else np.nan for size in sizes]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert np.isnan(expected[-1])
-
-
-def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):
-    spec = wavesweep.load(nested(VALUES | {"controller.kind": KIND}))
-    assert model_in_words(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
-    page = CONTROLLERS[KIND].page
-    silent = Controller("", lambda values: replace(page(values), assumes=BlockDiagram({}, {}, "").assumes))
-    monkeypatch.setitem(CONTROLLERS, KIND, silent)
-    assert "says nothing" in model_in_words(spec)

@@ -83,7 +83,7 @@ def named(said):
     return set(re.findall(r"\bk\d*\b", named_there)) if found else set()
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_numbers_named_act_continuously_and_all_others_are_held(seed):
     tables, continuous, frame = drawn(seed)
     loop = wavesweep.compile(tables)
@@ -127,20 +127,6 @@ def test_a_controller_is_a_program_only_through_a_hold(tables, end, said):
     (row,) = wavesweep.stability_region(tables).to_dict("records")
     assert row["high"] == pytest.approx(end, abs=1e-3)
     assert model_in_words(wavesweep.load(tables)) == said
-
-
-def test_numbers_are_named_once_with_their_wires_and_plain_ones_by_their_value():
-    springs = {f"{n}.f": " + ".join(f"ks*({m}.x - {n}.x)" for m in "abcdef" if m != n) for n in "abcdef"}
-    chain = {"rates": {"tick_hz": 100}, "numbers": {"ks": 2.0}, "wire": springs}
-    chain |= {"block": {n: {"type": "mass", "mass": 1, "damping": 1} for n in "abcdef"}}
-    assert (
-        model_in_words(wavesweep.load(chain))
-        == "ks acts continuously in a.f, b.f and 4 other wires (as physics does; a program holds its sums)"
-    )
-    said = model_in_words(wavesweep.load(controlled("-50*body.x", "2*k*motor.y + push")))
-    assert (
-        said == "-50 acts continuously in motor.u and k acts continuously in body.f (as physics does; a program holds its sums)"
-    )
 
 
 @pytest.mark.parametrize(

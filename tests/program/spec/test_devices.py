@@ -44,13 +44,6 @@ def test_given_keys_take_precedence():
     assert load(on("touch"), ["device.mass=0.2"]).values["device.mass"] == 0.2
 
 
-def test_assumed_numbers_are_known_as_such():
-    assert load(LOOP).assumed == set()
-    assert load(on("touch")).assumed == {"device.damping"}
-    assert load(on("touch"), ["device.damping=0.5"]).assumed == set()
-    assert load(on("falcon")).assumed == {"device.mass", "device.damping", "simulate.friction"}
-
-
 @pytest.mark.parametrize("name", INCOMPLETE)
 def test_a_number_that_is_not_published_has_to_be_given(name):
     with pytest.raises(SpecError) as error:
@@ -59,13 +52,6 @@ def test_a_number_that_is_not_published_has_to_be_given(name):
     own = {path.split(".")[1]: 0.3 for path in DEVICES[name].unknown()}
     spec = load(on(name, **own))
     assert {path: spec.values[path] for path in DEVICES[name].unknown()} == dict.fromkeys(DEVICES[name].unknown(), 0.3)
-
-
-def test_a_device_may_be_changed_afterwards():
-    spec = load(LOOP).with_values({"device.preset": "falcon"})
-    assert spec.sha256 == load(on("falcon")).sha256
-    assert spec.hardware["friction"] == 0.5
-    assert spec.with_values({"device.mass": 1.0}).values["device.mass"] == 1.0
 
 
 def test_a_spec_with_a_device_is_the_one_with_its_numbers():

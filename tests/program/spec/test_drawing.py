@@ -8,9 +8,7 @@ from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.program.columns import TAKEN
 from wavesweep.program.spec import load, sweep_axes
-from wavesweep.program.tables import kind_named
 
 
 def changed(text, *changes):
@@ -18,12 +16,6 @@ def changed(text, *changes):
         assert old in text
         text = text.replace(old, new)
     return text
-
-
-def test_values_are_the_numbers_and_the_rate():
-    spec = load(tomllib.loads(ARM))
-    assert dict(spec.values) == {"rates.tick_hz": 10000.0, "numbers.kp": 240.0, "numbers.kd": 3.0, "numbers.c": 0.0}
-    assert (spec.along, spec.kind, [axis.path for axis in spec.sweep]) == ("c", "drawn", ["numbers.c", "numbers.kp"])
 
 
 @pytest.mark.parametrize("text", [ARM, PD, WALL, NETWORK])
@@ -41,12 +33,6 @@ def test_a_number_is_set_by_its_name_or_path_and_keeps_its_unit(write):
     assert spec.names.keys["numbers.c"].description == "gain of the friction compensation"
 
 
-def test_a_number_with_the_name_of_a_built_in_symbol_is_the_drawings_own(write):
-    text = changed(PD, ("kp", "b"))
-    assert load(write(text), ["b=7"]).values["numbers.b"] == 7.0
-    assert load(write(text), ["sweep.b=[1, 2]"]).sweep[0].path == "numbers.b"
-
-
 def test_whole_numbers_that_decide_the_structure_are_swept_as_values():
     spec = load(tomllib.loads(NETWORK))
     key = spec.names.find("k")
@@ -58,38 +44,11 @@ def test_whole_numbers_that_decide_the_structure_are_swept_as_values():
         spec.with_values({"k": 20})
 
 
-def test_a_rate_may_be_an_expression():
-    spec = load(tomllib.loads(changed(PD, ("tick_hz = 1000", 'tick_hz = "1000*m"'))))
-    assert "rates.tick_hz" not in spec.values
-    assert spec.drawing.rate(spec.values) == 200.0
-    assert spec.drawing.rating == {"m"}
-    assert not spec.names.find("m").structural
-
-
-def test_the_axis_of_the_intervals_may_be_the_only_span():
-    text = PD + "kp = { start = 0, stop = 10 }\nkd = [1, 2]\n"
-    assert sweep_axes(load(tomllib.loads(text)))[0].name == "kp"
-    with pytest.raises(SpecError, match="the number whose stable intervals are wanted"):
-        sweep_axes(load(tomllib.loads(PD)))
-
-
 def test_the_stiffness_of_the_wall_is_k_ve():
     axis, others = sweep_axes(load(tomllib.loads(WALL)), "K_VE")
     assert (axis.name, axis.start, axis.stop, [other.name for other in others]) == ("K", 0.0, 20000.0, ["B"])
     with pytest.raises(SpecError, match="the numbers of a wall"):
         sweep_axes(load(tomllib.loads(PD)), "K_VE")
-
-
-def test_a_wire_may_read_what_the_hand_s_position_may_not_be_made_of():
-    """With a factor of 0 a held signal has no part in the displacement."""
-    load(tomllib.loads(changed(ARM, ('displacement = "arm.x"', 'displacement = "arm.x + 0*net.y"'))))
-
-
-@pytest.mark.whole
-def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
-    assert {
-        field.name for kind in ("zwidth", "bode", "passivity") for field in kind_named(kind).fields if not field.derived
-    } <= TAKEN
 
 
 def test_a_number_in_a_block_is_an_axis_by_its_path():
@@ -109,12 +68,6 @@ def test_a_number_in_a_block_is_an_axis_by_its_path():
     assert spec.with_values({"block.net.every": 40}).tables()["block"]["net"]["every"] == 40
     with pytest.raises(SpecError, match=r"block\.net\.every: expected a whole number >= 1, found 0"):
         spec.with_values({"block.net.every": 0})
-
-
-def test_a_key_that_has_its_default_is_an_axis_too():
-    tables = tomllib.loads(ARM)
-    tables["sweep"]["block.arm.stiffness"] = [0, 10]
-    assert load(tables).values["block.arm.stiffness"] == 0.0
 
 
 def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():

@@ -77,13 +77,6 @@ def test_matrices_of_a_file_are_those_of_a_spec_that_writes_them(tmp_path, kind,
     np.testing.assert_allclose(ends[0][0], [0, 1 / static], rtol=1e-12)  # where it runs away
 
 
-def test_without_d_there_are_no_direct_terms(tmp_path):
-    without = {name: SOUND[name] for name in "ABC"}
-    found = load(spec_beside(tmp_path, npz(**without), FILE.format("npz")))
-    written = "\n".join(f"{name} = {rows}" for name, rows in without.items())
-    assert found.sha256 == load(spec_beside(tmp_path, None, written)).sha256
-
-
 def test_a_class_of_blocks_and_a_dict_take_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plant.npz").write_bytes(npz(**SOUND))
@@ -155,10 +148,3 @@ def test_a_file_that_unpacks_to_too_much_is_refused_before_it_is(tmp_path, kind,
     assert len(stream.getvalue()) < matrix_files.MOST_BYTES
     with pytest.raises(SpecError, match="at most 2"):
         load(spec_beside(tmp_path, stream.getvalue(), FILE.format(kind)))
-
-
-def test_another_type_of_block_takes_no_file(tmp_path):
-    path = spec_beside(tmp_path, npz(**SOUND), WRITTEN)
-    path.write_text(path.read_text().replace('"hold"', '"hold"\nfile = "plant.npz"'))
-    with pytest.raises(SpecError, match=r"block\.held\.file: expected one of type.* found an unknown key"):
-        load(path)

@@ -2,7 +2,6 @@
 
 import pytest
 
-from wavesweep.engine.errors import SpecError
 from wavesweep.program.spec import SYMBOLS, load
 
 LOOP = {"controller": {"kind": "pmw"}}
@@ -51,19 +50,6 @@ def test_the_order_of_overrides_of_ratio_and_slow_rate_does_not_matter(given, ov
         assert load(LOOP | {"rates": given}, some).values["rates.ratio"] == ratio
 
 
-def test_ratio_and_slow_rate_together_are_refused_in_either_order():
-    both = ["rates.ratio=17", "rates.slow_hz=25"]
-    for some in (both, both[::-1]):
-        with pytest.raises(SpecError, match="either ratio or slow_hz, found both"):
-            load(LOOP | {"rates": {"slow_hz": 50}}, some)
-
-
-def test_a_table_is_replaced_as_a_whole():
-    edges = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
-    spec = load(LOOP | {"filters": {"lp1": edges}}, ["filters.lp1={ order = 2 }"])
-    assert (spec.values["filters.lp1.order"], spec.values["filters.lp1.cutoff_hz"]) == (2, 10.0)
-
-
 @pytest.mark.parametrize("name", ["device.mass", '"device.mass"'])
 def test_axes_are_replaced_in_their_turn(name):
     sweep = {"b": [1, 2], "device.mass": {"start": 1, "stop": 2, "num": 2}, "Kp": [0]}
@@ -71,17 +57,6 @@ def test_axes_are_replaced_in_their_turn(name):
     axes = [(axis.name, axis.values) for axis in spec.sweep]
     assert axes == [("b", (5.0,)), ("device.mass", (1.0, 1.5, 2.0)), ("Kp", (0.0,)), ("K_LM", (1.0,))]
     assert spec.along == "B_VE"
-
-
-def test_a_list_becomes_a_span_and_back():
-    spec = load(LOOP | {"sweep": {"b": [1, 2]}}, ["sweep.b={ start = 1, stop = 3, num = 3 }"])
-    assert spec.sweep[0].values == (1.0, 2.0, 3.0)
-    spec = load(LOOP | {"sweep": {"b": {"start": 1, "stop": 3}}}, ["sweep.b=[7]"])
-    assert spec.sweep[0].values == (7.0,)
-
-
-def test_the_frequencies_are_replaced():
-    assert load(LOOP, ["bode.frequency_hz=[1, 2]"]).frequency_hz == (1.0, 2.0)
 
 
 def test_an_override_without_a_value_leaves_the_key_out():

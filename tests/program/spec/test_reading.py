@@ -2,8 +2,6 @@
 
 import tomllib
 
-import pytest
-
 from wavesweep.program.reading.reading import locate, scan
 
 TEXT = '''\
@@ -57,16 +55,8 @@ EXPECTED = {
 }
 
 
-def test_the_text_is_toml():
-    tomllib.loads(TEXT)
-
-
-@pytest.mark.parametrize("path", EXPECTED, ids=".".join)
-def test_values_are_found(path):
-    assert locate(TEXT, path) == EXPECTED[path]
-
-
-def test_keys_are_found():
+def test_values_and_keys_are_found():
+    assert {path: locate(TEXT, path) for path in EXPECTED} == EXPECTED
     assert locate(TEXT, ("rates", "ratio"), of_key=True) == (5, 3)
     assert locate(TEXT, ("filters", "hp", "last"), of_key=True) == (20, 67)
 
@@ -89,9 +79,8 @@ def test_every_path_of_the_tables_has_a_position_and_no_other():
     assert set(scan(TEXT)) - {("many", "one")} == set(_paths(tomllib.loads(TEXT)))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_odd_but_valid_texts_are_walked_to_their_end():
+    for text in (
         "a = {}",
         "a = { }\nb = []",
         "a = [[[[]]]]\n[b]",
@@ -104,8 +93,5 @@ def test_every_path_of_the_tables_has_a_position_and_no_other():
         "a = 1 # no newline at the end",
         "[a]",
         "[a] # b = 1\n\tb\t=\t1",
-    ],
-)
-def test_odd_but_valid_texts_are_walked_to_their_end(text):
-    tables = tomllib.loads(text)
-    assert {path for path in scan(text) if len(path) == 1} == {(name,) for name in tables}
+    ):
+        assert {path for path in scan(text) if len(path) == 1} == {(name,) for name in tomllib.loads(text)}

@@ -2,7 +2,6 @@
 
 from decimal import Decimal
 
-import numpy as np
 import pytest
 
 from wavesweep.engine.errors import SpecError
@@ -30,13 +29,6 @@ def test_changing_is_loading_with_the_change(changes):
     assert load(BASE).with_values(changes).sha256 == load(BASE, overrides).sha256
 
 
-def test_the_spec_itself_stays_as_it_was():
-    spec = load(BASE)
-    before = spec.sha256
-    assert spec.with_values({"b": 3}).values["controller.b"] == 3.0
-    assert spec.sha256 == before
-
-
 @pytest.mark.parametrize(("ratio", "slow_hz"), [(1, 1000), (3, 1000 / 3), (7, 1000 / 7), (1000, 1)])
 def test_ratio_and_slow_rate_say_the_same(ratio, slow_hz):
     one = load(BASE).with_values({"rates.slow_hz": slow_hz})
@@ -44,8 +36,9 @@ def test_ratio_and_slow_rate_say_the_same(ratio, slow_hz):
     assert one.values["rates.ratio"] == other.values["rates.ratio"] == ratio
 
 
-@pytest.mark.parametrize("ratio", [1, 3, 7, 20, 49, 93, 123, 999])
-@pytest.mark.parametrize("slow_hz", ["50", "111.1", "0.1", "0.7", "47.3", "1e-7"])
+@pytest.mark.parametrize(
+    ("ratio", "slow_hz"), [(1, "50"), (3, "111.1"), (49, "0.7"), (93, "47.3"), (123, "0.1"), (999, "1e-7")]
+)
 def test_rates_that_divide_as_decimals_divide_as_doubles(ratio, slow_hz):
     rates = {"fast_hz": float(Decimal(slow_hz) * ratio), "slow_hz": float(slow_hz)}
     filters = {name: {"order": 0} for name in ("lp1", "hp", "lp2")}
@@ -58,23 +51,12 @@ def test_a_slow_rate_that_does_not_divide_the_fast_one_is_refused(slow_hz):
         load(BASE).with_values({"rates.slow_hz": slow_hz})
 
 
-@pytest.mark.parametrize("slow_hz", [1001, 1e60])
-def test_a_slow_rate_above_the_fast_one_may_be_swapped_with_it(slow_hz):
-    with pytest.raises(SpecError, match=r"rates\.slow_hz: expected at most rates\.fast_hz = 1000\.0 \(are the two swapped"):
-        load(BASE).with_values({"rates.slow_hz": slow_hz})
-
-
 def test_a_slow_rate_follows_the_fast_one():
     spec = load(BASE | {"rates": {"slow_hz": 50}})
     assert spec.with_values({"rates.fast_hz": 2000}).values["rates.ratio"] == 40
     assert spec.with_values({"rates.fast_hz": 1010}).values["rates.ratio"] == 20.2
     with pytest.raises(SpecError, match="divided by a whole number"):
         spec.with_values({"rates.fast_hz": 1010.123456})
-
-
-def test_numpy_numbers_are_numbers():
-    spec = load(BASE).with_values({"rates.ratio": np.int64(10), "b": np.float64(3)})
-    assert (type(spec.values["rates.ratio"]), type(spec.values["controller.b"])) == (int, float)
 
 
 @pytest.mark.parametrize(

@@ -2,18 +2,16 @@
 
 import tomllib
 
-import pytest
 from support.specs import shipped
 
 from wavesweep.program.spec import load
 from wavesweep.program.spec.writing import as_toml
 
 
-@pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
-def test_the_text_of_a_spec_is_the_same_request(path):
-    spec = load(path)
-    tables = spec.tables()
-    assert tomllib.loads(as_toml(tables)) == as_lists(tables)
+def test_the_text_of_a_spec_is_the_same_request():
+    for path in shipped():
+        tables = load(path).tables()
+        assert tomllib.loads(as_toml(tables)) == as_lists(tables), path
 
 
 def as_lists(value):
@@ -35,7 +33,3 @@ def test_odd_texts_keys_and_numbers_survive():
         "wire": {"net.u": "arm.x"},
     }
     assert tomllib.loads(as_toml(tables)) == tables
-
-
-def test_what_is_absent_is_left_out():
-    assert as_toml({"a": {"b": None, "c": 1}, "d": {}}) == "[a]\nc = 1\n"
