@@ -1,7 +1,7 @@
-"""What the documents say of commands, keys, blocks, tables, doubts, summaries and the library, made from the program itself.
+"""What the site says of commands, keys, blocks, tables, doubts, summaries and the library, made from the program itself.
 
-`python docs/reference.py` writes it into the pages, between `<!-- from the code: keys -->` and `<!-- end -->`, where a test
-holds it against the code. `python docs/reference.py figures` draws the figures of the pages as well.
+It stands in no file: as the site is built, it takes the place of lines such as `<!-- from the code: keys -->` of the pages.
+`python docs/reference.py` draws the figures of the pages anew.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import io
 import json
 import re
 import shlex
-import sys
 import tempfile
 import tomllib
 from collections import Counter
@@ -31,19 +30,13 @@ from wavesweep.program.spec import describing
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
 GALLERY = HERE / "gallery.md"
-FIGURES = HERE / "figures"
-MARK = re.compile(r"^(<!-- from the code: ([\w-]+) ?([\w-]*) -->\n)(.*?)(<!-- end -->)$", re.MULTILINE | re.DOTALL)
+MARK = re.compile(r"^<!-- from the code: (\w+) -->$", re.MULTILINE)
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
 
 
 def filled(text: str) -> str:
-    """The text of a page with what the program says between its marks."""
-    return MARK.sub(lambda mark: f"{mark[1]}\n{MADE[mark[2]](*filter(None, [mark[3]]))}\n\n{mark[5]}", text)
-
-
-def without(text: str) -> str:
-    """The text of a page without what stands between its marks."""
-    return MARK.sub(r"\1\5", text)
+    """The text of a page with what the program says in the place of its marks."""
+    return MARK.sub(lambda mark: MADE[mark[1]](), text)
 
 
 def install() -> str:
@@ -330,24 +323,10 @@ def _section(title, text) -> str:
     )
 
 
-def diagram(kind: str) -> str:
-    """The picture of a controller's loop."""
-    return f"![Blocks and wires of {kind}](figures/{kind}.svg)"
-
-
-def drawn(page: str) -> str:
-    """The picture of the loop that a page draws."""
-    return f"![Blocks and wires of the loop](figures/{page}.svg)"
-
-
-def picture(name: str) -> str:
-    """The figure that the commands before this mark of the gallery draw."""
-    return f"![Figure of wavesweep {lines_before(name)[0]}](figures/{name}.png)"
-
-
 def lines_before(name: str) -> list[str]:
     """The commands before a figure of the gallery."""
-    shown = GALLERY.read_text("utf-8").partition(f"\n\n<!-- from the code: picture {name} -->")[0].rpartition("\n\n")[2]
+    before = GALLERY.read_text("utf-8").partition(f"(figures/{name}.png)")[0].rpartition("\n\n![")[0]
+    shown = before.rpartition("\n\n")[2]
     return [line.removeprefix("    wavesweep ") for line in shown.splitlines()]
 
 
@@ -362,14 +341,14 @@ def draw(name: str) -> bytes:
         return found.get(name, next(iter(found.values()))).read_bytes()
 
 
-def draw_loop(kind: str, name: str) -> bytes:
+def draw_loop(name: str) -> bytes:
     """The SVG of a controller's loop with the defaults of its keys, and with the gain Kp if it may have one; or of a page."""
-    if kind == "diagram":
+    page = HERE / f"{name}.md"
+    if page.exists():
+        tables = tomllib.loads(page.read_text(encoding="utf-8").split("```toml\n")[1].split("```")[0])
+    else:
         waves = {"Kp": 20.0} if name.startswith("pmw") else {}
         tables = {"controller": {"kind": name, **waves}}
-    else:
-        text = (HERE / f"{name}.md").read_text(encoding="utf-8")
-        tables = tomllib.loads(text.split("```toml\n")[1].split("```")[0])
     import matplotlib as mpl
 
     from wavesweep.program.plots import diagram
@@ -381,25 +360,7 @@ def draw_loop(kind: str, name: str) -> bytes:
     return "\n".join(line.rstrip() for line in picture.getvalue().splitlines()).encode() + b"\n"
 
 
-OF_WORDS = (doubts,)
-MADE = {
-    made.__name__: made
-    for made in (
-        install,
-        commands,
-        keys,
-        devices,
-        blocks,
-        steps,
-        tables,
-        *OF_WORDS,
-        summaries,
-        library,
-        diagram,
-        drawn,
-        picture,
-    )
-}
+MADE = {made.__name__: made for made in (install, commands, keys, devices, blocks, steps, tables, doubts, summaries, library)}
 
 
 def _printed(*words):
@@ -448,17 +409,6 @@ def _meaning(key):
     return "; ".join([_plain(key["description"]), *symbol, *meanings])
 
 
-def write(figures: bool) -> None:
-    """Write what is made from the code into the pages, and the figures beside them."""
-    for path in sorted(HERE.glob("*.md")):
-        text = path.read_text(encoding="utf-8")
-        for _, kind, name, *_ in MARK.findall(text) if figures else ():
-            if kind == "picture":
-                (FIGURES / f"{name}.png").write_bytes(draw(name))
-            elif kind in ("diagram", "drawn"):
-                (FIGURES / f"{name}.svg").write_bytes(draw_loop(kind, name))
-        path.write_text(filled(text), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    write(figures=sys.argv[1:] == ["figures"])
+    for path in sorted((HERE / "figures").iterdir()):
+        path.write_bytes(draw(path.stem) if path.suffix == ".png" else draw_loop(path.stem))

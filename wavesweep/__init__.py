@@ -4,7 +4,7 @@ Importing the package costs nothing; a name is loaded when it is first touched. 
 the same names, with those of capabilities, to editors and type checkers.
 """
 
-__version__ = "1.2.0.dev0"
+__version__ = "1.2.0"
 
 _HOMES = {
     **dict.fromkeys(
