@@ -8,7 +8,7 @@ import pytest
 from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import edges_of
 from wavesweep.contact.on_check import facts
-from wavesweep.contact.rows import records_in_frames, refuse
+from wavesweep.contact.rows import records_in_frames, records_through_contact, refuse
 from wavesweep.contact.rows_in_frames import in_frames
 from wavesweep.contact.stored_check import falls
 from wavesweep.contact.verdict import of_wall
@@ -287,3 +287,30 @@ def test_a_wall_that_does_not_fit_is_refused_with_its_reason(controller, more, s
     spec = load(tables)
     with pytest.raises(UsageError, match=said):
         refuse(spec, K)
+
+
+def test_numbers_in_a_list_alone_are_loops_of_constant_frames():
+    """Their rows are what each value has as the spec's own number, and `check` knows the same."""
+    ends = []
+    for stiffness in (100.0, 300.0):
+        tables = waves([20]) | {"operator": {"stiffness": stiffness}, "for_all": {"contact": True}}
+        spec = load(tables)
+        (row,) = records_through_contact(loops_of(spec, dict(spec.values), K), K, (0.0, 2000.0))
+        ends.append(row["high"])
+    for values in ([100.0], [100.0, 300.0]):
+        tables = waves([20]) | {"for_all": {"contact": True, "operator.stiffness": values}}
+        (row,) = rows_of(tables)
+        assert row["high"] == pytest.approx(min(ends[: len(values)]), rel=1e-3)
+    tables["environment"]["K_VE"] = 0.99 * row["high"]
+    assert of_wall(load(tables), rules_of(load(tables)))["verdict"] == "proved"
+
+
+@pytest.mark.slow
+def test_a_row_goes_down_in_pieces_as_small_as_its_proofs_are():
+    tables = slow(rates={"ratio": 10}, environment={"delay": 1, "B_VE": 0.0})
+    frames = {"values": [4, 10, 18], "varying": True}
+    delays = {"values": [1, 2], "varying": True}
+    tables["for_all"] = {"contact": True, "rates.ratio": frames, "environment.delay": delays}
+    (row,) = rows_of(tables)
+    assert 138 < row["high"] < 141.08 < row["fails_from"]
+    assert row["low"] <= 1e-3 * row["high"]

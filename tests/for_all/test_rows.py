@@ -618,3 +618,40 @@ def test_nothing_is_open_where_a_proof_reaches_its_goal(tmp_path):
     row = {name: column[1] for name, column in intervals(load(tmp_path / "spec.toml"), jobs=1, along="K").columns.items()}
     assert row["settled"]
     assert row["left_open"] == ""
+
+
+def test_what_a_constant_member_refutes_everywhere_needs_no_proof_beside_a_range_that_is_a_point_to_rounding():
+    """Frames of 34 ticks alone leave nothing; the range is as narrow on its logarithmic side as the proof's first stretch."""
+    spec = {
+        "rates": {"ratio": 11},
+        "device": {"mass": 0.185, "damping": 2.1, "velocity": "difference"},
+        "environment": {"integration": "explicit", "delay": "frame", "B_VE": 2.0},
+        "controller": {"kind": "dc-vc", "K_VC": 250.0, "B_VC": 6.0},
+        "sweep": {"K_VE": {"start": 0, "stop": 1000}},
+        "for_all": {
+            "device.mass": {"start": 0.184985, "stop": 0.185008},
+            "rates.ratio": {"values": [11, 34], "varying": True},
+        },
+    }
+    row = {name: column[1] for name, column in intervals(load(spec), jobs=1).columns.items()}
+    assert row["certified"]
+    assert row["intervals"] == 0
+    assert row["counterexample"].startswith("with frames 34 no K_VE is stable")
+
+
+@pytest.mark.slow
+def test_a_box_whose_frames_have_no_bound_is_divided_along_what_they_lack_it_for():
+    """Along the stiffness of the wall, in N/m, a proof beside a range of masses did not end."""
+    spec = {
+        "rates": {"ratio": 25},
+        "device": {"mass": 0.08, "damping": 1.0, "velocity": "difference"},
+        "environment": {"integration": "explicit", "delay": 2, "B_VE": 1.5},
+        "controller": {"kind": "pmw", "b": 12.0},
+        "filters": {"lp1": {"order": 2, "cutoff_hz": 8.0}},
+        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
+        "for_all": {"device.mass": {"start": 0.06, "stop": 0.2}, "operator.stiffness": {"start": 0, "stop": 300}},
+    }
+    row = {name: column[1] for name, column in intervals(load(spec), jobs=1).columns.items()}
+    assert row["settled"]
+    assert row["low"] <= 1.001e-3 * row["high"]
+    assert 294 < row["high"] < row["fails_from"] < 296.1

@@ -22,7 +22,7 @@ from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.claims import AT_REST, PUSHES, Property, Scope, Status, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
-from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.sweep.grid import loops_of
 from wavesweep.program.tables.refuters import Refuters
 
 TEXT = 1000  # characters of a counterexample
@@ -94,13 +94,15 @@ def refuse(spec: Spec, along: str) -> None:
         found = f"{name_of(along)}; --set for_all.contact=false leaves contact out"
         raise UsageError(f"[for_all] contact: expected intervals along {names}, found {found}")
     rules = rules_of(spec)
+    own = loops_of(spec, dict(spec.values), along)
+    constant = constant_loops(rules, own, along) if rules else [own]
     found = ""
-    if rules:
+    if not constant:
         try:
             fit_frames(rules, dict(spec.values), list(spec.wall))
         except offered("switched").UnfitWallError as error:
             found = f"{error}; --set for_all.contact=false leaves contact out"
-    elif wall_cut(own_loop(spec, along)) is None:
+    elif any(wall_cut(loop) is None for loop in constant):
         found = (
             "one that acts several times in it, as where rates do not divide; leave contact out, or ask for frames in any "
             "order, such as rates.ratio = 17 and [for_all] rates.ratio = [16, 17] for 60 Hz under 1 kHz"
@@ -124,15 +126,21 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
 
     A row is what one chain of checked multipliers serves within an interval of the linear loop.
     """
+    rows = _rows_of(loop, along, span)
+    return _recorded(rows or [], span, none=rows is None)
+
+
+def _rows_of(loop: Loops, along: str, span: tuple[float, float]) -> list[Row] | None:
+    """The rows of one loop; None if it is known that there are none."""
     wall = [path_of(name) for name in loop.drawing.wall]
     index = wall.index(along)
     fixed = float(loop.values[wall[1 - index]]) if len(wall) > 1 else 0.0
     cut = wall_cut(loop)
     whole = WallLoop.of(cut) if cut else None
     if whole is None:
-        return _recorded([], span, none=False)
+        return []
     if whole.unstable:  # as it is for the wall that is never touched
-        return _recorded([], span, none=True)
+        return None
     # As an array the other number of the wall is taken out of the loop as well.
     beside = {path: np.array([loop.values[path]]) for path in wall if path != along}
     linear = records_of_loop(loop.changed(beside), along, span)
@@ -142,8 +150,8 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
         row = _row(line, [float(own["low"]), float(own["high"])], span)
         if row:
             rows.append(row)
-    nowhere = not linear["intervals"].any() and bool(linear["certified"].all())
-    return _recorded(rows, span, none=nowhere)
+    nowhere = not linear["intervals"].any() and linear["certified"].all()
+    return None if nowhere else rows
 
 
 def rules_of(spec: Spec) -> Any:
@@ -153,21 +161,36 @@ def rules_of(spec: Spec) -> Any:
     return None
 
 
+def constant_loops(rules: Any, loop: Loops, along: str = "") -> list[Loops]:
+    """The loops of a spec of which nothing varies, with numbers in lists: each is one frame for ever.
+    None of them where frames vary or a number has a range."""
+    if rules.vary:
+        return []
+    cases = offered("switched").cases_of(rules, along, (0.0, 0.0), loop)
+    if any(case.ranges for case in cases):
+        return []
+    return [Loops(case.loop.drawing, dict(case.values)) for case in cases]
+
+
 def scope_of(spec: Spec, rules: Any) -> Scope:
     """The loops that a proof by some rules is about, with the linear wall; rules: None for the
     spec's own numbers and frames."""
     if not rules:
         return own_scope(spec)
     switched = offered("switched")
-    own = Loops(own_loop(spec).drawing, dict(spec.values))
+    own = loops_of(spec, dict(spec.values))
     return switched.scope_of(spec, rules, switched.cases_of(rules, "", (0.0, 0.0), own))
 
 
 def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
     """`records_through_contact` for all frames, and all values of numbers, of some rules."""
     rows = []
-    none = False
-    for case in offered("switched").cases_of(rules, along, span, loop):
+    for each in constant_loops(rules, loop, along):
+        own = _rows_of(each, along, span)
+        if not own:
+            return _recorded([], span, none=own is None)
+        rows.append(max(own, key=lambda row: row.high - row.low))
+    for case in [] if rows else offered("switched").cases_of(rules, along, span, loop):
         walls = along_of(rules, dict(case.values), [*loop.drawing.wall], along)
         if walls is None:
             return _recorded([], span, none=False)
@@ -175,7 +198,7 @@ def records_in_frames(rules: Any, loop: Loops, along: str, span: tuple[float, fl
             return _recorded([], span, none=True)
         row = _row_in_frames(rules, dict(case.values), walls, along, span)
         if row is None:
-            return _recorded([], span, none=none)
+            return _recorded([], span, none=False)
         rows.append(row)
     low = max(rows, key=lambda row: row.low)
     high = min(rows, key=lambda row: row.high)

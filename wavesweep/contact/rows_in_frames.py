@@ -24,11 +24,11 @@ BISECTIONS_OF_END = 7  # of the end of a proof
 BEFORE_END = (0.01, 0.03, 0.1)  # of the end that is found, how far before it a proof is tried
 # Shares of a wall that a proof goes down in a piece: the first, the largest, and the least one that is
 # tried; times the share after a piece that is proved, or is not.
-FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.02
+FIRST_SHARE, MOST_SHARE, LEAST_SHARE = 0.3, 0.9, 0.003
 LONGER, SHORTER = 1.5, 0.4
 FROM_ZERO = 1e-3  # of the high end, from which on is proved what begins at 0
-MOST_PIECES, LEAST_PIECES = 60, 8  # of a proof
-CONDITIONS_OF_PIECES = 3000  # that all pieces of a proof may have together
+MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
+CONDITIONS_OF_PIECES = 30000  # that all pieces of a proof may have together
 GRAMIAN_FRAMES = 200  # of whose sum units follow
 FREE = "no contact at all, the loop without a wall"
 REFUTED_TOLERANCE = 0.01  # of a number that patterns of frames refute

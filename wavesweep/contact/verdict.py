@@ -7,7 +7,7 @@ from typing import Any
 
 from wavesweep.capabilities import offered
 from wavesweep.contact.motions import motion_at
-from wavesweep.contact.rows import LINEAR, wall_cut
+from wavesweep.contact.rows import LINEAR, constant_loops, wall_cut
 from wavesweep.contact.rows_in_frames import FREE, verdict_in_frames
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
@@ -17,7 +17,7 @@ from wavesweep.engine.frames import LinearFractional, open_loops
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import radius_of
 from wavesweep.program.spec import Spec
-from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.sweep.grid import loops_of, own_loop
 
 SATURATION = "saturation"  # the type of block
 WITHIN = "no limit, the loop within its limits"
@@ -46,25 +46,21 @@ def of_wall(spec: Spec, rules: Any = None) -> dict[str, str]:
     rules: of frames that vary, and of values of numbers, if there are any. verdict: "proved",
     "refuted" or "unknown"; counterexample: what refutes it, else empty.
     """
-    if rules:
-        return _in_all_cases(spec, rules)
+    own = loops_of(spec, dict(spec.values), spec.wall[0])
+    if not rules:
+        return _with_wall(own, spec)
+    found = [_with_wall(loop, spec) for loop in constant_loops(rules, own)]
+    if not found:
+        for case in offered("switched").cases_of(rules, "", (0.0, 0.0), own):
+            found.append(verdict_in_frames(rules, dict(case.values), list(spec.wall)))
+    return min(found, key=lambda each: ("refuted", "unknown", "proved").index(each["verdict"]))
+
+
+def _with_wall(loop: Loops, spec: Spec) -> dict[str, str]:
+    """The verdict on one loop with the spec's own wall."""
     wall = [float(spec.values[path]) for path in spec.wall]
     stiffness, damping = (*wall, 0.0)[:2]
-    cut = wall_cut(own_loop(spec, spec.wall[0]))
-    return _verdict(cut, stiffness, damping, LINEAR, FREE)
-
-
-def _in_all_cases(spec, rules):
-    """The verdict for all frames, and all values of numbers, of some rules."""
-    own = Loops(own_loop(spec).drawing, dict(spec.values))
-    worst = {"verdict": "proved", "counterexample": ""}
-    for case in offered("switched").cases_of(rules, "", (0.0, 0.0), own):
-        found = verdict_in_frames(rules, dict(case.values), list(spec.wall))
-        if found["verdict"] == "refuted":
-            return found
-        if found["verdict"] == "unknown":
-            worst = found
-    return worst
+    return _verdict(wall_cut(loop), stiffness, damping, LINEAR, FREE)
 
 
 def of_saturation(spec: Spec, block: str) -> dict[str, str]:

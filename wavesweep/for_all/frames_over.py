@@ -116,7 +116,7 @@ class FramesOver:
                 unbounded = np.broadcast_to(error.cells, left.shape)
                 numbers = np.broadcast_to(error.number, left.shape)
                 for i, number in zip(left[unbounded], numbers[unbounded], strict=True):
-                    found[i] = _side_of(boxes[i], int(number))
+                    found[i] = self._side_of(boxes[i], int(number))
                 left = left[~unbounded]
                 continue
             frames = frames.in_cells((len(self.symbols), left.size))
@@ -140,6 +140,16 @@ class FramesOver:
                 size = np.maximum(terms.sum(0) * moves.sum(-1), NEXT_TO_ZERO)
                 due += (rest / size)[..., None] * moves
         return due
+
+    def _side_of(self, box, number):
+        """The side along which a box without a bound is divided: the wide one of this index, for -1
+        the one to which most of what is left out of blocks and gains is due."""
+        if number < 0:
+            try:
+                number = int(np.argmax(self._due(box[None])[0]))
+            except UnresolvedError as error:  # not even these have a bound
+                number = int(np.max(error.number))
+        return int(np.flatnonzero(box[0] < box[1])[number])
 
     def _maps(self, cells):
         """The maps of all kinds of ticks without drift, `(kinds, cells, n, n)`."""
@@ -287,13 +297,6 @@ def constant_frames(
     *row, sample = kind.tolist()
     symbol = Symbol(len(kind))
     return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies)
-
-
-def _side_of(cell, number):
-    """The side of a cell that is the wide one of this index, the widest one for -1."""
-    if number < 0:
-        return int(np.argmax(np.ptp(cell, 0)))
-    return int(np.flatnonzero(cell[0] < cell[1])[number])
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:

@@ -204,6 +204,10 @@ def intervals_for_all(
     """Intervals of a loop for all numbers of [for_all] along the number `along` within span =
     (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
+    beside_ranges = any(case.ranges for case in loop.cases)
+    if rules.vary and beside_ranges and not rules.at_random and (why := loop.nowhere()):
+        # What constant members refute everywhere needs no proof beside it.
+        return recorded([], loop.certified, agreed=True, none=True, why=why)
     rows = loop.varying() if rules.vary else loop.intervals()
     agreed = claims_hold(rules, loop.cases, rows)
     why = ""
@@ -211,13 +215,12 @@ def intervals_for_all(
         none = not rows and loop.grows_everywhere()
         why = GROW if none else ""
     elif rules.vary:
-        reasons = (nowhere(rules, case, span) for case in loop.cases)
-        why = "" if rows else next(filter(None, reasons), "")
+        why = "" if rows else loop.nowhere()
         none = bool(why)
     else:
         none = not rows and not searched(loop.cases, span)  # some member is unstable at every value
         if none:
-            why = next(filter(None, (nowhere(rules, case, span) for case in loop.cases)), "")
+            why = loop.nowhere()
     return recorded(rows, loop.certified, agreed=agreed, none=none, why=why)
 
 
@@ -297,6 +300,11 @@ class _Loop:
     def certified(self) -> bool:
         """Whether the search was."""
         return all(case.certified for case in self.cases)
+
+    def nowhere(self) -> str:
+        """What rules out every value with constant members alone, in words; empty if nothing does."""
+        reasons = (nowhere(self.rules, case, self.span) for case in self.cases)
+        return next(filter(None, reasons), "")
 
     def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
@@ -476,7 +484,7 @@ def share_from_zero(rules: Rules) -> float:
     decay."""
     if rules.vary and rules.ranges:
         return FROM_ABOUT_ZERO
-    return 10 * PROVED_FROM_ZERO
+    return 2 * PROVED_FROM_ZERO
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:

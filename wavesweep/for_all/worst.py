@@ -180,7 +180,8 @@ def bracket_over(
 
 def _stretches(layer):
     """The number of equal stretches of the logarithm of the number with which a proof begins."""
-    return 2 ** max(0, int(np.ceil(np.log2(np.ptp(layer[:, 0]) / STRETCH))))
+    wide = max(float(np.ptp(layer[:, 0])), STRETCH)  # 0 where ends differ by their rounding alone
+    return 2 ** int(np.ceil(np.log2(wide / STRETCH)))
 
 
 def _near(end, refuted):

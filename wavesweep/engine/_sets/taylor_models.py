@@ -802,9 +802,12 @@ class Polynomials:
         return _most(np.nan_to_num(sizes, posinf=1e300) @ (self.exponents > 0))
 
     def refuse(self, unbounded: np.ndarray) -> None:
-        """Raise UnresolvedError for some of the matrices, booleans."""
+        """Raise UnresolvedError for some of the matrices, booleans; with no number where it is not
+        the polynomials, but what they leave out, that is large."""
         if np.any(unbounded):
-            raise UnresolvedError(unbounded, self.widest())
+            moved = np.nan_to_num(np.abs(self.terms[1:]).sum((0, -1, -2)), posinf=1e300)
+            left_out = np.nan_to_num(self.rest.sum((-1, -2)), nan=np.inf, posinf=1e301)
+            raise UnresolvedError(unbounded, np.where(left_out > moved, -1, self.widest()))
 
     def exponential(self) -> Polynomials:
         """`exp(A)` of square matrices, in units u, powers of 2, in which rows and columns are alike
