@@ -104,7 +104,6 @@ CAPABILITIES = (
         },
         kinds=("poles",),
         library=("Loop.poles", "Loop.plot_root_locus"),
-        offers=("locus",),
     ),
     Capability(
         "designs",

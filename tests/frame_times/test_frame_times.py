@@ -304,7 +304,7 @@ def test_a_drawn_loop_says_which_number_its_frames_are():
 @pytest.mark.asks("check")
 def test_check_says_it_and_ends_with_it(wavesweep, written):
     Path("slow.toml").write_text('controller.kind = "dc-slow"\nenvironment.K_VE = 60\n')
-    asked = ("check", "slow.toml", "--frames", "times.csv", "--exit-code")
+    asked = ("check", "slow.toml", "--frames", "times.csv", "--strict")
     for ticks, left in ((25, 1), (20, 0)):
         written("time", stamps([20, 20, ticks, 20]))
         code, out, _ = wavesweep(*asked)

@@ -1,7 +1,7 @@
 """The root locus of a number that [sweep] lists goes through its range."""
 
 import wavesweep
-from wavesweep.poles.locus import axis_over
+from wavesweep.poles.table import axis_over
 
 WAVES = {"controller": {"kind": "pmw"}}
 TWENTY = {"controller": {"kind": "pmw", "b": 20.0}}

@@ -176,23 +176,3 @@ def test_rates_that_do_not_divide_are_exported_too(kind, slow_hz, delay, tmp_pat
     loop = {"controller": {"kind": kind}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 100.0, "delay": delay}}
     written(loop | {"simulate": effects}, tmp_path)
     check(tmp_path)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("changes", CHANGES)
-def test_gains_at_run_time_are_those_of_a_fresh_export_to_the_last_bit(kind, changes, tmp_path):
-    need("gcc")
-    tables = experiment(kind, {"wall": 0.0, "amplitude": 5.0, "late": 45}, **changes)
-    spec = wavesweep.load(tables)
-    put(files := exported(spec, gains=True), tmp_path)
-    check(tmp_path)
-    members = dict(re.findall(r"    double (\w+); /\* ([\w.]+): ", files["controller.h"].split("ws_wall;")[-1]))
-    other = {path: 0.9 * spec.values[path] + 0.1 for path in members.values()}
-    expected = {"pmw": {"b", "Kp"}, "pmw-lm": {"b", "Kp", "K_LM", "B_LM"}, "dc-lm": {"K_LM", "B_LM"}}
-    assert {name.removeprefix("ws_") for name in members} == expected.get(kind, set())
-    fresh = exported(spec.with_values(other))
-    given = "".join(f"    s.gains.{name} = {other[path].hex()};\n" for name, path in members.items())
-    tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}{'    ws_tune(&s);' * bool(members)}\n")
-    put({"check.c": tuned, "vectors.csv": fresh["vectors.csv"]}, tmp_path)
-    check(tmp_path)

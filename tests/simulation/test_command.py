@@ -1,9 +1,6 @@
 """`simulate` writes the time series, and for sines the response seen in it, and says what happened."""
 
-import hashlib
 import json
-import subprocess
-import sys
 from math import exp
 from pathlib import Path
 
@@ -104,29 +101,6 @@ def test_at_rates_that_do_not_divide_a_device_has_its_effects_too(simulate):
     columns = results.read("there/simulate.parquet")
     assert np.isfinite(columns["u_s"]).all()
     assert set(columns["touching"].tolist()) == {True, False}
-
-
-def test_a_recorded_force_is_read_and_vouched_for(simulate):
-    Path("push.csv").write_text("force_N\n" + "1.5\n" * 60)
-    assert simulate("input=record", "record=push.csv", "duration_s=0.05")[0] == 0
-    assert results.read("there/simulate.csv")["f_h"].tolist() == [1.5] * 50
-    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
-    assert facts["record_sha256"] == hashlib.sha256(Path("push.csv").read_bytes()).hexdigest()
-
-
-@pytest.mark.slow
-def test_a_record_that_a_shell_passes_is_read_once(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    spec = b'[controller]\nkind = "pmw"\n[simulate]\ninput = "record"\nrecord = "/dev/stdin"\n'
-    Path("mine.toml").write_bytes(spec)
-    command = [sys.executable, "-m", "wavesweep", "simulate", "--no-plot", "--out", "there"]
-    push = b"force_N\n" + b"1.5\n" * 60
-    assert subprocess.run([*command, "mine.toml"], input=push, check=False).returncode == 0
-    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
-    assert facts["record_sha256"] == hashlib.sha256(push).hexdigest()
-    refused = subprocess.run([*command, "-"], input=spec, check=False, capture_output=True)
-    assert refused.returncode == 2
-    assert b"/dev/stdin: expected a file of its own, found what the spec is read from" in refused.stderr
 
 
 @pytest.mark.slow

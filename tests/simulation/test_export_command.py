@@ -1,7 +1,6 @@
 """`export` writes the files of a controller, and never over others."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -60,21 +59,6 @@ def test_what_goes_into_each_output_is_told_and_stands_beside_it(wavesweep, tmp_
     summary = json.loads(wavesweep("export", "grip.toml", *SHORT, *spring, *wires)[1])
     assert summary["computed"] == {"motor.f": "-kp*net.y"}
     assert summary["terms"] == {"motor.f": [{"from": "net.y", "gain": "-kp", "coefficient": -200.0}]}
-
-
-def test_gains_are_variables_with_their_names_and_others_are_named_as_constants(wavesweep, spec):
-    wavesweep("export", spec, *SHORT, "--gains", "--out", "mine", "--quiet")
-    header = Path("mine/controller.h").read_text()
-    assert re.search(r"    double ws_b; /\* controller\.b: [\d.]+ N\*s/m \*/", header)
-    assert (
-        "also these, which enter otherwise than by arithmetic:\n *   rates.fast_hz, rates.ratio, filters.lp1.cutoff_hz"
-        in header
-    )
-    assert "-lm" in Path("mine/Makefile").read_text()
-    wavesweep("export", spec, *SHORT, "--out", "exact", "--quiet")
-    assert "gains" not in Path("exact/controller.h").read_text()
-    said = wavesweep("export", spec, *SHORT, "--gains", "--set", "controller.kind=dc", "--out", "none")[2]
-    assert "besides the wall's, no number enters this controller by arithmetic" in said
 
 
 GRIP = """

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.drawn import DRIVE, as_blocks, drive
-from support.exports import COMPILERS, LEVELS, check, made, need, present, put, written
+from support.exports import COMPILERS, LEVELS, check, made, need, present, written
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
@@ -79,22 +79,6 @@ def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     seen = simulation_of(wavesweep.load(tables), np.ones(2000)).signals["v"]
     place = {"arm": "ws_hand_v", "policy": "ws_joint_v", "controllers/pmw-lm": "ws_device_v"}[name]
     assert [float(row[place]) for row in rows] == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
-
-
-def test_gains_of_a_drawn_loop_also_one_of_zero_are_those_of_a_fresh_export(tmp_path):
-    need("gcc")
-    words = ARM.replace("0.5*sum.y", "ki*sum.y - kd*arm.v/(1 + kd)").replace("- 0.1*felt.y", "- share*felt.y")
-    numbers = {"numbers": {"ki": 0.5, "kd": 0.0, "share": 0.1, "every": 4}}
-    tables = tomllib.loads(words.replace("every = 4", 'every = "every"')) | numbers
-    put(files := exported(load(tables), gains=True), tmp_path)
-    check(tmp_path)
-    assert " *   numbers.every, rates.tick_hz\n" in files["controller.h"]
-    other = {"ki": 7.0, "kd": 0.3, "share": -0.2}
-    given = "".join(f"    s.gains.ws_{name} = {value.hex()};\n" for name, value in other.items())
-    tuned = files["check.c"].replace("    ws_init(&s);\n", f"    ws_init(&s);\n{given}    ws_tune(&s);\n")
-    fresh = exported(load(tables | {"numbers": other | {"every": 4}}))
-    put({"check.c": tuned, "vectors.csv": fresh["vectors.csv"]}, tmp_path)
-    check(tmp_path)
 
 
 def test_a_loop_without_a_controller_is_refused():

@@ -86,15 +86,6 @@ def test_a_time_between_two_ticks_is_the_later_one_and_said(given, begins, ends,
         assert words in line
 
 
-def test_a_record_is_found_beside_the_spec(tmp_path, monkeypatch):
-    (tmp_path / "push.csv").write_text("force_N\n1\n2\n3\n")
-    (tmp_path / "a.toml").write_text('[controller]\nkind = "dc"\n[simulate]\ninput = "record"\nrecord = "push.csv"\n')
-    assert hand_force(load(tmp_path / "a.toml")).force.tolist() == [1.0, 2.0, 3.0]
-    assert hand_force(load(tmp_path / "a.toml", ["simulate.duration_s=0.005"])).force.tolist() == [1, 2, 3, 0, 0]
-    monkeypatch.chdir(tmp_path)
-    assert len(hand_force(spec(input="record", record="push.csv", duration_s=0.002)).force) == 2
-
-
 def test_force_and_options_of_a_call_stand_before_the_specs():
     seen = simulated(spec(max_force=0.5), np.ones(30), max_force=0.01, jitter=0.1).signals
     assert len(seen["x"]) == 30

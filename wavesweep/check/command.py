@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from textwrap import wrap
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -41,12 +41,6 @@ NEXT_COMMANDS = 3  # commands that are named, at most
     help="Draw the loop as well, blocks with type and rate, sums, ports, wires with gains, and when they run and act.",
 )
 @click.option(
-    "--root-locus",
-    "locus",
-    metavar="NUMBER",
-    help="Draw the poles over a number as well, as `wavesweep poles SPEC --over NUMBER` does with a table.",
-)
-@click.option(
     "--frames",
     metavar="TIMES",
     help="Say also whether the frames of a run are among those that the answers are for. A CSV file with a column time (s), "
@@ -72,8 +66,6 @@ NEXT_COMMANDS = 3  # commands that are named, at most
 )
 @click.option(
     "--strict",
-    "--exit-code",
-    "strict",
     is_flag=True,
     help="End with 1 if the answer to what the spec asks is no, or not known, or if --frames are others.",
 )
@@ -82,7 +74,6 @@ def check(
     spec: str,
     whole: bool,
     plot: bool,
-    locus: str | None,
     frames: str | None,
     columns: tuple[str, ...],
     scales: tuple[str, ...],
@@ -106,8 +97,7 @@ def check(
 
     Nothing is written, except with --plot the picture of the loop, diagram.png, and that of time,
     timing.png: when each rate samples and computes, when its results are in place, and how old they
-    are; and with --root-locus its poles per frame over a number, root-locus.png. Earlier ones are
-    replaced. With --out loop.svg these are loop.svg and loop-timing.svg.
+    are. Earlier ones are replaced. With --out loop.svg these are loop.svg and loop-timing.svg.
 
     \b
     Examples:
@@ -115,7 +105,6 @@ def check(
       wavesweep check mine.toml --all
       wavesweep check mine.toml --strict --quiet
       wavesweep check mine.toml --plot --out loop.svg
-      wavesweep check sweeps/templates/drive.toml --root-locus kp
       wavesweep check engine.toml --frames times.csv --strict
     """
     from wavesweep.program import spec as specs
@@ -123,18 +112,13 @@ def check(
 
     loaded = specs.load(spec, overrides)
     # Errors come before anything is printed.
-    poles = None
-    if locus is not None:
-        modes = _needed("locus")
-        poles = partial(modes.root_locus, loaded, modes.axis_over(loaded, locus))
     run = _frames_of_run(loaded, frames, columns, scales)
     list(asked("on_check", "refuse", loaded))
     figures = _pictures(loaded) if plot else []
-    figures += ["root-locus"] * (locus is not None)
     places = _places(figures, out, loaded, overrides)
     with progress(verbosity().quiet, "at work on the verdict") as report:
         judged = _judged(loaded, run, overrides, whole, report)
-        files = [str(path) for path in _drawn(loaded, places, poles)]
+        files = [str(path) for path in _drawn(loaded, places)]
     if verbosity().as_json:
         _show_json(loaded, judged, files)
     if not _is_silent():  # some lines are computed as they are shown
@@ -205,7 +189,7 @@ def _judged(
     if spec.drawing:
         unusual_lines += dead_times_in_series(spec)
     within = list(within_ticks(spec)) if spec.drawing else []
-    ranked = [*_needed("frames").lines(run)] if run else []
+    ranked = [*_needed().lines(run)] if run else []
     ranked += verdict_lines(spec, verdict, late=not whole)
     ranked += [(1, f"  {line}") for line in unusual_lines]
     ranked += [(4, f"  {line}") for line in within]
@@ -236,7 +220,7 @@ def _frames_of_run(
     scaled = factors(pairs(scales, "--scale"))
     if file is None:
         return None
-    return _needed("frames").within(spec, file, named, scaled)
+    return _needed().within(spec, file, named, scaled)
 
 
 def _is_silent() -> bool:
@@ -389,7 +373,7 @@ def _places(
     if not figures:
         if out is not None:
             raise click.UsageError(
-                "--out: expected --plot or --root-locus, since nothing else is written, found none"
+                "--out: expected --plot, since nothing else is written, found none"
             )
         return {}
     from wavesweep.program import plots, results
@@ -397,10 +381,6 @@ def _places(
     to = Path(out or own_folder([spec.name], overrides))
     places = {name: to / f"{name}.png" for name in figures}
     if to.suffix[1:].lower() in FORMATS and not to.is_dir():
-        if len(figures) > 1 and "root-locus" in figures:
-            raise click.UsageError(
-                f"--out {out}: expected a folder, since several pictures are drawn"
-            )
         places = {name: to.with_stem(f"{to.stem}-{name}") for name in figures}
         places[figures[0]] = to
     for path in places.values():
@@ -422,24 +402,18 @@ def _pictures(spec: Spec) -> list[str]:
     return ["diagram"]
 
 
-def _needed(name: str) -> ModuleType:
-    """The module of this name. Errors: UsageError if the capability that offers it is not there."""
-    module = offered(name)
+def _needed() -> ModuleType:
+    """The module that reads --frames. Errors: UsageError if the capability that offers it is not there."""
+    module = offered("frames")
     if module is None:
-        option, capability = {
-            "locus": ("--root-locus", "poles"),
-            "frames": ("--frames", "frame_times"),
-        }[name]
         raise click.UsageError(
-            f"{option}: expected the capability {capability}, found that it is not there"
+            "--frames: expected the capability frame_times, found that it is not there"
         )
     return module
 
 
-def _drawn(
-    spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None
-) -> Iterator[Path]:
-    """Draw the loop, its root locus, or both, and yield the paths of the files."""
+def _drawn(spec: Spec, places: Mapping[str, Path]) -> Iterator[Path]:
+    """Draw the loop, and yield the paths of the files."""
     if not places:
         return
     from wavesweep import __version__
@@ -449,8 +423,7 @@ def _drawn(
 
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():
-        drawn = {"diagram": plots.diagram, "timing": plots.timing}
-        canvas = drawn[name](spec) if name in drawn else poles()
+        canvas = getattr(plots, name)(spec)
         yield from save_all(
             canvas, path.parent, path.stem, (path.suffix[1:].lower(),), about_figure(name, facts)
         )

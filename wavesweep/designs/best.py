@@ -159,10 +159,9 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         tables.pop(name, None)
     if spec.simulate:
         kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
-        if spec.simulate["input"] != "record":
-            kept |= {
-                name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given
-            }
+        kept |= {
+            name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given
+        }
         tables["simulate"] = kept
     for path in spec.given:
         *_, name, last = path.split(".")

@@ -207,11 +207,8 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
     default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
-    frequencies, settle, key = (
-        values["frequency_hz"],
-        values["settle_s"],
-        "tick_hz" if spec.drawing else "fast_hz",
-    )
+    frequencies = values["frequency_hz"]
+    settle = values["settle_s"]
     makers = {
         "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
         "stepped-sine": lambda: inputs.stepped_sine(
@@ -228,17 +225,11 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
         "noise": lambda: inputs.noise(
             fast_hz, size, seconds, values["seed"] if seed is None else int(seed)
         ),
-        "record": lambda: inputs.read_force(record_path(spec), fast_hz, f"rates.{key}"),
     }
     record = makers[values["input"]]()
     if seconds is None:
         return record
     return inputs.lasting(record, first_tick(seconds, fast_hz))
-
-
-def record_path(spec: Spec) -> Path:
-    """Return the path of the recorded force."""
-    return beside(spec, spec.simulate["record"])
 
 
 def beside(spec: Spec, name: str) -> Path:

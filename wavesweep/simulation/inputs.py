@@ -1,21 +1,13 @@
-"""Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read
-from a CSV file."""
+"""Forces of the hand, one number per fast tick."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.csv_files import read_csv
-from wavesweep.program.spec.studies import apart
-from wavesweep.simulation.keys import AT_A_TICK, MOST_COUNTED, MOST_TICKS, first_tick
-
-# of a record; times and forces with all their digits take 40 bytes a row
-MOST_RECORD_BYTES = 40 * MOST_TICKS
+from wavesweep.simulation.keys import MOST_COUNTED, first_tick
 
 
 @dataclass(frozen=True)
@@ -184,57 +176,3 @@ def _ticks(fast_hz: float, seconds: float) -> int:
     if not 0.0 <= seconds < np.inf:
         raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
     return first_tick(seconds, fast_hz)
-
-
-def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:
-    """Read a record of hand force from a CSV file with a header line.
-
-    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its
-    times must increase by one fast period from row to row, within 1 % of it; they may start at any
-    time. Other columns are ignored. Blank lines may stand at the end alone, since each other one
-    would move all forces after it by a tick. rate: the key of the fast rate, for messages.
-
-    Errors: `UsageError` naming the file, the line, the value found and the values expected.
-    """
-    file = read_csv(path, MOST_RECORD_BYTES)
-    lines = file.body.rstrip("\n, \t").split("\n")
-    first_line = file.above + 2  # in the file, counted from 1; the header is above it
-    if file.names.count("force_N") != 1 or file.names.count("time_s") > 1:
-        # A spec may name any file, whose text is not for everybody: only that of a table of numbers
-        # is shown.
-        cells = lines[0].split(",") if file.names else []
-        table = len(cells) == len(file.names) and all(map(_is_number, cells))
-        problem = file.listed if table else "text that is no table of numbers"
-        raise UsageError(
-            f"{path}:{first_line - 1}: expected one column force_N and at most one time_s in the header, found {problem}"
-        )
-    if len(lines) > MOST_TICKS:
-        raise UsageError(
-            f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more"
-        )
-    # A file without rows has a blank line alone, which `numbers` refuses.
-    if len(lines) > 1:
-        for number, line in enumerate(lines, start=first_line):
-            if not line.strip():
-                raise UsageError(f"{path}:{number}: force_N: expected a number, found nothing")
-    if "time_s" not in file.names:
-        (force,) = file.numbers(["force_N"]).T
-        return Input(force.copy())
-    force, times = file.numbers(["force_N", "time_s"]).T
-    expected = times[0] + np.arange(len(force)) / fast_hz
-    off = np.abs(times - expected) > AT_A_TICK / fast_hz
-    if off.any():
-        row = int(off.argmax())
-        wanted, problem = apart(float(expected[row]), float(times[row]))
-        raise UsageError(
-            f"{path}:{first_line + row}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
-            f"fast rate, found {problem}; resample the record or set {rate}"
-        )
-    return Input(force.copy())
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False

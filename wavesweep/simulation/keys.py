@@ -48,7 +48,6 @@ INPUTS = {
     "step": "a constant force from at_s on",
     "pulse": "a constant force for width_s",
     "noise": "white noise, a new value in each tick",
-    "record": "the force of a CSV file",
 }
 KEYS = Key.by_path(
     [
@@ -95,16 +94,11 @@ KEYS = Key.by_path(
             "s",
             "how long the pulse lasts: to the first tick at or after its end",
         ),
-        Key.word(
-            "simulate.record",
-            None,
-            "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
-        ),
         Key.gain(
             "simulate.duration_s",
             None,
             "s",
-            "simulated time, all ticks before its end; by default 10 s, or what the steps or the record take",
+            "simulated time, all ticks before its end; by default 10 s, or what the steps take",
         ),
         Key.whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
         Key.number(
@@ -198,16 +192,13 @@ INPUT_FREQUENCIES = {
     "chirp": _default((0.1, 50.0)),
 }
 
-FORCES = tuple(name for name in INPUTS if name != "record")
 # Keys that only some inputs read.
 READ_BY = {
-    "amplitude": FORCES,
     "frequency_hz": tuple(INPUT_FREQUENCIES),
     "settle_s": ("sine", "stepped-sine"),
     "periods": ("stepped-sine",),
     "at_s": ("step", "pulse"),
     "width_s": ("pulse",),
-    "record": ("record",),
 }
 
 
@@ -340,8 +331,8 @@ class Experiment(TableValue):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The record of a force, and that of frames."""
-        return tuple(filter(None, (self.values["record"], self.frames_file)))
+        """That of frames."""
+        return (self.frames_file,) if self.frames_file else ()
 
     @property
     def frames_file(self) -> str:
@@ -518,13 +509,8 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
     if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in leaves):
         axis = axis or INPUT_FREQUENCIES.get(kind)
         values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)
-    if values["duration_s"] is None and kind not in ("stepped-sine", "record"):
+    if values["duration_s"] is None and kind != "stepped-sine":
         values["duration_s"] = SECONDS_OF_INPUT
-    if kind == "record" and values["record"] is None:
-        expected = "the name of a CSV file for this input"
-        mistakes.refuse(
-            leaves["simulate.input"], "simulate.record", expected, "nothing", of_key=False
-        )
     if frequency_leaves:
         leaves[FREQUENCIES] = Leaf(None, axis_place(frequency_leaves))
     return Experiment(values, axis, leaves)

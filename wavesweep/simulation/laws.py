@@ -16,7 +16,6 @@ import numpy as np
 
 from wavesweep.engine.drawing import TYPES
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
-from wavesweep.simulation.named import root
 
 Sum = tuple[tuple[float, str], ...]
 """A sum of products: the factor and the name of each term."""
@@ -501,7 +500,7 @@ def wave(period: float, b: float, gives: str) -> Law:
     """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v
     - in`, or solved for `v`."""
     del period
-    impedance, admittance = root(2 * b), root(2 / b)
+    impedance, admittance = math.sqrt(2 * b), math.sqrt(2 / b)
     if gives == "force":
         return Law(
             {"force": ((b, "v"), (-impedance, "in")), "out": ((impedance, "v"), (-1.0, "in"))}
@@ -516,7 +515,7 @@ def avatar(period: float, b: float, integration: str) -> Law:
     It moves from `before` by a step with its velocity; the spring reads where it was, if explicit,
     or where it is.
     """
-    admittance = root(2 / b)
+    admittance = math.sqrt(2 / b)
     moved, keeps = _integral("before", "v", period, integration)
     gives = {
         "v": ((admittance, "in"), (-1 / b, "f")),
@@ -539,11 +538,11 @@ def local_model(period: float, b: float, K: float, B: float, integration: str) -
     total = b + B + K * ahead
     gives = {
         "speed": (
-            (root(2 * b) / total, "in"),
+            (math.sqrt(2 * b) / total, "in"),
             *((-K * factor / total, name) for factor, name in still),
         ),
         "pull": (*((K * factor, name) for factor, name in still), (K * ahead + B, "speed")),
-        "out": ((1.0, "in"), (-root(2 / b), "pull")),
+        "out": ((1.0, "in"), (-math.sqrt(2 / b), "pull")),
     }
     return Law(gives, keeps)
 
@@ -553,7 +552,7 @@ def local_model_away(period: float, b: float, K: float, B: float, integration: s
     stretched."""
     del period, K, B
     if integration == "trapezoidal":
-        moving = {"last speed": ((root(2 / b), "in"),)}
+        moving = {"last speed": ((math.sqrt(2 / b), "in"),)}
     else:
         moving = {}
     return Law({"out": ((1.0, "in"),)}, {"before": (), **moving})

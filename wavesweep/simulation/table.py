@@ -168,14 +168,11 @@ def _unlike_the_linear(spec, linear, tones, frame):
 def _facts(
     spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]
 ) -> dict[str, Any]:
-    from wavesweep.simulation.from_spec import beside, claim_of, record_path
-    from wavesweep.simulation.inputs import MOST_RECORD_BYTES
+    from wavesweep.simulation.from_spec import beside, claim_of
 
     counts = {"computed": 1, "skipped": 0, "certified": 0}
     facts = facts_of(spec, methods, counts, timings, notices, claims={"spec": claim_of(spec)})
     # The digest of the spec covers only the names of files.
-    if spec.simulate["input"] == "record":
-        facts["record_sha256"] = _digest(record_path(spec), MOST_RECORD_BYTES)
     if spec.simulate.frames_file:
         facts["frames_sha256"] = _digest(beside(spec, spec.simulate.frames_file), FRAMES_BYTES)
     return facts
@@ -484,7 +481,7 @@ def _off(columns: Columns, name: str) -> float | None:
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:
     from wavesweep.program.spec import load
 
-    if facts["spec"]["simulate"]["input"] == "record" or "frames_sha256" in facts:
+    if "frames_sha256" in facts:
         return None  # the package does not have the path of the file
     spec = replace(load(facts["spec"]).asking("simulate"), name=name())
     return Recompute(spec.sha256, simulate(spec)[number].blocks)

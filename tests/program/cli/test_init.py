@@ -118,8 +118,8 @@ def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
     code, _, said = wavesweep("init", "first-our")
     assert code == 2
     assert "did you mean first-hour?" in said
-    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q")[0] == 0
-    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
+    assert wavesweep("check", "first-hour.toml", "--strict", "-q")[0] == 0
+    assert wavesweep("check", "first-hour.toml", "--strict", "-q", "--set", "K_VE=1000")[0] == 1
 
 
 TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml")) + list(STARTING_RECIPES)
@@ -136,7 +136,7 @@ def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_pa
     assert wavesweep("init", name) == (0, "", f"{name}.toml\n")
     text = Path(f"{name}.toml").read_text()
     assert "sweeps/" not in text
-    code, said, _ = wavesweep("check", f"{name}.toml", "--exit-code")
+    code, said, _ = wavesweep("check", f"{name}.toml", "--strict")
     assert (code, "not certified" in said) == (0, False)
     for words in re.findall(r"^#     wavesweep (.*)$", text, re.MULTILINE):
         assert wavesweep(*words.split(), "-q")[0] == 0

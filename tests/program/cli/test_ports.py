@@ -23,14 +23,11 @@ def run(tmp_path, monkeypatch, capfd):
 
 @pytest.mark.slow
 @pytest.mark.whole
-def test_check_draws_a_root_locus_and_lists_the_pairs(run):
-    code, text, results = run("check", "drive.toml", "--root-locus", "kp", "--all")
+def test_check_lists_the_pairs(run):
+    code, text, _ = run("check", "drive.toml", "--all")
     assert (code, "bode: 8 curves (ref to speed, " in text, "passivity: not possible" in text) == (0, True, True)
-    assert [path.name for path in results.iterdir()] == ["root-locus.png"]
-    code, text, _ = run("check", "drive.toml", "--root-locus", "kq")
-    assert (code, "kq: expected the name of a numeric key" in text) == (2, True)
     code, text, _ = run("check", "drive.toml", "--out", "there")
-    assert (code, "--out: expected --plot or --root-locus" in text) == (2, True)
+    assert (code, "--out: expected --plot" in text) == (2, True)
 
 
 @pytest.mark.whole

@@ -95,6 +95,9 @@ MOVED = MappingProxyType(
         "--format": f"{_SHAPES}; --out NAME.svg (.pdf, .eps) writes a figure in another format at once",
         **dict.fromkeys(("--width", "--style"), _SHAPES),
         "--force": "stood for two options: --overwrite replaces results of another spec, --restart begins a run anew",
+        "--exit-code": "is --strict",
+        "--root-locus": "is `wavesweep poles SPEC --over NUMBER`",
+        "--gains": "is gone, since all numbers are constants in C: --set them, and export again",
     }
 )
 GONE = MappingProxyType(

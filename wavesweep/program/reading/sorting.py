@@ -20,6 +20,10 @@ TABLES = tuple(
     dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n)
 )
 
+GONE = {  # keys that specs had, and what does the same
+    "simulate.record": "no file of a force: in Python, loop.simulate(force) takes one"
+}
+
 SPAN = Section()  # of a key that may be given as an axis is
 
 
@@ -137,8 +141,11 @@ class _Sorter:
             problem = "an unknown table"
         else:
             problem = "an unknown key"
-        expected = f"one of {'' if table else 'the tables '}{', '.join(known)}"
-        self.mistakes.refuse(leaf, joined_path(path), expected, problem, near)
+        name = joined_path(path)
+        usual = f"one of {'' if table else 'the tables '}{', '.join(known)}"
+        self.mistakes.refuse(
+            leaf, name, GONE.get(name, usual), problem, "" if name in GONE else near
+        )
 
     def _put_in_section(self, path: Path, rest: Path, leaf: Leaf) -> None:
         """Put a leaf of a section under its key, or with the parts of its axis. path: of the

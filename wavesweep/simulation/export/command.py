@@ -22,17 +22,11 @@ if TYPE_CHECKING:
 @click.option(
     "--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99."
 )
-@click.option(
-    "--gains",
-    is_flag=True,
-    help="Have gains as variables in s.gains: all numbers that enter only by arithmetic, as stiffnesses and wave impedances. "
-    "ws_tune computes the coefficients from them. Cutoffs, orders, rates and delays stay constants.",
-)
 @folder("Folder for the files [default: results/<spec's name>/c].")
 @overwriting("Replace existing files.")
 @override
 def export(
-    spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...], gains: bool
+    spec: str, to: str, out: str | None, overwrite: bool, overrides: tuple[str, ...]
 ) -> None:
     """Write the controller as C, with test vectors: what was analysed is what runs.
 
@@ -68,7 +62,7 @@ def export(
     loaded = specs.load(spec, overrides)
     folder = Path(out or own_folder([loaded.name], overrides) / to)
     results.refuse_unusable(folder)
-    program = exported(loaded, gains=gains)
+    program = exported(loaded)
     paths = [folder / name for name in program]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
@@ -104,10 +98,6 @@ def export(
             say(unstable(linear), warning=True)
         check = f"`make -C {quote(str(folder))} check` compares every bit"
         say(f"{loaded.name}, {loaded.kind}: vectors of {facts['ticks']} ticks; {check}")
-        if gains and "ws_tune" not in program["controller.h"]:
-            say(
-                "--gains: besides the wall's, no number enters this controller by arithmetic; all are constants"
-            )
         for line, warning in _lines(facts, claim):
             say(line, warning=warning)
         names = [str(paths[0]), *(path.name for path in paths[1:])]

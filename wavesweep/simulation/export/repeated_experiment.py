@@ -111,13 +111,10 @@ def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:
     return FrameClock(lengths, every, nominal)
 
 
-def drawing_of(
-    spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False
-) -> Drawing:
-    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`;
-    gains: see `exported`."""
+def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False) -> Drawing:
+    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`."""
     changed = ({} if amplifier else dict.fromkeys(AMPLIFIER, 0)) | (SLOW_ALONE if steps else {})
-    return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
+    return spec.drawing or loop_drawing({**spec.values, **changed})
 
 
 def loop_with(

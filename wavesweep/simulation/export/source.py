@@ -21,7 +21,6 @@ from wavesweep.simulation.export.controller import (
     identifiers,
 )
 from wavesweep.simulation.export.example_host import ExampleHost
-from wavesweep.simulation.export.gains import CoefficientTable, Gains, gains_of, named
 from wavesweep.simulation.export.repeated_experiment import (
     NEXT_SLOW_STEP,
     Steps,
@@ -31,7 +30,7 @@ from wavesweep.simulation.export.repeated_experiment import (
     steps_of,
     timing_of,
 )
-from wavesweep.simulation.export.text import comment, constants, filled, number, table_of
+from wavesweep.simulation.export.text import comment, constants, filled, table_of
 from wavesweep.simulation.export.tick_functions import tick_function
 from wavesweep.simulation.from_spec import effects_of, hand_force
 from wavesweep.simulation.running_blocks import DEPTH, FORCE, SEEN, SPEED, divided
@@ -41,11 +40,8 @@ NUMBERS_IN_A_LINE = 40  # of a table in C
 LONGEST_COMMENT = 110  # letters of a line
 
 
-def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
+def exported(spec: Spec) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
-
-    gains: whether numbers that determine coefficients by arithmetic are variables in C, see
-    `gains_of`.
 
     The vectors are the experiment of the spec's [simulate] table: what the controller reads and
     gives in each tick, and the ticks by which slow results are late.
@@ -59,18 +55,10 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     effects = effects_of(spec)
     steps = steps_of(spec)
     all_steps = steps and steps.all
-    drawing = drawing_of(spec, steps, gains=gains)
-
-    def made(values: Mapping[str, Any]) -> ExportedController:
-        loop = loop_with(spec, drawing, values, all_steps)
-        late = effects.late or effects.dropped or loop.channels or steps
-        return controller_of(loop, bool(late))
-
+    drawing = drawing_of(spec, steps)
     loop = loop_with(spec, drawing, spec.values, all_steps)
-    found_gains = Gains((), ())
-    if gains:
-        found_gains = gains_of(spec, made, () if loop.wall is None else spec.wall)
-    own = made(named(spec.values, found_gains.paths))
+    late = effects.late or effects.dropped or loop.channels or steps
+    own = controller_of(loop, bool(late))
     outputs = {name: name.removesuffix(" besides") for name in own.outputs}
     march = march_of(spec, loop, steps, own.inputs, outputs)
     signals = march.under(hand_force(spec).force).signals
@@ -84,19 +72,15 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     columns = timing_of(march, steps, count, late=own.late)
     for name, member in members.items():
         columns[member] = signals[name if name in own.inputs else SEEN + name]
-    table = _table_of(found_gains.paths)
-    own = own._replace(programs=[table.with_places(program) for program in own.programs])
     amplifier = _amplifier_ticks(spec, own)
     host = ExampleHost(own, march.loop, members, march.entry, divided(amplifier)[0])
-    flags = _flags(own, steps, table, found_gains)
+    flags = _flags(own, steps)
     flags["amplifier"] = bool(amplifier)
     values = _values(spec, own, march.entry, steps)
     values["late"] = f"{amplifier:g}"
     values["pending"] = (_longest_delay(columns) + 2) * max(1, len(own.results))
-    values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
     values |= _signals(own, members)
     values |= host.texts()
-    values |= _gains(spec, table, found_gains.constants)
     return {
         "controller.h": filled("controller.h", flags, values),
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
@@ -138,12 +122,6 @@ def _longest_delay(columns: Mapping[str, Any]) -> int:
     return int(max(late, default=0))
 
 
-def _table_of(paths: Sequence[str]) -> CoefficientTable:
-    """A table of coefficients whose variables have the last words of the paths as names."""
-    names = identifiers([path.rpartition(".")[2] for path in paths])
-    return CoefficientTable(dict(zip(paths, names, strict=True)))
-
-
 def _amplifier_ticks(spec: Spec, own: ExportedController) -> float:
     """The ticks by which the amplifier of a built-in controller's device is late."""
     if spec.drawing:
@@ -151,9 +129,7 @@ def _amplifier_ticks(spec: Spec, own: ExportedController) -> float:
     return spec.values["device.delay"] + spec.values["device.dead_time"] * own.loop.rate
 
 
-def _flags(
-    own: ExportedController, steps: Steps | None, table: CoefficientTable, gains: Gains
-) -> dict[str, bool]:
+def _flags(own: ExportedController, steps: Steps | None) -> dict[str, bool]:
     """The flags of the templates' conditional parts."""
     return {
         "wall": own.loop.wall is not None,
@@ -163,9 +139,6 @@ def _flags(
         "several": len(own.programs) > 1,
         "zero": own.late and any(result.zero for result in own.results),
         "steps": steps is not None,
-        "gains": bool(gains.paths),
-        "constants": bool(gains.constants),
-        "library": any("sqrt" in line for line in table.lines),
     }
 
 
@@ -285,31 +258,6 @@ def _steps(steps: Steps) -> dict[str, Any]:
         "usual": "WS_NEXT" if steps.usual == NEXT_SLOW_STEP else steps.usual,
         "pattern": _listed(steps.frames.ticks),
         "pattern_count": len(steps.frames.ticks),
-    }
-
-
-def _gains(spec: Spec, table: CoefficientTable, constant: Sequence[str]) -> dict[str, Any]:
-    """The texts about gains, and about numbers that are constants."""
-    keys = spec.names.keys
-    declared = []
-    given = []
-    for path, name in table.members.items():
-        value = spec.values[path]
-        if path in keys and keys[path].unit != "1":
-            unit = f" {comment(keys[path].unit)}"
-        else:
-            unit = ""
-        declared.append(f"    double {name}; /* {path}: {value:g}{unit} */")
-        given.append(f"    s->gains.{name} = {number(value)};")
-    indent = " *   "
-    return {
-        "gains": "\n".join(declared),
-        "set": "\n".join(given),
-        "coefficients": table.count,
-        "computed_from_gains": "\n".join(table.lines),
-        "constants": fill(
-            ", ".join(constant), LONGEST_COMMENT, initial_indent=indent, subsequent_indent=indent
-        ),
     }
 
 

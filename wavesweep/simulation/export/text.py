@@ -6,8 +6,6 @@ from string import Template
 
 import numpy as np
 
-from wavesweep.simulation.named import Named
-
 
 def number(value: float) -> str:
     """A double as a hexadecimal constant of C99, which is exact."""
@@ -20,10 +18,7 @@ def comment(text: str) -> str:
 
 
 def factor(value: float) -> str:
-    """A double as a factor of a product, in parentheses if it is negative; one with a name by
-    its name."""
-    if isinstance(value, Named):
-        return value.made
+    """A double as a factor of a product, in parentheses if it is negative."""
     if value >= 0:
         return number(value)
     return f"({number(value)})"

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from wavesweep.simulation.export.controller import ExportedController
 from wavesweep.simulation.export.text import factor
-from wavesweep.simulation.named import Named
 from wavesweep.simulation.tick_sums import Line, Program
 
 
@@ -64,6 +63,6 @@ def sum_in_c(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
 
 def product_in_c(value: float, name: str) -> str:
     """Return a product to add; 1 and -1 change no bit of the number."""
-    if not isinstance(value, Named) and value in (1.0, -1.0):
+    if value in (1.0, -1.0):
         return f" + {name}" if value > 0 else f" - {name}"
     return f" + {factor(value)} * {name}"

@@ -82,18 +82,7 @@ void ws_init(ws_state *s)
     s->wall.position = $position;
     s->touching = $touching;
 @end
-@if gains
-$set
-    ws_tune(s);
-@end
 }
-@if gains
-
-void ws_tune(ws_state *s)
-{
-$computed_from_gains
-}
-@end
 @if late
 
 void ws_receive(ws_state *s, const ws_result *result)

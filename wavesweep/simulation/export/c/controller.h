@@ -3,7 +3,7 @@
  * Written by wavesweep $version from the spec $name, SHA-256
  *   $digest
  *
- * C99, IEEE doubles, no allocation$and_no_library. Each operation is that of `wavesweep simulate`, in the same
+ * C99, IEEE doubles, no allocation and no mathematical library. Each operation is that of `wavesweep simulate`, in the same
  * order, so every number is the same to the last bit; `make check` compares it. SI units.
  *
  * BUILD IT WITHOUT FUSED MULTIPLICATIONS. A fused a*b + c rounds once where the simulation rounds twice. gcc fuses by default
@@ -35,14 +35,6 @@
 @end
 @if wall
  * s.wall may be changed before any tick.
-@end
-@if gains
- * s.gains may be changed before any tick; ws_tune(&s) then computes the coefficients from them, in s.c. With the spec's own
- * numbers they are those of `wavesweep simulate` to the last bit. Nothing checks that the loop is stable with others.
-@end
-@if constants
- * All other numbers of the spec are constants, also these, which enter otherwise than by arithmetic:
-$constants
 @end
  *
  * What enters each output, besides the hand:
@@ -95,13 +87,6 @@ typedef struct {
 } ws_wall;
 
 @end
-@if gains
-/* Numbers from which coefficients are computed. */
-typedef struct {
-$gains
-} ws_gains;
-
-@end
 @if late
 enum { WS_RESULTS = $groups, WS_SIGNALS = $most };
 
@@ -133,10 +118,6 @@ typedef struct {
     uint64_t computed; /* forces of the wall so far */
     unsigned char contacts[$ring];
 @end
-@if gains
-    ws_gains gains;  /* the host's; ws_tune(&s) after a change */
-    double c[$coefficients];
-@end
 @if steps
     int answered;    /* the host's: 1 if the engine has answered; 0 again once the step is taken */
     int delay;       /* the host's: ticks until the results of the next step are in place, or WS_NEXT */
@@ -153,9 +134,6 @@ typedef struct {
 } ws_state;
 
 void ws_init(ws_state *s);
-@if gains
-void ws_tune(ws_state *s);
-@end
 ws_outputs ws_fast_tick(ws_state *s, ws_inputs in);
 @if late
 void ws_receive(ws_state *s, const ws_result *result);

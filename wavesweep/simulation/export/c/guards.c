@@ -1,8 +1,5 @@
 /* $title; see controller.h. Written by wavesweep $version. */
 #include <float.h>
-@if library
-#include <math.h>
-@end
 
 #include "controller.h"
 
