@@ -275,3 +275,101 @@ def test_derivatives_are_along_what_the_spec_keeps(rates):
     for number, value, given in zip(rows.number, rows.value, rows.elasticity, strict=True):
         up, down = (high({number: value * (1 + sign * step)}) for sign in (1, -1))
         assert given == pytest.approx((up - down) / (2 * step * rows.limit_value.iloc[0]), rel=1e-4, abs=1e-6), number
+
+
+def with_dead_times(lag, **sensor):
+    """1/(s + 1) under a held gain k at 10 Hz; a dead time behind the hold, and perhaps one that reads the plant."""
+    tables = {
+        "rates": {"tick_hz": 10.0},
+        "numbers": {"k": 3.0, "lag": lag, **sensor},
+        "block": {
+            "plant": {"type": "tf", "num": [1], "den": [1, 1]},
+            "h": {"type": "hold"},
+            "dead": {"type": "delay", "seconds": "lag"},
+        },
+        "wire": {"h.u": "-k*plant.y", "dead.u": "h.y", "plant.u": "dead.y"},
+    }
+    if sensor:
+        tables["block"]["eye"] = {"type": "delay", "seconds": "sensor"}
+        tables["wire"] |= {"eye.u": "plant.y", "h.u": "-k*eye.y"}
+    return tables
+
+
+def largest_gain(lag, hz):
+    """The end of k by eigenvalues: until s T before its end a tick has the force of m ticks ago, then the next one."""
+    T = 1 / hz
+    m = int(np.ceil(lag * hz - 1e-9))
+    late = np.exp(-(m / hz - lag))
+    low, high = 0.0, 1000.0
+    for _ in range(60):
+        k = (low + high) / 2
+        march = np.diag(np.ones(m), -1)  # the plant, and the forces of m ticks
+        march[1, 0] = -k
+        march[0, 0] = np.exp(-T)
+        march[0, m] += late - np.exp(-T)
+        march[0] += (1 - late) * (march[1] if m == 1 else np.eye(m + 1)[m - 1])
+        low, high = (k, high) if np.abs(np.linalg.eigvals(march)).max() < 1 else (low, k)
+    return low
+
+
+def one_sided(end, value, sign):
+    """The elasticity of an end on one side of a number, to the second order of a step."""
+    step = sign * 1e-4
+    near, far, here = end(value * (1 + step)), end(value * (1 + 2 * step)), end(value)
+    return (4 * near - far - 3 * here) / (2 * step * here)
+
+
+@pytest.mark.parametrize(("ticks", "grows"), [(1, 0.0905), (2, -0.1796), (1.5, -0.8205)])
+def test_at_whole_ticks_of_a_dead_time_an_end_moves_otherwise_up_than_down(ticks, grows):
+    """Against the eigenvalues of a march of this loop, with a kink in both the dead time and the rate of the ticks."""
+    rows = wavesweep.compile(with_dead_times(ticks / 10)).sensitivity("k", (0, 40)).set_index("number")
+    assert rows.certified.all()
+    assert rows.elasticity["lag"] == pytest.approx(grows, abs=1e-4)
+    for number, value, end in (
+        ("lag", ticks / 10, lambda lag: largest_gain(lag, 10.0)),
+        ("rates.tick_hz", 10.0, lambda hz: largest_gain(ticks / 10, hz)),
+    ):
+        for column, sign in (("elasticity", 1), ("elasticity_down", -1)):
+            assert rows[column][number] == pytest.approx(one_sided(end, value, sign), abs=1e-5)
+    for side in ("", "_down"):
+        moved = rows["elasticity" + side] * rows.limit_value
+        assert (rows["slope" + side] * rows.value).tolist() == pytest.approx(moved.tolist())
+
+
+@pytest.mark.slow
+def test_along_a_dead_time_every_part_of_the_range_has_the_derivatives_of_its_loop():
+    """The end is at seven ticks, the spec's own dead time at three."""
+    rows = wavesweep.compile(with_dead_times(0.25)).sensitivity("lag", (0, 2)).set_index("number")
+    end = rows.limit_value.iloc[0]
+    assert largest_gain(end, 10.0) == pytest.approx(3.0)
+    by_lag = one_sided(lambda lag: largest_gain(lag, 10.0), end, 1)
+    by_rate = one_sided(lambda hz: largest_gain(end, hz), 10.0, 1)
+    assert rows.certified.all()
+    assert rows.elasticity["k"] == pytest.approx(1 / by_lag, abs=1e-5)
+    assert rows.elasticity["rates.tick_hz"] == pytest.approx(-by_rate / by_lag, abs=1e-5)
+    assert rows.elasticity.tolist() == rows.elasticity_down.tolist()
+    assert 0 < rows.damping_ratio.iloc[0] < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tables", "along", "numbers"),
+    [
+        (with_dead_times(0.04, sensor=0.16), "k", ["lag", "sensor", "rates.tick_hz"]),  # one tick together with another
+        ({"controller": {"kind": "dc"}, "device": {"dead_time": 0.001}}, "K_VE", ["device.dead_time", "rates.fast_hz"]),
+    ],
+)
+def test_both_sides_of_a_kink_are_those_of_ends_computed_again(tables, along, numbers):
+    loop = wavesweep.compile(tables)
+    rows = loop.sensitivity(along, (0, 9000))
+    rows = rows[(rows.quantity == "end") & (rows.side == "high")].set_index("number")
+    for number in numbers:
+
+        def end(value, number=number):
+            return loop.stable_intervals(along, (0, 9000), **{number: value}).high.iloc[0]
+
+        row = rows.loc[number]
+        assert row.certified
+        assert abs(row.elasticity - row.elasticity_down) > 1e-3
+        for given, sign in ((row.elasticity, 1), (row.elasticity_down, -1)):
+            assert given == pytest.approx(one_sided(end, row.value, sign), abs=1e-5)

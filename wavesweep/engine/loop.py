@@ -112,6 +112,11 @@ class Loops(NamedTuple):
         }
         return type(self)(self.drawing, plain)
 
+    def building(self) -> dict[str, Any]:
+        """The whole numbers by which dead times decide how the loops are built, by their paths; of
+        complex numbers after a small step of their imaginary parts, see `dead_time.structure`."""
+        return dead_time.structure(self.drawing, self.values)
+
     def built_alike(self, members: np.ndarray) -> Iterator[tuple[np.ndarray, "Loops"]]:
         """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.
 
@@ -120,10 +125,9 @@ class Loops(NamedTuple):
         if not self.drawing.dead_times:
             yield members, self
             return
-        structure = dead_time.structure(self.drawing, self.values)
         building = {
             path: np.broadcast_to(number, members.shape).astype(int)
-            for path, number in structure.items()
+            for path, number in self.building().items()
         }
         for batch in distinct(list(building.values()), members.size):
             ticks = {path: int(number[batch[0]]) for path, number in building.items()}

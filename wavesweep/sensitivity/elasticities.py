@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.doubles import NEXT_TO_ZERO
-from wavesweep.engine.drawing import path_of
+from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
+from wavesweep.engine.rows import Rows, distinct
 from wavesweep.haptics.felt import feels, felt_of
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
@@ -27,20 +28,22 @@ from wavesweep.sensitivity.sensitivity import (
 FRAMES_AT_ONCE = 2048  # frames at once
 REAL_STEP = 1e-3  # of a number, where a real step takes the place of a complex one
 PATH_STEPS = 96  # in which a mode is followed into the interval
+SIDES_TRIED = 3  # ways to build a loop beside a whole tick: as the end moves, which moves it
 INSIDE_END = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "side", "quantity", "unit", "states", "number", "number_unit", "doubt")
 
 
 @dataclass(frozen=True, slots=True)
-class _Ends:
+class _Ends(Rows):
     """Ends of intervals that stability decides: row of the table of intervals, whether it is the
-    upper end, value, rad/s."""
+    upper end, value, rad/s, and their size: that of the interval where the end is 0."""
 
     row: np.ndarray
     upper: np.ndarray
     value: np.ndarray
     omega: np.ndarray
+    size: np.ndarray
 
     @classmethod
     def of(cls, found, axis):
@@ -49,7 +52,10 @@ class _Ends:
         value = np.stack([found["low"], found["high"]], -1).ravel()
         omega = np.stack([found["low_omega"], found["high_omega"]], -1).ravel()
         crossings = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
-        return cls(crossings // 2, crossings % 2 == 1, value[crossings], omega[crossings])
+        row = crossings // 2
+        ends = value[crossings]
+        size = np.where(ends == 0, (found["high"] - found["low"])[row], np.abs(ends))
+        return cls(row, crossings % 2 == 1, ends, omega[crossings], size)
 
 
 def elasticities(
@@ -73,13 +79,15 @@ def elasticities(
     batches = []
     changes = {each.path: np.asarray(found[each.name])[ends.row] for each in grid.axes}
     groups = drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path)
-    for members, several in groups:
-        loops = _VariedLoops(grid.spec, axis, several.read, numbers)
-        most = max(1, FRAMES_AT_ONCE // max(PATH_STEPS, len(loops.moving) + 1))
-        for start in range(0, members.size, most):
-            batch = slice(start, start + most)
-            some = replace(loops, loops=loops.loops.some(batch))
-            batches.append(_rows(some, found, ends, members[batch]))
+    for group, several in groups:
+        at_ends = several.read.unbuilt.changed({axis.path: ends.value[group]})
+        for members, built in at_ends.built_alike(group):
+            loops = _VariedLoops(grid.spec, axis, built, numbers)
+            most = max(1, FRAMES_AT_ONCE // max(PATH_STEPS, len(loops.moving) + 1))
+            for start in range(0, members.size, most):
+                batch = slice(start, start + most)
+                some = replace(loops, loops=built.some(batch))
+                batches.append(_rows(some, found, ends, members[batch]))
     names = ("at", *names)
     kinds = dict.fromkeys(TEXTS, object) | {
         "interval": int,
@@ -101,6 +109,14 @@ def elasticities(
         name: column[order].astype(kinds.get(name, float))
         for name, column in joined_columns.items()
     }
+
+
+class Moves(NamedTuple):
+    """Change of a limit per relative change of each moving number, and the relative error of that,
+    `(crossings, moving)`."""
+
+    slope: np.ndarray
+    error: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,29 +143,80 @@ class _VariedLoops:
         }
         return self.loops.changed({**varied, self.axis.path: np.where(p == 0, NEXT_TO_ZERO, p)})
 
-    def stepped(self, p, size) -> Loops:
-        """The loops with a complex step in the axis (of `size`) and in each moving number,
-        `(loops * (1 + numbers),)`."""
-        moving = self.moving
-        count = 1 + len(moving)
-        step = COMPLEX_STEP * 1j * np.tile(np.eye(count), (p.size, 1))
-        varied = self.with_end(np.repeat(p, count) + step[:, 0] * np.repeat(size, count), count)
+    def stepped(self, p, of_end, of_numbers) -> Loops:
+        """Copies of every loop with complex steps: of the end `(loops, copies)`, and relative ones
+        of each moving number `(loops, copies, numbers)`; `(loops * copies,)`."""
+        count = of_end.shape[-1]
+        step = COMPLEX_STEP * 1j
+        varied = self.with_end(np.repeat(p, count) + step * of_end.ravel(), count)
+        relative = 1 + step * of_numbers.reshape(p.size * count, -1)
         steps = {
-            path: varied.values[path] * (1 + step[:, number])
-            for number, path in enumerate(moving, 1)
+            path: varied.values[path] * relative[:, number]
+            for number, path in enumerate(self.moving)
         }
         return varied.changed(steps)
+
+    def built_after(self, p, by_number, sign) -> np.ndarray:
+        """The whole numbers by which loops are built after a small step of `sign` of each moving
+        number, with which the end moves by `by_number`: `(loops, numbers, whole numbers)`."""
+        count = by_number.shape[-1]
+        steps = np.broadcast_to(sign * np.eye(count), (p.size, count, count))
+        building = self.stepped(p, sign * by_number, steps).unbuilt.building()
+        whole = []
+        for number in building.values():
+            whole.append(np.broadcast_to(number, by_number.size).reshape(by_number.shape))
+        return np.stack(whole, -1).astype(int)
+
+    def stepped_by_each(self, p, size) -> Loops:
+        """The loops with a complex step in the axis (of `size`) and in each moving number,
+        `(loops * (1 + numbers),)`."""
+        count = 1 + len(self.moving)
+        steps = np.broadcast_to(np.eye(count), (p.size, count, count))
+        return self.stepped(p, size[:, None] * steps[..., 0], steps[..., 1:])
+
+    def crossings(self, ends: _Ends) -> EndCrossings:
+        """The crossings at the ends of the loops, with their derivatives as the loops are built."""
+        p = ends.value
+        count = 1 + len(self.moving)
+        E = self.frames(self.stepped_by_each(p, ends.size), p.size * count)
+        E = E.reshape(p.size, count, *E.shape[-2:])
+        by_end = E.imag[:, 0] / COMPLEX_STEP / ends.size[:, None, None]
+        by_number = E.imag[:, 1:] / COMPLEX_STEP
+        theta = ends.omega * self.period(p)
+        return crossings_of(E[:, 0].real, by_end, by_number, theta, ends.size, ends.upper)
 
     def frames(self, varied, count) -> np.ndarray:
         """Frames less identity `(count, n, n)`."""
         E = varied.frames(self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
+    def eigenvalues(self, p, each) -> np.ndarray:
+        """Those of the frames less 1 at values of the axis, `each` of every loop, `(loops * each,
+        n)`; a loop with fewer states, as its dead times have fewer ticks there, has -1 for them."""
+        at_values = self.with_end(p, each)
+        found = []
+        for members, built in at_values.at_any_value_of(self.axis.path).built_alike(
+            np.arange(p.size)
+        ):
+            alike = replace(self, loops=built)
+            delta, finite = eigenvalues(alike.frames(built, members.size))
+            found.append((members, np.where(finite[:, None], delta, np.nan)))
+        padded = np.full((p.size, max(delta.shape[-1] for _, delta in found)), -1.0 + 0j)
+        for members, delta in found:
+            padded[members, : delta.shape[-1]] = delta
+        return padded
+
     def _drift(self):
-        varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
-        return self.loops.changed(
-            {**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}
-        ).drift_of_frames()
+        """What nothing opposes at values of the numbers and of the axis; times stay, since with
+        other ones the loop would be built anew."""
+        times = self.loops.drawing.timing
+        varied = {}
+        for path in self.moving:
+            if name_of(path) not in times:
+                varied[path] = np.ravel(self.loops.values[path])[:, None] * [1, 2]
+        if name_of(self.axis.path) not in times:
+            varied[self.axis.path] = np.array([self.axis.start, self.axis.stop])
+        return self.loops.changed(varied).drift_of_frames()
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and
@@ -173,14 +240,16 @@ class _VariedLoops:
             12 * REAL_STEP
         )
 
-    def about(self, p) -> tuple[np.ndarray, list[str]]:
-        """The frame's period in s, and a readable label of each state. p: values of the axis,
-        `(loops,)`."""
-        drawn, drift = self.with_end(p, 1).drawn(), self._drift()
-        labels = drawn.labels()
-        return np.real(drawn.period * drawn.ticks), [
-            labels[drift.states[index]] for index in drift.remaining
-        ]
+    def period(self, p) -> np.ndarray:
+        """The frame's period in s, `(loops,)`; p: values of the axis, `(loops,)`."""
+        drawn = self.with_end(p, 1).drawn()
+        return np.broadcast_to(np.real(drawn.period * drawn.ticks), p.shape)
+
+    def labels(self, p) -> list[str]:
+        """A readable label of each state."""
+        labels = self.with_end(p, 1).drawn().labels()
+        drift = self._drift()
+        return [labels[drift.states[index]] for index in drift.remaining]
 
 
 def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
@@ -227,38 +296,28 @@ def _name(spec, path):
 
 def _rows(loops, found, ends, members) -> dict:
     """The columns of some ends, and `at`: the end of each row."""
-    row = ends.row[members]
-    upper = ends.upper[members]
-    p = ends.value[members]
-    low = found["low"][row]
-    high = found["high"][row]
-    size = np.where(p == 0, high - low, np.abs(p))
-    count = 1 + len(loops.moving)
-    varied = loops.stepped(p, size)
-    period, labels = loops.about(p)
-    period = np.broadcast_to(period, p.shape)
-    E = loops.frames(varied, p.size * count)
-    E = E.reshape(p.size, count, *E.shape[-2:])
-    by_end = E.imag[:, 0] / COMPLEX_STEP / size[:, None, None]
-    by_number = E.imag[:, 1:] / COMPLEX_STEP
-    crossings = crossings_of(
-        E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper
-    )
+    ends = ends.take(members)
+    row = ends.row
+    p = ends.value
+    period = loops.period(p)
+    labels = loops.labels(p)
+    crossings = loops.crossings(ends)
     at = crossings.end
     certified = found["certified"][row][at]
     certain = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
     states = []
     for share, is_certain in zip(crossings.share, certain, strict=True):
         states.append(_states(share, labels) if is_certain else "")
-    damping_ratio = _damping_inside(loops, (low, high), p, upper, crossings)
+    width = found["high"][row] - found["low"][row]
+    damping_ratio = _damping_inside(loops, ends, width, period, crossings)
     omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
     known_columns = {
         "at": members[at],
         "interval": found["interval"][row][at],
-        "side": np.where(upper[at], "high", "low").astype(object),
+        "side": np.where(ends.upper[at], "high", "low").astype(object),
         "crossing": crossings.number,
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
-        "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
+        "omega": np.where(crossings.number == 0, ends.omega[at], omega),
         "damping_ratio": np.where(certain, damping_ratio, np.nan),
         "states": np.array(states, object).reshape(at.size),
     }
@@ -267,19 +326,24 @@ def _rows(loops, found, ends, members) -> dict:
     known_columns |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
     of_crossing = np.where(crossings.defective, "defective", "")
     doubt = np.where(certified, of_crossing, found["doubt"][row][at].astype(str))
-    end_error = crossings.error / size[at][:, None]
-    quantities = [Quantity("end", p[at], crossings.slope, end_error)]
-    stiffness = loops.felt(varied, p.size * count)
+    sides = [_one_sided(loops, ends, crossings, sign) for sign in (1, -1)]
+    size = ends.size[at][:, None]
+    moves = [Moves(side.slope, side.error / size) for side in sides]
+    quantities = [Quantity("end", p[at], *moves)]
+    stepped = loops.stepped_by_each(p, ends.size)
+    stiffness = loops.felt(stepped, p.size * (1 + len(loops.moving)))
     if stiffness is not None:
-        felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
-        slope, error = _felt(stiffness.reshape(p.size, count)[at], felt_there, size[at], crossings)
+        felt_there = np.where(ends.upper, found["felt_high"][row], found["felt_low"][row])[at]
+        stiffness = stiffness.reshape(p.size, -1)[at]
+        moves = [_felt(stiffness, felt_there, ends.size[at], side) for side in sides]
         # Nothing holds what feels no wall, and real steps lead there.
         unknown = p[at] == 0
         if loops.axis.path not in loops.spec.wall:
             # Another number's 0 takes a branch out of the loop, see also `felt_at_ends`.
-            unknown |= ends.omega[members][at] == 0
-        error[unknown] = np.inf
-        quantities.append(Quantity("felt", felt_there, slope, error))
+            unknown |= ends.omega[at] == 0
+        for move in moves:
+            move.error[unknown] = np.inf
+        quantities.append(Quantity("felt", felt_there, *moves))
     numbers = [np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers]
     value = np.stack(numbers, -1)
     tables = []
@@ -292,7 +356,45 @@ def _rows(loops, found, ends, members) -> dict:
     return {name: column[order] for name, column in columns.items()}
 
 
-def _felt(stepped, stiffness, size, crossings: EndCrossings):
+def _one_sided(loops: _VariedLoops, ends: _Ends, crossings: EndCrossings, sign) -> EndCrossings:
+    """The crossings with the derivatives of the end by each number on one side of its value, above
+    it (sign 1) or below (-1).
+
+    They differ where a dead time is a whole number of ticks, from which on the loop is built
+    anew. How it is built after a step is known from where the step leads; along a dead time that
+    has to agree with how the end itself moves then, else the error is infinite.
+    """
+    if not loops.loops.drawing.dead_times:
+        return crossings
+    at = crossings.end
+    of_crossings = replace(loops, loops=loops.loops.some(at))
+    slope = crossings.slope.copy()
+    error = crossings.error.copy()
+    paths = list(loops.loops.drawing.building)
+    assumed = np.empty((*slope.shape, len(paths)), int)
+    assumed[:] = [loops.loops.values[path] for path in paths]
+    wanted = of_crossings.built_after(ends.take(at).value, slope, sign)
+    for _ in range(SIDES_TRIED):
+        moved = (wanted != assumed).any(-1)
+        assumed[moved] = wanted[moved]
+        for some in distinct(list(assumed[moved].T), int(moved.sum())):
+            row, number = (places[some] for places in np.nonzero(moved))
+            built = dict(zip(paths, assumed[row[0], number[0]].tolist(), strict=True))
+            if min(built.values()) < 0:
+                error[row, number] = np.inf
+                continue
+            alike = replace(loops, loops=loops.loops.changed(built))
+            found = alike.crossings(ends)
+            apart = np.abs(found.delta - crossings.delta[row][:, None])
+            same = np.argmin(np.where(found.end == at[row][:, None], apart, np.inf), -1)
+            slope[row, number] = found.slope[same, number]
+            error[row, number] = found.error[same, number]
+        wanted = of_crossings.built_after(ends.take(at).value, slope, sign)
+    error[(wanted != assumed).any(-1)] = np.inf
+    return replace(crossings, slope=slope, error=error)
+
+
+def _felt(stepped, stiffness, size, crossings: EndCrossings) -> Moves:
     """Total derivatives of the stiffness felt at the end of each crossing, and their relative
     errors.
 
@@ -305,28 +407,26 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings):
         relative_to = np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)
         error = np.abs(by_end) * crossings.error / relative_to[:, None]
         error = np.where((by_end == 0) & np.isfinite(crossings.error), 0.0, np.abs(error))
-    return direct + by_end * crossings.slope, error
+    return Moves(direct + by_end * crossings.slope, error)
 
 
-def _damping_inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
+def _damping_inside(loops, ends: _Ends, width, period, crossings: EndCrossings) -> np.ndarray:
     """The damping ratio of each crossing's mode, by its strongest line, a tenth of the end inside
-    the interval, or half-way into a narrow one."""
-    width = span[1] - span[0]
-    away = np.minimum(INSIDE_END * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(
-        upper, -1, 1
-    )
-    steps = (p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)).ravel()
-    path, finite = eigenvalues(loops.frames(loops.with_end(steps, PATH_STEPS), steps.size))
-    path = np.where(finite[:, None], path, np.nan).reshape(p.size, PATH_STEPS, -1)
+    the interval of this width, or half-way into a narrow one."""
+    p = ends.value
+    inwards = np.where(ends.upper, -1, 1)
+    away = np.minimum(INSIDE_END * np.where(p == 0, width, np.abs(p)), width / 2) * inwards
+    steps = p[:, None] + away[:, None] * (np.arange(1, PATH_STEPS + 1) / PATH_STEPS)
+    path = loops.eigenvalues(steps.ravel(), PATH_STEPS).reshape(p.size, PATH_STEPS, -1)
     delta = tracked_eigenvalue(path[crossings.end], crossings.delta)
-    period, _ = loops.about(p)
-    period = np.broadcast_to(period, p.shape)[crossings.end]
     known = np.where(np.isnan(delta), crossings.delta, delta)
     with np.errstate(all="ignore"):
         modes = np.log1p(known)
     inside = loops.with_end(p + away, 1).some(crossings.end)
-    hz = lines_in_loops(inside, modes[:, None])[:, 0]
-    return damping_ratio(delta, 2 * np.pi * hz * period)
+    hz = np.empty(crossings.end.size)
+    for members, built in inside.at_any_value_of(loops.axis.path).built_alike(np.arange(hz.size)):
+        hz[members] = lines_in_loops(built, modes[members, None])[:, 0]
+    return damping_ratio(delta, 2 * np.pi * hz * period[crossings.end])
 
 
 def _states(share, labels) -> str:
@@ -340,16 +440,13 @@ def _states(share, labels) -> str:
 
 
 class Quantity(NamedTuple):
-    """What has a limit at each crossing, and how that moves.
-
-    limit `(crossings,)`. slope, error `(crossings, moving)`: change of the limit per relative
-    change of each moving number, and the relative error of that.
-    """
+    """What has a limit at each crossing `(crossings,)`, and how that moves if numbers grow (up)
+    and if they fall (down)."""
 
     name: str
     limit: np.ndarray
-    slope: np.ndarray
-    error: np.ndarray
+    up: Moves
+    down: Moves
 
 
 def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
@@ -362,18 +459,21 @@ def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
     spec = loops.spec
     numbers = loops.numbers
     columns = [numbers.index(path) for path in loops.moving]
-    change = np.zeros(value.shape)
-    change[:, columns] = quantity.slope
-    bound = np.zeros(value.shape)
-    bound[:, columns] = quantity.error
-    with np.errstate(all="ignore"):
-        elasticity = np.where(
-            value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None])
-        )
-        slope = np.where(value == 0, np.nan, change / value)
-    lost = ~(bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
-    word = np.where((doubt == "")[:, None] & lost, "rounding", doubt[:, None])
-    no_doubt = (word == "").ravel()
+    sides = []
+    for moves in (quantity.up, quantity.down):
+        change = np.zeros(value.shape)
+        change[:, columns] = moves.slope
+        bound = np.zeros(value.shape)
+        bound[:, columns] = moves.error
+        with np.errstate(all="ignore"):
+            share = np.where(limit[:, None] == 0, np.nan, change / limit[:, None])
+            elasticity = np.where(value == 0, 0.0, share)
+            slope = np.where(value == 0, np.nan, change / value)
+        known_side = (doubt == "")[:, None] & (bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
+        given = [np.where(known_side, column, np.nan).ravel() for column in (elasticity, slope)]
+        sides.append((known_side, *given))
+    up, down = sides
+    word = np.where((doubt == "")[:, None] & ~up[0], "rounding", doubt[:, None])
     rows = {}
     of_crossings = known | {"limit_value": limit}
     for name, column in of_crossings.items():
@@ -388,9 +488,9 @@ def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
     units = [spec.names.find(path).unit for path in numbers]
     rows["number"] = np.tile(np.array(names, object), limit.size)
     rows["number_unit"] = np.tile(np.array(units, object), limit.size)
-    rows["elasticity"] = np.where(no_doubt, elasticity.ravel(), np.nan)
-    rows["slope"] = np.where(no_doubt, slope.ravel(), np.nan)
+    _, rows["elasticity"], rows["slope"] = up
+    _, rows["elasticity_down"], rows["slope_down"] = down
     rows["value"] = value.ravel()
-    rows["certified"] = no_doubt
+    rows["certified"] = (word == "").ravel()
     rows["doubt"] = word.ravel().astype(object)
     return rows

@@ -88,6 +88,10 @@ def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any
             f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars
         )
     ][:MOST_FIGURE_PANELS]
+    for rows, *_ in panels:
+        if (np.abs(rows["elasticity_down"] - rows["elasticity"]) > NO_ELASTICITY).any():
+            notes.append("Strokes: if the number falls, where that differs.")
+            break
     drawn = sum(bool(bars) for _, bars, _ in panels)
     notes += [f"Shown: {MOST_FIGURE_PANELS} of {drawn} ends."] if drawn > MOST_FIGURE_PANELS else []
     if not panels:
@@ -102,11 +106,10 @@ def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any
 def _with_bars(rows: Columns) -> tuple[list[str], str]:
     """The numbers with bars, from the largest on, and a note on those that are left out."""
     largest: dict[str, float] = {}
-    for number, elasticity in zip(
-        rows["number"].tolist(), rows["elasticity"].tolist(), strict=True
-    ):
+    sizes = np.fmax(np.abs(rows["elasticity"]), np.abs(rows["elasticity_down"]))
+    for number, elasticity in zip(rows["number"].tolist(), sizes.tolist(), strict=True):
         if not np.isnan(elasticity):
-            largest[number] = max(largest.get(number, 0.0), abs(elasticity))
+            largest[number] = max(largest.get(number, 0.0), elasticity)
     order = sorted(
         (number for number, size in largest.items() if size > NO_ELASTICITY),
         key=lambda number: -largest[number],
@@ -147,7 +150,11 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
             numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4
             for number in rows["number"][shown].tolist()
         ]
-        axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
+        up = rows["elasticity"][shown]
+        down = rows["elasticity_down"][shown]
+        axes.barh(at, up, height=0.8 / len(kinds), **_LOOKS[quantity])
+        other = np.abs(down - up) > NO_ELASTICITY
+        axes.plot(down[other], np.array(at)[other], "k|", markersize=9)
     # What they keep stands below, as there is no room beside the bars.
     kept = [symbol(number) + KEPT[number] for number in numbers if number in KEPT]
     note = "; ".join([*kept, *([note] if note else [])])

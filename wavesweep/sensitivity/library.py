@@ -35,7 +35,9 @@ class LoopSensitivity(api.Loop):
             the columns of `wavesweep why`: each axis given, along, interval, side, crossing,
             corner, quantity, limit_value in unit, omega (rad/s), hz and second_hz (Hz) and
             damping_ratio of the mode, states, number and its value in number_unit, elasticity,
-            slope, certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number.
+            slope, certified, doubt, elasticity_down, slope_down. elasticity is d ln limit/d ln
+            number, slope d limit/d number, as the number grows; those for one that falls differ
+            where a dead time is a whole number of ticks.
 
         Raises
         ------

@@ -187,17 +187,27 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _limit(rows: Columns) -> Numbers | None:
-    """Value, unit, doubt, and elasticities, the largest first; None if there is no such limit."""
+    """Value, unit, doubt, and elasticities, the largest first; those of falling numbers where they
+    are others; None if there is no such limit."""
     if not len(rows["number"]):
         return None
-    order = np.argsort(-np.abs(rows["elasticity"]), kind="stable")[
-        : min(NUMBERS_NAMED, int((~np.isnan(rows["elasticity"])).sum()))
-    ]
+    sizes = np.fmax(np.abs(rows["elasticity"]), np.abs(rows["elasticity_down"]))
+    order = np.argsort(-sizes, kind="stable")
+    known = [row for row in order.tolist() if not np.isnan(rows["elasticity"][row])]
+    up: dict[str, float] = {}
+    down: dict[str, float] = {}
+    for row in known[:NUMBERS_NAMED]:
+        number = str(rows["number"][row])
+        up[number] = float(rows["elasticity"][row])
+        falling = float(rows["elasticity_down"][row])
+        if f"{falling:.6g}" != f"{up[number]:.6g}" and not np.isnan(falling):
+            down[number] = falling
     return {
         "value": float(rows["limit_value"][0]),
         "unit": str(rows["unit"][0]),
         "doubts": counted_doubts(rows["doubt"]),
-        "elasticities": {str(rows["number"][row]): float(rows["elasticity"][row]) for row in order},
+        "elasticities": up,
+        "elasticities_down": down,
     }
 
 
@@ -254,8 +264,15 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     if end["states"]:
         yield f"  states that take part: {end['states']}", False
     yield _moves(limit)
+    if limit["elasticities_down"]:
+        yield (
+            f"  {_moves_down(limit)} (another change, since a dead time is a whole number of ticks)",
+            False,
+        )
     if felt is not None:
         line, warning = _moves(felt)
+        if felt["elasticities_down"]:
+            line = f"{line}, {_moves_down(felt)}"
         said = felt["value"] == limit["value"] == 0  # a limit of 0 has no changes in per cent
         warning = warning and not said
         yield (
@@ -284,22 +301,13 @@ def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -
 
 def _moves(limit: Numbers) -> Line:
     """The sentence about the numbers that matter most."""
-    moved = {
+    moving = {
         number: value
         for number, value in limit["elasticities"].items()
-        if abs(value) >= LEAST_ELASTICITY
+        if abs(value) >= LEAST_ELASTICITY or number in limit["elasticities_down"]
     }
-    if moved:
-        moves = [
-            f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()
-        ]
-        verbs = ["moves it ", *[""] * len(moves)]
-        named = [number + KEPT.get(number, "") for number in moved]
-        sentences = [
-            f"1 % more {number} {verb}{move}"
-            for number, verb, move in zip(named, verbs, moves, strict=False)
-        ]
-        return f"  {', '.join(sentences)}", False
+    if moving:
+        return f"  {_changes(moving, 'more', 1)}", False
     if limit["doubts"]:
         return f"  no elasticities ({', '.join(limit['doubts'])})", True
     if limit["value"] == 0:
@@ -308,6 +316,25 @@ def _moves(limit: Numbers) -> Line:
             False,
         )
     return "  no number of the loop moves it", False
+
+
+def _moves_down(limit: Numbers) -> str:
+    """The numbers that move a limit in another way if they fall."""
+    return _changes(limit["elasticities_down"], "less", -1)
+
+
+def _changes(elasticities: Mapping[str, float], than: str, sign: int) -> str:
+    """What 1 % more (sign 1) or less (-1) of each number does."""
+    verb = " moves it"
+    changes = []
+    for number, elasticity in elasticities.items():
+        way = "up" if sign * elasticity > 0 else "down"
+        change = f"{way} by {abs(elasticity):.3g} %"
+        if abs(elasticity) < LEAST_ELASTICITY:
+            change = "not at all"
+        changes.append(f"1 % {than} {number}{KEPT.get(number, '')}{verb} {change}")
+        verb = ""
+    return ", ".join(changes)
 
 
 def _unit(unit: str) -> str:

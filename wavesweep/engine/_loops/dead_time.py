@@ -41,22 +41,30 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
     """Return the whole numbers by which dead times decide how loops are built, by their paths:
     of each its ticks m, and of two that follow each other, whether `s + s' > 1`.
 
-    values: flat, real.
+    values: flat. A complex one is where its real part is and takes a small step of its imaginary
+    part: a dead time of whole ticks has one tick more if it grows by that, and of two with
+    `s + s' = 1` the first comes before the second if the sum grows.
     """
     numbers = scalars(values)
     exact = {}
     ticks = {}
     with np.errstate(all="ignore"):
-        rate = np.asarray(drawing.tick_hz.values(numbers)).real
+        rate = np.asarray(drawing.tick_hz.values(numbers))
         for name, tree in drawing.dead_times.items():
-            exact[name] = np.asarray(tree.values(numbers)).real * rate
-            ticks[name] = np.ceil(exact[name] * (1 - WHOLE_TICK))
+            exact[name] = np.asarray(tree.values(numbers)) * rate
+            real = exact[name].real
+            ticks[name] = np.ceil(real * (1 - WHOLE_TICK))
+            is_whole = real >= ticks[name] * (1 - WHOLE_TICK)
+            ticks[name] = ticks[name] + (is_whole & (exact[name].imag > 0))
     whole = {}
     for path, names in drawing.building.items():
         if len(names) == 1:
             whole[path] = ticks[names[0]]
         else:  # the first acts before the second reads
-            whole[path] = sum(ticks[name] - exact[name] for name in names) > 1
+            shares = sum(ticks[name] - exact[name] for name in names)
+            rounding = WHOLE_TICK * sum(ticks[name] for name in names)
+            at_once = np.abs(shares.real - 1) <= rounding
+            whole[path] = np.where(at_once, shares.imag > 0, shares.real > 1)
     return whole
 
 

@@ -11,7 +11,6 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine._drawing.drawing import name_of
-from wavesweep.engine._loops.dead_time import structure
 from wavesweep.engine._search.interval_records import RECORD, records_of
 from wavesweep.engine._search.question import Question, Rest, Slices
 from wavesweep.engine._stability.intervals import Intervals, by_slice, joined, without_seams
@@ -93,4 +92,4 @@ def _in_piece(question, piece, loops, loop, size, rest):
 def _built(question, piece, loop):
     """The whole numbers of ticks that the loop is built with in a piece of the range."""
     middle = loop.changed({question.along: sum(piece) / 2})
-    return {path: int(ticks) for path, ticks in structure(*middle).items()}
+    return {path: int(ticks) for path, ticks in middle.building().items()}
