@@ -202,6 +202,11 @@ def of_members(run, said):
         assert {int(each) for each in found[1].split(", ")} == {*(members["n"] if "any order" in found[2] else own)}, said
         return ""
 
+    def probability(found):
+        assert case.asks == AT_RANDOM, said
+        assert near(float(found[1]), members["lost"]), said
+        return ""
+
     def level(found):
         assert float(found[1]) == case.level, said
         return ""
@@ -216,6 +221,7 @@ def of_members(run, said):
         (rf"spectral radius {N} per frame of {N} ms", radius),
         (r"\b([nc]) (?:of|=|is|in) (-?[\d.]+(?:, -?[\d.]+)*)", values),
         (rf"\b([nc]|mass) from {N} to {N}", span),
+        (rf"lost with probability {N}", probability),
         (r"frames of (\d[\d, ]*) ticks?( in any order|)", frames),
         (rf"(?:within|at least|at most|down to 2 % in|[≤≥]) {N}", level),
         (r"slopes from 0 to 1\b|, seed 0\b", ""),
@@ -260,7 +266,7 @@ UNSETTLED = 0.02  # relative: between what is proved and what is refuted
 
 
 @shape(
-    r"(?:mine, drawn|the spec's own design): (.*)|  ((?:as required|not (?:as required|stable|every motion|known))\b.*)",
+    r"(?:mine, drawn|the spec's own design): (.*)|  ((?:as required|not (?:as required|stable|known)|does not come)\b.*)",
     ("check", "why"),
 )
 def verdict(run, said, again):

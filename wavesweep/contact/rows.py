@@ -54,6 +54,11 @@ class ContactGuarantee(Guarantee):
     status = Status.PROVED
 
     @property
+    def own_felt(self) -> bool:
+        """Whether the hand feels of all its loops what it feels of the spec's own."""
+        return not self.rules
+
+    @property
     def method(self) -> str:
         """How the intervals are found, in a line."""
         return IN_FRAMES if self.rules else ON_CIRCLE
@@ -217,9 +222,10 @@ def _row_in_frames(rules, values, walls: Along, along, span) -> Row | None:
     if proved is None:
         return None
     low, high = proved
-    beyond, text = walls.motion(high, span[1])
-    if not text:
-        beyond, text = linear_pattern(rules, values, along, high, span[1])
+    motion = walls.motion(high, span[1])
+    limit = motion[0] if motion[1] else span[1]
+    pattern = linear_pattern(rules, values, along, low, high, limit)
+    beyond, text = pattern if pattern[1] else motion
     return Row(low, high, np.nan, beyond, Refuters("", text))
 
 

@@ -31,7 +31,6 @@ MOST_PIECES, LEAST_PIECES = 300, 8  # of a proof
 CONDITIONS_OF_PIECES = 30000  # that all pieces of a proof may have together
 GRAMIAN_FRAMES = 200  # of whose sum units follow
 FREE = "no contact at all, the loop without a wall"
-REFUTED_TOLERANCE = 0.01  # of a number that patterns of frames refute
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -301,18 +300,20 @@ def along_of(rules: Any, values: dict[str, Any], wall_names: list[str], along: s
 
 
 def linear_pattern(
-    rules: Any, values: dict[str, Any], along: str, start: float, limit: float
+    rules: Any, values: dict[str, Any], along: str, low: float, high: float, limit: float
 ) -> tuple[float, str]:
-    """The nearest value beyond a start at which a pattern of frames is proved to grow with the
-    linear wall, and the pattern; NaN and nothing if none is found."""
+    """The nearest value beyond what is proved, from low to high, at which a pattern of frames is
+    proved to grow with the linear wall, which is one of those that push, and the pattern; NaN and
+    nothing if none is found. It is that of the rows of the linear wall."""
     switched = offered("switched")
     family = rules.family(values, along)
     if family.drift is not None:
         return np.nan, ""
-    fails, word = switched.nearest_refuted(family, start, limit, REFUTED_TOLERANCE)
-    if not word:
+    found = switched.bracketed(family, along, (low, limit), (low, high))
+    if not (found and found.words[1]):
         return np.nan, ""
-    return float(fails), f"the linear wall, {switched.text_of_pattern(family, word)}"
+    pattern = switched.text_of_pattern(family, found.words[1])
+    return found.fails_from, f"the linear wall, {pattern}"
 
 
 def _in_words(motion, frame):

@@ -10,6 +10,7 @@ from wavesweep.for_all.plan import LOST
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.claims import (
+    Chances,
     Frames,
     Messages,
     Order,
@@ -44,8 +45,8 @@ def _messages(rules: Rules, case: Case) -> tuple[Messages, ...]:
     found = []
     for channel in channels_of(rules.drawing, case.values):
         if channel.name in losses:
-            chances = losses[channel.name].written()
-            found.append(Messages(channel.name, channel.late, 0, repr(chances)))
+            chances = tuple(losses[channel.name].written().items())
+            found.append(Messages(channel.name, channel.late, 0, chances))
         else:
             found.append(Messages(channel.name, channel.late, channel.lost))
     return tuple(found)
@@ -57,9 +58,9 @@ def _frames(rules: Rules, case: Case) -> Frames:
     lengths = frozenset(float(each.ticks) for each in symbols)
     delays = frozenset(each.delay for each in symbols) - {None, LOST}
     if rules.at_random:
-        _, results = rules.chances
-        loss = max(row[-1] for row in results)
-        return Frames(Order.AT_RANDOM, lengths, delays, 0, loss, repr(rules.chances))
+        chances = Chances.of(rules.for_all)
+        loss = max(row[-1] for row in chances.results)
+        return Frames(Order.AT_RANDOM, lengths, delays, 0, loss, chances)
     return Frames(Order.ANY, lengths, delays, max(each.lost for each in symbols))
 
 

@@ -19,7 +19,7 @@ from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.analyses.mode_in_the_way import mode_in_the_way, outside
-from wavesweep.program.tables.number_words import span_in_words
+from wavesweep.program.tables.number_words import in_all_digits, span_in_words
 
 MOST_VALUES = 6  # values of each number that varies, its ends among them, beside the spec's own
 NO_CONTRADICTION = 1e-6  # of an end, or of a radius: no contradiction
@@ -160,7 +160,9 @@ def _spans(stable: Sequence[tuple[float, float]]) -> str:
 def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
     """Yield the members of a case, with what each is: its frames, or the numbers at a corner of
     the box."""
-    fixed = ", ".join(f"{name_of(path)} = {value:g}" for path, value in case.fixed.items())
+    fixed = ", ".join(
+        f"{name_of(path)} = {in_all_digits(value)}" for path, value in case.fixed.items()
+    )
     if rules.vary and rules.at_random:
         return
     if rules.vary:
@@ -168,14 +170,14 @@ def _named(rules: Rules, case: Case) -> Iterator[tuple[str, Loops]]:
             said = [fixed] if fixed else []
             for axis in rules.for_all.changing:
                 name = "frames" if axis.path == RATIO else f"{axis.name} ="
-                said.append(f"{name} {numbers[axis.path]:g}")
+                said.append(f"{name} {in_all_digits(numbers[axis.path])}")
             loops = Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt
             yield ", ".join(said) or "constant frames", loops
         return
     for corner in corners_of(case.box):
         numbers = {each.path: float(x) for each, x in zip(case.ranges, corner, strict=True)}
         said = [fixed] if fixed else []
-        said += [f"{name_of(path)} = {value:g}" for path, value in numbers.items()]
+        said += [f"{name_of(path)} = {in_all_digits(value)}" for path, value in numbers.items()]
         yield ", ".join(said) or "the spec's own numbers", case.loop.changed(numbers)
 
 

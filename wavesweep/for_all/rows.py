@@ -45,7 +45,12 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.number_words import rounded_down, span_around, span_in_words
+from wavesweep.program.tables.number_words import (
+    in_all_digits,
+    rounded_down,
+    span_around,
+    span_in_words,
+)
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
@@ -445,7 +450,7 @@ def text_of_part(part: Part) -> str:
 def numbers_in_words(by: Mapping[str, object]) -> str:
     """Numbers, by their paths, as a text; None for a text among the paths."""
     return ", ".join(
-        name_of(path) if value is None else f"{name_of(path)} = {value:.6g}"
+        name_of(path) if value is None else f"{name_of(path)} = {in_all_digits(value)}"
         for path, value in by.items()
     )
 
@@ -514,8 +519,10 @@ def claim(spec: Spec, rules: Rules) -> tuple[Claim, dict[str, str]]:
         found["verdict"], Status.UNKNOWN
     )
     reason = ""
-    if status is Status.REFUTED:
-        reason = in_a_sentence(found["counterexample"])
+    if status is Status.REFUTED and rules.at_random:
+        reason = found["counterexample"]
+    elif status is Status.REFUTED:
+        reason = f"unstable with {in_a_sentence(found['counterexample'])}"
     elif status is Status.UNKNOWN:
         reason = reason_of(found)
     rows = ForAllGuarantee(rules)

@@ -3,14 +3,13 @@ and norms in which all shrink."""
 
 from wavesweep.for_all.claimed import scope_of
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
 from wavesweep.for_all.norm_check import Norms, definite, in_its_units, shrink, shrink_along
 from wavesweep.for_all.norms import Centre, advanced, recentred, rough_basis
 from wavesweep.for_all.patterns import is_refuted, refuted_beyond
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, cases_of, recorded
 from wavesweep.for_all.unknown import Part
-from wavesweep.for_all.varying import Rules, decided, text_of_pattern
+from wavesweep.for_all.varying import Rules, bracketed, decided, text_of_pattern
 from wavesweep.for_all.wall_frames import UnfitWallError, WallFrames, wall_frames
 
 __all__ = [
@@ -26,12 +25,12 @@ __all__ = [
     "WallFrames",
     "WrittenFrames",
     "advanced",
+    "bracketed",
     "cases_of",
     "decided",
     "definite",
     "in_its_units",
     "is_refuted",
-    "nearest_refuted",
     "recentred",
     "recorded",
     "refuted_beyond",

@@ -34,6 +34,7 @@ class LateTicksGuarantee(Guarantee):
     interval: tuple[float, float]
     kind = "for_all"
     own_ticks = True
+    own_felt = False
     status = Status.PROVED
     dtype: np.dtype = field(
         default_factory=lambda: offered("switched").FOR_ALL_RECORD, repr=False, compare=False

@@ -13,6 +13,7 @@ from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
+from wavesweep.program.tables.number_words import in_all_digits
 
 GAP_OF_MARGIN = 1e-2  # of a margin: what may lie between what is checked and what is refuted
 ENVIRONMENT = tuple(
@@ -133,4 +134,5 @@ def counterexample(loop: HeldLoop) -> str:
     if ratios(best[:1])[0] > -SURELY_NEGATIVE:
         return ""
     m, k, n, s = 10.0 ** best[0]
-    return f"hand {m:.6g} kg and {k:.6g} N/m, environment {n:.6g} kg and {s:.6g} N/m"
+    m, k, n, s = map(in_all_digits, (m, k, n, s))
+    return f"hand {m} kg and {k} N/m, environment {n} kg and {s} N/m"

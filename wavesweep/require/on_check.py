@@ -15,6 +15,7 @@ from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import keys_of, make_grid
 from wavesweep.program.sweep.running import in_memory
+from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.number_words import span_in_words
 
 
@@ -56,8 +57,16 @@ def facts(spec: Spec, own: Mapping[str, Any], *_: object) -> dict[str, Any]:
         met = f"met in {where}"
     else:
         met = f"met nowhere in {span_in_words(low, high)}"
-    at_end = " on an end" if is_an_end(value, ends) else ""
-    reason = f"{name} = {value:g}{at_end}, {met}"
+    if is_an_end(value, ends):
+        reason = f"{name} = {value:g} on an end, {met}"
+    elif status is Status.REFUTED:
+        reason = f"{name} = {value:g}, {met}"
+    else:
+        doubts = dict.fromkeys(rows["doubt"][~rows["certified"]].tolist())
+        unproved = "; ".join(DOUBTS[word].meaning for word in doubts)
+        inside = any(low < value < high for low, high in ends)
+        known = "was found to meet it" if inside else "was not found to meet it"
+        reason = f"{name} = {value:g} {known}, {met}, which is not proved: {unproved}"
     claim = Claim(what, own_scope(spec), status, "" if status > Status.UNKNOWN else reason)
     return {"required": found, "claims": [claim]}
 

@@ -8,8 +8,10 @@ import pytest
 from wavesweep.program.analyses.claims import (
     AT_REST,
     MEAN_SQUARE,
+    PASSIVE_HANDS,
     PUSHES,
     STABLE,
+    Chances,
     Claim,
     Frames,
     Messages,
@@ -38,6 +40,12 @@ VARYING = Frames(Order.ANY, frozenset({16.0, 20.0, 33.0}), frozenset({1.0}))
 MASSES = Range("device.mass", 0.08, 0.125)
 
 
+def lossy(loss, burst=0.0, burst_end=1.0, burst_loss=1.0):
+    """Messages of a channel that are lost at random."""
+    chances = {"loss": loss, "burst": burst, "burst_end": burst_end, "burst_loss": burst_loss}
+    return Messages("net", 0, 0, tuple(chances.items()))
+
+
 @pytest.mark.parametrize(
     ("claimed", "asked", "covered"),
     [
@@ -56,7 +64,9 @@ MASSES = Range("device.mass", 0.08, 0.125)
         (Scope(), Scope(walls=PUSHES), False),
         (Scope(messages=(Messages("net", 2, 1),)), Scope(messages=(Messages("net", 1, 1),)), True),
         (Scope(messages=(Messages("net", 2, 1),)), Scope(messages=(Messages("net", 3, 1),)), False),
-        (Scope(messages=(Messages("net", 0, 0, "loss 0.1"),)), Scope(), False),
+        (Scope(messages=(lossy(0.1),)), Scope(messages=(lossy(0.1),)), True),
+        (Scope(messages=(lossy(0.1),)), Scope(messages=(lossy(0.2),)), False),
+        (Scope(messages=(lossy(0.1),)), Scope(), False),
         (Scope(hands="passive"), Scope(), False),
         (Scope((Range("device.mass"),)), Scope((MASSES,)), True),  # which no loop reads
         (Scope((MASSES,)), Scope((Range("device.mass"),)), False),
@@ -96,7 +106,7 @@ def test_the_worst_answer_comes_first_and_is_worded_as_what_it_is():
     grows = Claim(MEAN_SQUARE, scope, Status.REFUTED, "second moments that grow in each of the loops of the box")
     assert [*Verdict((grows,)).lines("x")] == [f"x: {grows.words()}"]  # one answer is said once
     first, *_ = Verdict((unknown, bad)).lines("x")
-    assert first == "x: not stable for device.mass from 0.08 to 0.125: device.mass = 0.08"
+    assert first == "x: not stable for all device.mass from 0.08 to 0.125: device.mass = 0.08"
     assert [Verdict(each).status.answer for each in ((good,), (good, unknown), (unknown, bad))] == ["yes", "not known", "no"]
 
 
@@ -107,17 +117,52 @@ def test_a_spec_asks_for_all_of_its_tables():
     assert questions(load(base)) == [Question(STABLE, own_scope(load(base)))]
     (asked,) = questions(load(base | {"for_all": varying}))
     assert asked.scope.frames == Frames(Order.ANY, frozenset({16, 20}), frozenset({1}))
-    shares = {"rates.ratio": varying["rates.ratio"] | {"shares": [1, 1]}}
-    orders = [each.scope.frames.order for each in questions(load(base | {"for_all": shares}))]
-    assert orders == [Order.ANY, Order.AT_RANDOM]
     (alone,) = questions(load(base | {"for_all": {"loss": 0.1}}))
     assert alone.what == MEAN_SQUARE
+
+
+@pytest.mark.asks("for_all")
+def test_what_is_at_random_is_said_with_its_probabilities():
+    def said(table):
+        asked = questions(load({"controller": {"kind": "dc-slow"}, "environment": {"delay": 1}, "for_all": table}))
+        assert [each.scope.frames.order for each in asked][-1] is Order.AT_RANDOM
+        return ", ".join(asked[-1].scope.frames.in_words())
+
+    def lengths(values, **chances):
+        return {"rates.ratio": {"values": values, "varying": True, **chances}}
+
+    assert said(lengths([16, 33], shares=[9, 1])) == "frames of 16 (9 of 10) and 33 ticks at random"
+    assert said(lengths([33, 16], shares=[9, 1])) == "frames of 16 (1 of 10) and 33 ticks at random"
+    after = "(after 16: 16 (1 of 2) and 33; after 33: 16 (1 of 4) and 33)"
+    assert said(lengths([33, 16], next=[[3, 1], [1, 1]])) == f"frames of 16, 33 ticks at random {after}"
+    delays = {"environment.delay": {"values": [5, 1], "varying": True, "shares": [1, 2]}, "loss": 0.25}
+    assert said(delays) == "results 1 (2 of 3) and 5 ticks late at random, results lost with probability 0.25"
+    assert lossy(0.6).in_words() == "messages of net lost with probability 0.6"
+    burst = "messages of net lost with probability 0.01, 0.9 in bursts (begun with 0.02, ended with 0.1)"
+    assert lossy(0.01, 0.02, 0.1, 0.9).in_words() == burst
+
+
+def test_what_some_loops_do_not_have_is_not_said_as_if_none_had_it():
+    frames = "for all frames of 16, 20, 33 ticks in any order"
+    hands = Claim(STABLE, Scope(frames=VARYING, hands=PASSIVE_HANDS), Status.REFUTED, "frames 33")
+    assert hands.words() == f"not stable {frames} and all passive hands: frames 33"
+    walls = Claim(AT_REST, Scope(walls=PUSHES), Status.REFUTED, "a wall")
+    assert walls.words() == "does not come to rest for all walls up to K_VE, B_VE that push and never pull: a wall"
+    assert walls.brief() == "does not come to rest for all of these"
+    one = Claim(STABLE, Scope((Range("K", 3.0, 3.0, (3.0,)),)), Status.REFUTED)
+    assert one.words() == "not stable for K = 3"
 
 
 @pytest.mark.parametrize(
     "claim",
     [
         Claim(STABLE, Scope((MASSES, Range("p")), VARYING, (Messages("net", 2, "2*n - 1"),)), Status.PROVED),
+        Claim(
+            MEAN_SQUARE,
+            Scope(frames=replace(VARYING, order=Order.AT_RANDOM, chances=Chances(((0.5, 0.2, 0.3),), ((0.9, 0.1),)))),
+            Status.PROVED,
+        ),
+        Claim(MEAN_SQUARE, Scope(messages=(lossy("p/2"),)), Status.PROVED),
         Claim(
             Property("every mode within 0.9 per tick", "requirement"), Scope(tick=Tick(1e-3, 2e-3)), Status.CHECKED, "the lines"
         ),

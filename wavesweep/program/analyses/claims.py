@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import IntEnum
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
@@ -27,6 +28,11 @@ RATIO, DELAY = "rates.ratio", "environment.delay"
 OPERATOR, LINEAR = "operator", "linear"
 PUSHES = "any wall up to K_VE, B_VE that pushes and never pulls"
 PASSIVE_HANDS, NOBODY = "every passive hand", "nobody at the device"
+# the same where some of them fails: "not stable with every passive hand" reads as with none
+ALL_OF = {
+    PUSHES: "all walls up to K_VE, B_VE that push and never pull",
+    PASSIVE_HANDS: "all passive hands",
+}
 LINEAR_LOOP = (
     "All else is as the spec writes it, in a linear loop that is sampled and held at its rates, "
     "without friction and the steps of an encoder"
@@ -36,6 +42,7 @@ WITH_FRAME = "frame"  # as a delay: in place with the next frame
 # letters of a scope that is named in full; of a longer one the table that has it is named
 LONGEST_SCOPE_TEXT = 76
 LENGTHS_LISTED = 6  # values
+PLAIN_FRACTION = 100  # the largest denominator of a probability that is written as a fraction
 SPELLED = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WIDEST = 120  # letters of a line
 CURVED = "saturation"  # the type of blocks that contact is about beside a wall
@@ -104,7 +111,7 @@ FORMS = {
     "motions": Form(
         "{words}",
         "proved to come to rest",
-        "not every motion comes to rest",
+        "does not come to rest",
         "whether every motion comes to rest",
         "at which every motion comes to rest",
         "comes to rest nowhere",
@@ -182,6 +189,26 @@ def listed_values(values: Iterable[float | str]) -> str:
     return ", ".join([*(f"{each:g}" for each in numbers), *texts])
 
 
+def weighted(values: Iterable[float | str], chances: Sequence[float]) -> str:
+    """Values in ascending order, each but the last with its probability, in words."""
+    *first, last = sorted(values, key=lambda value: (isinstance(value, str), value))
+    if len(first) + 1 != len(chances):  # periods of several blocks that follow from one number
+        listed = listed_values([*first, last])
+        return f"{listed} ({', '.join(chance_in_words(chance) for chance in chances)})"
+    said = []
+    for value, chance in zip(first, chances, strict=False):
+        said.append(f"{listed_values([value])} ({chance_in_words(chance)})")
+    return f"{', '.join(said)} and {listed_values([last])}"
+
+
+def chance_in_words(chance: float) -> str:
+    """A probability as a plain fraction, "9 of 10", or if it is none as a number."""
+    fraction = Fraction(chance).limit_denominator(PLAIN_FRACTION)
+    if float(fraction) == chance:
+        return f"{fraction.numerator} of {fraction.denominator}"
+    return f"{chance:.4g}"
+
+
 def lost_in_words(most: int | str) -> str:
     """What may be lost so many times in a row at most, in words; a text is an expression of
     numbers that are swept."""
@@ -200,13 +227,38 @@ class Order(IntEnum):
     AT_RANDOM = 2
 
 
+class Chances(NamedTuple):
+    """The probabilities of what frames are at random.
+
+    lengths: those of the lengths in ascending order, a row, or one after each length. results:
+    those of the delays in ascending order, and then that a result never comes, a row, or one in
+    frames of each length.
+    """
+
+    lengths: tuple[tuple[float, ...], ...] = ()
+    results: tuple[tuple[float, ...], ...] = ()
+
+    @staticmethod
+    def of(table: TableValue) -> Chances:
+        """The probabilities of [for_all], which lists values in any order."""
+        varied = {axis.path == DELAY: _ascending(_values(axis)) for axis in table.changing}
+        lengths = [tuple(row[i] for i in varied.get(False, (0,))) for row in table.lengths]
+        results = [
+            (*(row[i] for i in varied.get(True, (0,))), row[-1]) for row in table.results
+        ]
+        ordered = []
+        for rows in (lengths, results):
+            places = varied.get(False, (0,)) if len(rows) > 1 else (0,)
+            ordered.append(tuple(rows[i] for i in places))
+        return Chances(*ordered)
+
+
 @dataclass(frozen=True, slots=True)
 class Frames:
     """Which frames follow each other, and when their results are in place.
 
     lengths: in ticks. delays: of results, in ticks, or WITH_FRAME. lost: results in a row that may
-    be lost; loss: the probability that one is. chances: of all of that at random, by which two
-    claims are of the same.
+    be lost; loss: the probability that one is. chances: of all of that at random.
     """
 
     order: Order = Order.CONSTANT
@@ -214,7 +266,7 @@ class Frames:
     delays: frozenset[float | str] = frozenset()
     lost: int = 0
     loss: float = 0.0
-    chances: str = ""
+    chances: Chances = Chances()
 
     def covers(self, asked: Frames) -> bool:
         """Whether what holds for these frames holds for others."""
@@ -229,15 +281,43 @@ class Frames:
 
     def in_words(self) -> Iterator[str]:
         """Yield what there is beside frames of one length."""
-        order = {Order.ANY: " in any order", Order.AT_RANDOM: " at random"}.get(self.order, "")
+        order = " in any order" if self.order is Order.ANY else ""
+        lengths = listed_values(self.lengths)
+        delays = listed_values(self.delays)
+        after = in_frames = ""
+        if self.order is Order.AT_RANDOM:
+            order = " at random"
+            lengths, after = self._weighted(self.lengths, self.chances.lengths, "after")
+            given = [_shares(row[:-1]) for row in self.chances.results]
+            delays, in_frames = self._weighted(self.delays, given, "in frames of")
         if len(self.lengths) > 1:
-            yield f"frames of {listed_values(self.lengths)} ticks{order}"
+            yield f"frames of {lengths} ticks{order}{after}"
         if len(self.delays) > 1:
-            yield f"results {listed_values(self.delays)} ticks late{order}"
+            yield f"results {delays} ticks late{order}{in_frames}"
         if self.lost:
             yield f"results {lost_in_words(self.lost)}"
         if self.loss:
             yield f"results lost with probability {self.loss:g}"
+
+    def _weighted(self, values, rows, where):
+        """Values with their probabilities, and if these depend on the lengths which are where."""
+        if len(rows) < 2:
+            return weighted(values, *rows or ((),)) if len(values) > 1 else "", ""
+        each = (
+            f"{where} {length:g}: {weighted(values, row)}"
+            for length, row in zip(sorted(self.lengths), rows, strict=False)
+        )
+        return listed_values(values), f" ({'; '.join(each)})"
+
+
+def _ascending(values: Sequence[float]) -> list[int]:
+    """The places of values in ascending order."""
+    return sorted(range(len(values)), key=values.__getitem__)
+
+
+def _shares(row: Sequence[float]) -> list[float]:
+    """Probabilities of what is not lost, with a sum of 1."""
+    return [each / (sum(row) or 1.0) for each in row]
 
 
 class Range(NamedTuple):
@@ -300,13 +380,14 @@ def ranges_of(
 
 class Messages(NamedTuple):
     """What the messages of a channel may do: come late by so many ticks at most, be lost so many
-    in a row; or at random. A text is an expression of numbers that are swept.
+    in a row; or at random with the probabilities of SHARES. A text is an expression of numbers
+    that are swept.
     """
 
     channel: str
     late: int | str = 0
     lost: int | str = 0
-    chances: str = ""
+    chances: tuple[tuple[str, float | str], ...] = ()
 
     @property
     def in_time(self) -> bool:
@@ -325,10 +406,21 @@ class Messages(NamedTuple):
         if self.late:
             said.append(f"late by up to {self.late} tick{'s' * (self.late != 1)}")
         if self.chances:
-            said.append("lost at random")
+            said.append(self._losses_in_words())
         elif self.lost:
             said.append(lost_in_words(self.lost))
         return f"messages of {self.channel} {' or '.join(said)}"
+
+    def _losses_in_words(self):
+        chances = {
+            key: chance if isinstance(chance, str) else f"{chance:g}"
+            for key, chance in self.chances
+        }
+        said = f"lost with probability {chances['loss']}"
+        if chances["burst"] == "0":
+            return said
+        begins = f"begun with {chances['burst']}, ended with {chances['burst_end']}"
+        return f"{said}, {chances['burst_loss']} in bursts ({begins})"
 
 
 class Tick(NamedTuple):
@@ -374,8 +466,13 @@ class Scope:
         for name in ("lengths", "delays"):
             frames[name] = frozenset(frames[name])
         frames["order"] = Order[frames["order"].upper()]
+        rows = (tuple(map(tuple, each)) for each in frames["chances"])
+        frames["chances"] = Chances(*rows)
         numbers = [Range(**{**each, "values": (*each["values"],)}) for each in written["numbers"]]
-        messages = tuple(Messages(**each) for each in written["messages"])
+        messages = tuple(
+            Messages(**{**each, "chances": tuple(map(tuple, each["chances"]))})
+            for each in written["messages"]
+        )
         tick = Tick(**written["tick"]) if written["tick"] else None
         others = {name: written.get(name, "") for name in ("hands", "walls", "run")}
         return Scope(tuple(numbers), Frames(**frames), messages, tick=tick, **others)
@@ -450,12 +547,16 @@ class Scope:
         if len(loops) <= LONGEST_SCOPE_TEXT or self.run:
             return loops
         late = [each for each in self.messages if not each.in_time]
-        at_random = self.frames.order is Order.AT_RANDOM or any(each.chances for each in late)
-        of_table = self.numbers or self.tick or [*self.frames.in_words()]
-        tables = ["all of [for_all]"] if of_table else []
-        if late:
+        tables = []
+        if self.numbers or self.tick or [*self.frames.in_words()]:
+            at_random = self.frames.order is Order.AT_RANDOM
+            tables.append(f"all of [for_all]{', at random by its shares' if at_random else ''}")
+        losses = [dict(each.chances)["loss"] for each in late if each.chances]
+        if losses:
+            tables.append(f"messages lost with probability {listed_values(losses)}, or in bursts")
+        elif late:
             tables.append("all patterns of late and lost messages")
-        return f"{' and '.join(tables)}{', at random' if at_random else ''}"
+        return " and ".join(tables)
 
     def own(self) -> str:
         """The spec's own numbers, with the length of their frames."""
@@ -468,6 +569,29 @@ class Scope:
         if self.walls == LINEAR:
             return LINEAR_LOOP
         return f"With {self.walls}: any function of its input with slopes from 0 to 1"
+
+    @property
+    def several(self) -> bool:
+        """Whether it is of more than one loop, or one that changes in more than one way."""
+        frames = self.frames
+        changing = frames.order is Order.ANY and (
+            len(frames.lengths) > 1 or len(frames.delays) > 1 or frames.lost
+        )
+        patterns = any(each.late or each.lost for each in self.messages)
+        others = self.hands in ALL_OF or self.walls != LINEAR
+        numbers = any(len(each.values) != 1 for each in self.numbers)
+        return bool(changing or patterns or others or numbers or self.tick)
+
+    def in_words_of_all(self) -> str:
+        """The same of what some of them does not have: "not stable for all of these"."""
+        if not self.several or self.run:
+            return self.in_words()
+        said = [loops.removeprefix("all ")] if (loops := self._loops_of_a_line()) else []
+        if self.hands != OPERATOR:
+            said.append(ALL_OF.get(self.hands, self.hands))
+        if self.walls != LINEAR:
+            said.append(ALL_OF.get(self.walls, self.walls))
+        return f"for all {' and '.join(said).removeprefix('all ')}"
 
     def in_words(self) -> str:
         """The loops of the scope, beside the spec's own numbers; empty if there are none."""
@@ -500,7 +624,7 @@ class Claim:
         words = self.what.worded()
         match self.status:
             case Status.REFUTED:
-                return f"{words.fails}{about}{because}"
+                return f"{self.failed()}{because}"
             case Status.UNKNOWN:
                 return f"not known {words.question}{about}{because}"
             case Status.PROVED:
@@ -511,6 +635,10 @@ class Claim:
                 return f"{words.holds}{about}, checked{because}"
         return f"{words.holds}{about}"
 
+    def failed(self) -> str:
+        """That some of the loops do not have it."""
+        return f"{self.what.worded().fails} {self.scope.in_words_of_all()}".rstrip()
+
     def brief(self) -> str:
         """The claim in a few words, without its loops, its reason, and what is required."""
         words = self.what.worded()
@@ -520,7 +648,8 @@ class Claim:
                 return "not known"
             return f"not known {words.question}"
         said = {Status.REFUTED: words.fails, Status.PROVED: words.proved}
-        return said.get(self.status, words.holds).partition(",")[0]
+        some = " for all of these" if self.status is Status.REFUTED and self.scope.several else ""
+        return said.get(self.status, words.holds).partition(",")[0] + some
 
     def over(self, specs: Sequence[Spec], swept: Collection[str]) -> Claim:
         """The claim of rows over some axes, by whose numbers messages are late or lost.
@@ -532,12 +661,17 @@ class Claim:
         messages = []
         for each in self.scope.messages:
             keys = dict(channels[each.channel].keys)
-            texts = {}
-            for name in ("late", "lost"):
-                of_swept = any(path_of(number) in swept for number in keys[name].names)
-                if of_swept and not (each.in_time or each.chances):
-                    texts[name] = keys[name].text
-            messages.append(each._replace(**texts))
+            of_swept = {
+                name: keys[name].text
+                for name in ("late", "lost", *SHARES)
+                if any(path_of(number) in swept for number in keys[name].names)
+            }
+            if each.chances:
+                chances = tuple((key, of_swept.get(key, chance)) for key, chance in each.chances)
+                messages.append(each._replace(chances=chances))
+            else:
+                texts = {name: of_swept[name] for name in ("late", "lost") if name in of_swept}
+                messages.append(each if each.in_time else each._replace(**texts))
         return replace(self, scope=replace(self.scope, messages=tuple(messages)))
 
     def said(self) -> str:
@@ -646,9 +780,9 @@ def beyond_the_ends(claims: Iterable[Claim]) -> str:
     by what is not stable."""
     said = []
     for claim in claims:
-        what = STABLE if claim.what.required else claim.what
-        loops = claim.scope.in_words() or claim.scope.own()
-        said.append(f"{what.worded().fails} {loops}")
+        failed = replace(claim, what=STABLE if claim.what.required else claim.what).failed()
+        own = "" if claim.scope.in_words() else f" {claim.scope.own()}"
+        said.append(f"{failed}{own}")
     return f"By what each line names: {'; '.join(dict.fromkeys(said))}."
 
 
@@ -708,10 +842,10 @@ def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
     varied = {axis.path: _values(axis) for axis in table.changing}
     changes = varied or table.lost or table.loss
     order = Order.CONSTANT
-    chances = ""
+    chances = Chances()
     if at_random and table.at_random:
         order = Order.AT_RANDOM
-        chances = repr((table.lengths, table.results))
+        chances = Chances.of(table)
     elif changes:
         order = Order.ANY
     frames = _frames(spec, order, varied)
@@ -729,8 +863,8 @@ def messages_of(drawing: Drawing, values: Mapping[str, Any]) -> tuple[Messages, 
         keys = dict(block.keys)
         late = int(keys["late"].value(numbers))
         if block.loses_at_random:
-            chances = {key: float(keys[key].value(numbers)) for key in SHARES if key in keys}
-            found.append(Messages(block.name, late, 0, repr(chances)))
+            chances = tuple((key, float(keys[key].value(numbers))) for key in SHARES)
+            found.append(Messages(block.name, late, 0, chances))
         else:
             found.append(Messages(block.name, late, int(keys["lost"].value(numbers))))
     return tuple(found)

@@ -51,7 +51,10 @@ class DecidingLengths:
         """Count the rows of a table of intervals; span: the swept range."""
         if self._open or "fails_from" not in columns:
             return
-        for row in np.flatnonzero(columns["intervals"] > 0).tolist():
+        if not columns["intervals"].all():  # which lengths leave nothing there is not known
+            self._open = True
+            return
+        for row in range(len(columns["intervals"])):
             low = float(columns["low"][row])
             high = float(columns["high"][row])
             refuters = Refuters.read(str(columns["counterexample"][row]))
@@ -64,7 +67,7 @@ class DecidingLengths:
         lengths = set() if np.isnan(fails) else lengths_in(refuter)
         if lengths:
             self._decide |= lengths
-            apart = abs(fails - end) / max(abs(fails), abs(end))
+            apart = abs(fails - end) / abs(end) if end else np.inf
             self._widest = max(self._widest, float(apart))
         elif not at_range:
             self._open = True

@@ -16,6 +16,7 @@ from wavesweep.program.tables.frame_lengths import lengths_in_words
 from wavesweep.program.tables.interval_summary import BEGINS_NEAR_ZERO
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.number_words import (
+    in_all_digits,
     rounded_down,
     rounded_up,
     span_around,
@@ -30,7 +31,7 @@ ENDS = {
     "range": ", where the swept range ends",
     "unknown": ", beyond which {} is not known",
 }
-HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g} N/m"
+HAND = ", ended by a hand of {mass} kg, {damping} N*s/m, {stiffness} N/m"
 
 
 def open_in_words(places: Numbers, unit: str = "") -> str:
@@ -120,7 +121,8 @@ class Sentences:
         if "refuted_from" in largest:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
-            ended += HAND.format(**largest["ended_by_hand"])
+            numbers = {name: in_all_digits(x) for name, x in largest["ended_by_hand"].items()}
+            ended += HAND.format(**numbers)
         claim = self._claim.of_row(certified=largest["certified"])
         # An end that is exact may itself be refuted.
         below = "just below " * (largest.get("refuted_from", np.inf) <= largest["value"])
@@ -288,15 +290,14 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
         sentences = Sentences(of_kind, word)
         yield sentences.title(), False
         yield from sentences.parts()
-    words = [word for word in of_kinds if row_kinds()[word].unsettled]
+    words = [word for word, of_kind in of_kinds.items() if of_kind.get("rows_not_settled")]
     if words:
-        kind = row_kinds()[words[0]]
         unsettled = numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
-        if unsettled:
-            yield (
-                kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
-                True,
-            )
+        kind = row_kinds()[words[0]]
+        yield (
+            kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
+            True,
+        )
 
 
 def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:

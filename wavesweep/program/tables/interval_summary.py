@@ -317,7 +317,7 @@ class IntervalSummary:
         self._facts = facts or {}
         self._summaries: dict[str, LoopSummary] = {}
         self._whose = ""
-        self._unsettled = 0
+        self._unsettled: Counter[str] = Counter()
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows; of a spec that is compared, all of its rows."""
@@ -337,7 +337,7 @@ class IntervalSummary:
             summary = self._summaries[word]
             summary.add(rows)
             if "settled" in rows and summary.claim.guaranteed:
-                self._unsettled += int((~rows["settled"]).sum())
+                self._unsettled[word] += int((~rows["settled"]).sum())
 
     def _of_spec(self, name: str, rows: Columns) -> LoopSummary:
         axes = {axis: np.unique(rows[axis]).tolist() for axis in axes_of(rows)}
@@ -349,11 +349,14 @@ class IntervalSummary:
         """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""
         slices = {"slices": dict(facts["slices"])}
         numbers = {word: summary.numbers() for word, summary in self._summaries.items()}
+        for word, rows in self._unsettled.items():
+            numbers[word]["rows_not_settled"] = rows
+        unsettled = self._unsettled.total()
         match self._whose:
             case "hand":
-                return slices | {"hands": numbers, "rows_of_the_box_not_proved": self._unsettled}
+                return slices | {"hands": numbers, "rows_of_the_box_not_proved": unsettled}
             case "guarantee":
-                return slices | {"guarantees": numbers, "rows_not_settled": self._unsettled}
+                return slices | {"guarantees": numbers, "rows_not_settled": unsettled}
             case "spec":
                 return slices | {"specs": numbers}
         return slices | numbers[""]

@@ -30,6 +30,14 @@ def span_around(low: float, high: float, digits: int = DIGITS) -> str:
     return " to ".join(dict.fromkeys(ends))
 
 
+def in_all_digits(value: float) -> str:
+    """A number that refutes something, as it reads back: rounded, it may lie outside of its range, or refute nothing."""
+    nearest = f"{value:.{DIGITS}g}"
+    if float(nearest) == value:
+        return nearest
+    return repr(float(value))
+
+
 def rounded_up(value: float, digits: int = DIGITS) -> str:
     """A value of so many digits that is no lower than it."""
     return _rounded(value, digits, ROUND_CEILING)
