@@ -116,7 +116,11 @@ def hold_verdict(case, verdict, first):
     """The answer of `check`, as JSON and in words, agree; what is refuted comes first."""
     answer = verdict["answer"]
     words = first.partition(": ")[2]
-    worded = {"yes": r"(proved )?(stable|as required)", "no": r"not (stable|as required)|does not come to rest|UNSTABLE", "not known": "not known"}
+    worded = {
+        "yes": r"(proved )?(stable|as required)",
+        "no": r"not (stable|as required)|does not come to rest|UNSTABLE",
+        "not known": "not known",
+    }
     assert re.match(worded[answer], words), (case.seed, first)
     statuses = [each["status"] for each in verdict["questions"]]
     assert ("refuted" in statuses) == (answer == "no")

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import IntEnum
 from fractions import Fraction
+from math import lcm
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.engine.drawing import SHARES, name_of, path_of, scalars
@@ -192,21 +193,22 @@ def listed_values(values: Iterable[float | str]) -> str:
 def weighted(values: Iterable[float | str], chances: Sequence[float]) -> str:
     """Values in ascending order, each but the last with its probability, in words."""
     *first, last = sorted(values, key=lambda value: (isinstance(value, str), value))
-    if len(first) + 1 != len(chances):  # periods of several blocks that follow from one number
-        listed = listed_values([*first, last])
-        return f"{listed} ({', '.join(chance_in_words(chance) for chance in chances)})"
+    shares = _fractions(chances)
+    if len(first) + 1 != len(shares):  # periods of several blocks that follow from one number
+        return f"{listed_values([*first, last])} ({', '.join(shares)})"
     said = []
-    for value, chance in zip(first, chances, strict=False):
-        said.append(f"{listed_values([value])} ({chance_in_words(chance)})")
+    for value, share in zip(first, shares, strict=False):
+        said.append(f"{listed_values([value])} ({share})")
     return f"{', '.join(said)} and {listed_values([last])}"
 
 
-def chance_in_words(chance: float) -> str:
-    """A probability as a plain fraction, "9 of 10", or if it is none as a number."""
-    fraction = Fraction(chance).limit_denominator(PLAIN_FRACTION)
-    if float(fraction) == chance:
-        return f"{fraction.numerator} of {fraction.denominator}"
-    return f"{chance:.4g}"
+def _fractions(chances: Sequence[float]) -> list[str]:
+    """Probabilities as fractions of one plain number, "9 of 10", or if there is none as numbers."""
+    fractions = [Fraction(chance).limit_denominator(PLAIN_FRACTION) for chance in chances]
+    whole = lcm(*(each.denominator for each in fractions))
+    if whole > PLAIN_FRACTION or [*map(float, fractions)] != [*chances]:
+        return [f"{chance:.4g}" for chance in chances]
+    return [f"{each.numerator * whole // each.denominator} of {whole}" for each in fractions]
 
 
 def lost_in_words(most: int | str) -> str:
@@ -253,6 +255,9 @@ class Chances(NamedTuple):
         return Chances(*ordered)
 
 
+ALWAYS = Chances()
+
+
 @dataclass(frozen=True, slots=True)
 class Frames:
     """Which frames follow each other, and when their results are in place.
@@ -266,7 +271,7 @@ class Frames:
     delays: frozenset[float | str] = frozenset()
     lost: int = 0
     loss: float = 0.0
-    chances: Chances = Chances()
+    chances: Chances = ALWAYS
 
     def covers(self, asked: Frames) -> bool:
         """Whether what holds for these frames holds for others."""
@@ -842,7 +847,7 @@ def asked_scope(spec: Spec, *, at_random: bool = False) -> Scope:
     varied = {axis.path: _values(axis) for axis in table.changing}
     changes = varied or table.lost or table.loss
     order = Order.CONSTANT
-    chances = Chances()
+    chances = ALWAYS
     if at_random and table.at_random:
         order = Order.AT_RANDOM
         chances = Chances.of(table)
