@@ -272,7 +272,7 @@ UNSETTLED = 0.02  # relative: between what is proved and what is refuted
 def verdict(run, said, again):
     said = said or again
     of_members(run, said.partition(": ")[0])
-    if found := re.search(r": (\w = .*, (?:met|as required) in .*)", said):
+    if found := re.search(r": (\w = .*, (?:met|as required) in .*?)(?:, which is not proved: .*)?$", said):
         hold(run, "  " + found[1].replace(", ", ": ", 1))
     case = run.case
     members = case.members if case.asks in ("numbers", *VARYING) else case.own()
@@ -424,6 +424,11 @@ def spans_of(run, name, value, first, second, what, said):
     return at_end or not within(value, value, found) or value < run.case.start
 
 
+@shape(rf"  (K|c) = {N} was (not )?found to meet it: (?:met|as required) in {SPANS}", "check")
+def found_to_meet(run, name, value, none, said):
+    return within(value, value, along(run, name, True)) != bool(none)
+
+
 @shape(rf"  (K|c) = {N}(?: \w+)?: not known \((\w+)\)", "check")
 def not_known(run, name, value, doubt):
     return run.case.asks == CONSERVES and value == run.case.tables["numbers"][name]
@@ -496,7 +501,7 @@ def mode_of(z, seconds, tau, ratio, hz):
 # The table of intervals.
 
 
-@shape(r"((?:stable|as required, .*|comes to rest) (?:for|with) .*) \(\w+\):", "stability-region")
+@shape(r"((?:stable|stable in mean square|as required, .*|comes to rest) (?:for|with) .*) \(\w+\):", "stability-region")
 def head(run, said):
     return of_members(run, said)
 
