@@ -245,9 +245,7 @@ class Chances(NamedTuple):
         """The probabilities of [for_all], which lists values in any order."""
         varied = {axis.path == DELAY: _ascending(_values(axis)) for axis in table.changing}
         lengths = [tuple(row[i] for i in varied.get(False, (0,))) for row in table.lengths]
-        results = [
-            (*(row[i] for i in varied.get(True, (0,))), row[-1]) for row in table.results
-        ]
+        results = [(*(row[i] for i in varied.get(True, (0,))), row[-1]) for row in table.results]
         ordered = []
         for rows in (lengths, results):
             places = varied.get(False, (0,)) if len(rows) > 1 else (0,)
