@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.response import Bounded
+from wavesweep.engine.frames import Bounded
 from wavesweep.require import factors, gain_intervals
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
 from wavesweep.require.gain_bound import IN_TIME

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.response import Bounded
+from wavesweep.engine.frames import Bounded
 from wavesweep.program.spec import load
 from wavesweep.require import enclosed
 from wavesweep.require.disc_panels import HALF_RIM

@@ -11,5 +11,6 @@ ENTRY_ROUNDING = 4 * EPS  # of the terms of the entries of a block, relative
 CANCELLED_SUM = 64 * EPS
 LARGEST_DOUBLE = np.finfo(float).max
 LEAST_NORMAL = np.finfo(float).tiny  # below which doubles have fewer digits
+SMALLEST_DOUBLE = np.finfo(float).smallest_subnormal  # twice what a product loses that underflows
 # in place of a zero, or added where something underflows: nothing else is as small
 NEXT_TO_ZERO = 1e-300

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from wavesweep.engine import on_demand
 
 if TYPE_CHECKING:
+    from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
     from wavesweep.engine._monodromy.cut import (
         ADVANCE,
         OFFSET,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 else:
     __getattr__ = on_demand(
         {
+            "_monodromy.bounded": ("Bounded", "sum_rounding"),
             "_monodromy.cut": (
                 "ADVANCE",
                 "LinearFractional",

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         ports_of_batch,
         varied_rates,
     )
-    from wavesweep.engine._response.bounded_sums import Bounded, ordered_products
     from wavesweep.engine._response.gain import gain_of
     from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame
     from wavesweep.engine._response.linear_systems import solved
@@ -24,7 +23,6 @@ else:
     __getattr__ = on_demand(
         {
             "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch", "varied_rates"),
-            "_response.bounded_sums": ("Bounded", "ordered_products"),
             "_response.gain": ("gain_of",),
             "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
             "_response.linear_systems": ("solved",),

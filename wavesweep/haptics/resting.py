@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.blocks import MultirateLoop, Ports, all_sums, connect
-from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
-from wavesweep.engine.frames import MarginalModes, OpenFrame, relative_row
-from wavesweep.engine.response import ordered_products, solved
+from wavesweep.engine.doubles import ENTRY_ROUNDING
+from wavesweep.engine.frames import Bounded, MarginalModes, OpenFrame, relative_row
 
 # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as
 # nothing felt
@@ -31,13 +30,12 @@ class DcGain:
 
     shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's
     product. The first column is for the case that the signal which the number multiplies is 0; the
-    second is the change for a 1 of that signal. error: bounds on the errors. free: whether there is
-    such a number. A fourth row is the signal that another number multiplies, whose product is added
-    to that of the first one.
+    second is the change for a 1 of that signal. free: whether there is such
+    a number. A fourth row is the signal that another number multiplies, whose product is added to
+    that of the first one.
     """
 
-    shown: np.ndarray
-    error: np.ndarray
+    shown: Bounded
     free: bool
 
     def stiffness(self, at, p, second=0.0) -> np.ndarray:
@@ -50,19 +48,21 @@ class DcGain:
         The product of the number is p times the signal that it multiplies, and that signal is
         `F_0/(p - F_1)` (Sherman and Morrison 1950); of F the product of the other number is a part.
         """
-        if len(self.shown) == 1:
+        if len(self.shown.value) == 1:
             at = 0 * at
         # Of each row F_0, for a signal of 0, and F_1, the change for a 1 of the signal.
-        still, change = np.moveaxis(self.shown.take(at, axis=0), (-1, -2), (0, 1))
-        of_still, of_change = np.moveaxis(self.error.take(at, axis=0), (-1, -2), (0, 1))
+        still, change = (self.shown.part(at, ..., case).mT for case in (0, 1))
         with np.errstate(all="ignore"):
-            limits, error, rigid = still[:2], of_still[:2], 0.0
+            limits = still.part(slice(2))
+            rigid = 0.0
             if self.free:
-                if len(still) > 3:
-                    still, of_still = _less(still, of_still, second)
-                    change, of_change = _less(change, of_change, second)
-                limits, error = _closed(still, of_still, change, of_change, p)
-                rigid = np.abs(still[1] / still[0])
+                if len(still.value) > 3:
+                    still, change = (_less(rows, second) for rows in (still, change))
+                # Position and reaction times `p - F_1`, which their ratio does not have.
+                left = Bounded.exact(p) - change.part(2)
+                limits = limits * left + change.part(slice(2)) * still.part(2)
+                rigid = np.abs(still.value[1] / still.value[0])
+            limits, error = limits
             position, reaction = limits
             stiffness = reaction / position
             off_position, off_reaction = error / np.abs(limits)
@@ -75,30 +75,10 @@ class DcGain:
             return np.where(known, stiffness, np.nan)
 
 
-def _closed(still, of_still, change, of_change, p):
-    """Position and reaction with the number p in place, times `p - F_1`, which their ratio does
-    not have, and their errors."""
-    left = p - change[2]
-    of_left = of_change[2] + SHORT_SUM_ROUNDING * (np.abs(p) + np.abs(change[2]))
-    direct = still[:2] * left
-    through = still[2] * change[:2]
-    error = of_still[:2] * np.abs(left) + np.abs(still[:2]) * of_left
-    error = error + SHORT_SUM_ROUNDING * (np.abs(direct) + np.abs(through))
-    error = error + of_still[2] * np.abs(change[:2]) + np.abs(still[2]) * of_change[:2]
-    return direct + through, error
-
-
-def _less(rows, errors, second):
-    """The first three rows with the fourth one times a number taken from the third, and the
-    errors."""
-    product = second * rows[3]
-    third = rows[2] - product
-    error = (
-        errors[2]
-        + np.abs(second) * errors[3]
-        + SHORT_SUM_ROUNDING * (np.abs(rows[2]) + np.abs(product))
-    )
-    return np.stack([*rows[:2], third]), np.stack([*errors[:2], error])
+def _less(rows, second):
+    """The first three rows with the fourth one times a number taken from the third."""
+    third = rows.part([2]) - rows.part([3]) * second
+    return Bounded.joined([rows.part(slice(2)), third], 0)
 
 
 def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: str = "") -> DcGain:
@@ -126,14 +106,15 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     at_rest = _at_rest((block.E, block.B, block.C, block.D), *structure)
     sizes = _at_rest(block.terms, *structure)
     with np.errstate(all="ignore"):
-        of_A = ENTRY_ROUNDING * sizes.A
-        of_right = ENTRY_ROUNDING * np.abs(sizes.right)
-        X, dX = solved(at_rest.A, of_A, at_rest.right, of_right)
-        shown = ordered_products(at_rest.rows, X) + at_rest.direct
-        size = ordered_products(sizes.rows, np.abs(X)) + sizes.direct
-        error = ordered_products(np.abs(at_rest.rows), dX)
-        error = error + (ENTRY_ROUNDING + X.shape[-2] * SHORT_SUM_ROUNDING) * size
-    return DcGain(shown.reshape(-1, 3, 2), error.reshape(-1, 3, 2), bool(factor))
+        of_terms = (ENTRY_ROUNDING * np.abs(each) for each in sizes)
+        A, right, rows, direct = map(Bounded, at_rest, of_terms)
+        shown = rows @ A.solved(right) + direct
+    return DcGain(_listed(shown), bool(factor))
+
+
+def _listed(shown):
+    """What is shown of all loops of a batch, one after the other."""
+    return shown.each(lambda matrix: matrix.reshape(-1, *matrix.shape[-2:]))
 
 
 class DcEquations(NamedTuple):
@@ -243,22 +224,6 @@ def _position(drawn, signal, states):
     return row
 
 
-class _Bounded(NamedTuple):
-    """A matrix, and bounds on the errors of its entries."""
-
-    value: np.ndarray
-    error: np.ndarray
-
-    def times(self, other: "_Bounded") -> "_Bounded":
-        """The product; in a batch as for one loop alone."""
-        a, da = (np.ascontiguousarray(matrix) for matrix in self)
-        b, db = (np.ascontiguousarray(matrix) for matrix in other)
-        size = np.abs(a)
-        sizes = np.abs(b)
-        error = da @ (sizes + db) + size @ (db + a.shape[-1] * SHORT_SUM_ROUNDING * sizes)
-        return _Bounded(a @ b, error)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Equations:
     """The equations at rest, and the sizes of the terms of their entries, times their rounding.
@@ -269,8 +234,7 @@ class _Equations:
     the product, and of a hand's force that is constant, and of one that grows with every tick.
     """
 
-    P: np.ndarray
-    dP: np.ndarray
+    P: Bounded
 
     @classmethod
     def of(cls, frame, drift, position):
@@ -278,8 +242,7 @@ class _Equations:
         remaining = [state for state in range(n) if state not in drift.leads]
         order = remaining + drift.leads
         matrices = frame.E, frame.B, frame.C, frame.D
-        dE = frame.dE + SHORT_SUM_ROUNDING * np.abs(frame.E)
-        dB = frame.dB + SHORT_SUM_ROUNDING * np.abs(frame.B)
+        errors = frame.dE, frame.dB, frame.dC, frame.dD
         batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*matrices, position)))
 
         def assembled(E, B, C, D, place):
@@ -295,76 +258,59 @@ class _Equations:
                 P[..., n + 3, n:] = D[..., 1, :]
             return P
 
-        of_terms = assembled(dE, dB, frame.dC, frame.dD, SHORT_SUM_ROUNDING * np.abs(position))
-        return cls(assembled(*matrices, position), of_terms)
+        of_position = ENTRY_ROUNDING * np.abs(position)
+        return cls(Bounded(assembled(*matrices, position), assembled(*errors, of_position)))
 
-    def _rows(self, rows, columns) -> _Bounded:
-        return _Bounded(self.P[..., rows, :][..., columns], self.dP[..., rows, :][..., columns])
+    def _rows(self, rows, columns) -> Bounded:
+        return self.P.part(..., rows, slice(None)).part(..., columns)
 
     def resting(self, ticks) -> DcGain:
         """The loops at rest; ticks: of the frame."""
-        n = self.P.shape[-1] - 3
+        n = self.P.value.shape[-1] - 3
         reaction, place = n + 1, n + 2  # rows; the row n is that of the signal
         constant = n + 1  # column of the hand's force
+        forces = slice(constant, None)
         determined, adding = self._unknowns(n)
-        at = [
-            *determined,
-            n,
-        ]  # rows and columns of the unknowns: states, the signal and the product
-        A, dA = (np.ascontiguousarray(matrix) for matrix in self._rows(at, at))
-        right = np.zeros((*A.shape[:-1], 2))
-        of_right = np.zeros((*A.shape[:-1], 2))
-        right[..., 0] = -self.P[..., at, constant]
-        of_right[..., 0] = self.dP[..., at, constant]
-        right[..., -1, 1] = 1
-        if adding:
-            unit = np.broadcast_to(np.eye(len(at)), A.shape)
-            inverse = _Bounded(*solved(A, dA, unit, np.zeros_like(A)))
-            X = inverse.times(_Bounded(right, of_right))
-        else:
-            inverse = _Bounded(0 * A, 0 * A)
-            X = _Bounded(*solved(A, dA, right, of_right))
+        # Rows and columns of the unknowns: states, the signal and the product.
+        at = [*determined, n]
+        unit = np.eye(len(at))
+        product = Bounded.exact(unit[-1:])
+        right = Bounded.block([[-self._rows(at, [constant]), product.mT, Bounded.exact(unit)]])
+        found = self._rows(at, at).solved(right)
+        X = found.part(..., slice(2))
+        inverse = found.part(..., slice(2, None))
         # Of the share of the position that is read by no state: G and H, its change in a frame, and
         # l, which it is relative to.
-        share = self.P[..., [place], :][..., adding]
-        change = share @ self.P[..., adding, :]
-        of_change = np.abs(share) @ self.dP[..., adding, :]
-        law = _Bounded(change[..., at], of_change[..., at]).times(inverse)
-        forces = slice(constant, None)
-        by_law = law.times(self._rows(at, forces))
-        moment = _Bounded(change[..., forces] - by_law.value, of_change[..., forces] + by_law.error)
+        share = Bounded.exact(self._rows([place], adding).value)
+        change = share @ self.P.part(..., adding, slice(None))
+        law = change.part(..., at) @ inverse
+        moment = change.part(..., forces) - law @ self._rows(at, forces)
         still = np.abs(moment.value[..., 0]) <= ZERO_BOUNDS * moment.error[..., 0]
         alone = np.abs(law.value[..., -1]) <= ZERO_BOUNDS * law.error[..., -1]
-        product = np.zeros_like(A[..., :1, :])
-        product[..., -1] = 1
         others = slice(n + 3, None)
-        position = self._rows([place], at)
-        for matrix, of_law in zip(position, law, strict=True):
-            matrix[..., :-1] += of_law[..., :-1]
         rows = [
-            position,
+            self._rows([place], at) + law * (1 - unit[-1]),
             self._rows([reaction], at),
-            _Bounded(product, 0 * product),
+            product,
             self._rows(others, at),
         ]
-        stacked = _Bounded(
-            *(np.concatenate(matrices, axis=-2) for matrices in zip(*rows, strict=True))
-        )
-        shown = stacked.times(X)
-        for matrix, of_moment, P in zip(shown, moment, (self.P, self.dP), strict=True):
-            matrix[..., 0, 0] += of_moment[..., 0, 1] / ticks
-            matrix[..., 1, 0] += P[..., reaction, constant]
-            matrix[..., 3:, 0] += P[..., others, constant]
+        direct = [
+            moment.part(..., [1]).over(Bounded.exact(float(ticks))),
+            self._rows([reaction], [constant]),
+            Bounded.exact(np.zeros((1, 1))),
+            self._rows(others, [constant]),
+        ]
+        shown = Bounded.joined(rows, -2) @ X + Bounded.joined(direct, -2) @ np.array([[1.0, 0.0]])
         shown.error[..., 0, :] = np.where(still & alone, shown.error[..., 0, :], np.inf)
-        value, error = (matrix.reshape(-1, *matrix.shape[-2:]) for matrix in shown)
-        return DcGain(value, error, True)
+        return DcGain(_listed(shown), True)
 
     def _unknowns(self, n):
         """Indices of the states that the signals depend on, and of those that the position alone
         reads."""
-        reads = (self.P != 0).any(tuple(range(self.P.ndim - 2)))[:, :n]
+        P = self.P.value
+        reads = (P != 0).any(tuple(range(P.ndim - 2)))[:, :n]
         in_position = np.flatnonzero(reads[n + 2]).tolist()
-        of_second = range(n + 3, self.P.shape[-2])
+        of_second = range(n + 3, P.shape[-2])
         rows = [n, n + 1, *of_second, *in_position]
         determined = set()
         for row in rows:  # which grows by the states that are found

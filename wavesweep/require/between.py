@@ -9,12 +9,12 @@ import numpy as np
 from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.frames import MarginalModes, Ticks, pole_inside
+from wavesweep.engine.frames import Bounded, MarginalModes, Ticks, pole_inside
 from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import connected
-from wavesweep.engine.response import Bounded, Port
+from wavesweep.engine.response import Port
 from wavesweep.require.disc_panels import BAD, HALF_RIM
 from wavesweep.require.maps import over_frame
 
@@ -105,10 +105,10 @@ class Between:
             first, second = np.array_split(np.arange(p.size), 2)
             first_maps, _ = self.maps(column[first], p[first])
             second_maps, _ = self.maps(column[second], p[second])
-            maps = []
-            for one, other in zip(first_maps, second_maps, strict=True):
-                value = np.concatenate([one.value, other.value])
-                maps.append(Bounded(value, np.concatenate([one.error, other.error])))
+            maps = [
+                Bounded(*map(np.concatenate, zip(*halves, strict=True)))
+                for halves in zip(first_maps, second_maps, strict=True)
+            ]
             return maps, np.zeros((p.size, 1))  # which may be poles
         return self.over_frame(port, p.shape), pivots
 
@@ -149,16 +149,12 @@ class Between:
 
 def by_panel(pairs, shape):
     """Matrices of all points, and bounds on their errors, by panels and points of each."""
-    panels = []
-    for matrix, size in pairs:
-        batch = *shape, *matrix.shape[1:]
-        panels.append(Bounded(matrix.reshape(batch), size.reshape(batch)))
-    return panels
+    return [pair.each(lambda matrix: matrix.reshape(*shape, *matrix.shape[1:])) for pair in pairs]
 
 
 def of_panels(pairs, at):
     """Those of some panels."""
-    return [Bounded(matrix[at], size[at]) for matrix, size in pairs]
+    return [pair.part(at) for pair in pairs]
 
 
 def poles_inside(pivots):

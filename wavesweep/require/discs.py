@@ -6,9 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import balance, inverse
+from wavesweep.engine.frames import balance, inverse, sum_rounding
 from wavesweep.engine.poles import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
@@ -211,12 +210,13 @@ def verdicts(E, dE, rims, place, lines=None):
     radii in the middles alone.
     """
     n = E.shape[-1]
+    rounding = sum_rounding(2 * n, of_complex=True)  # of products of three
     delta, V = eigenvectors(E, place.small)
     with np.errstate(all="ignore"):
         W = inverse(V)
         sizes_W = np.abs(W)
         sizes_V = np.abs(V)
-        off = np.abs(W @ V - np.eye(n)) + n * SHORT_SUM_ROUNDING * (sizes_W @ sizes_V)
+        off = np.abs(W @ V - np.eye(n)) + rounding * (sizes_W @ sizes_V)
         loss = off.sum(-1).max(-1)
 
         change = np.zeros(E.shape)
@@ -224,7 +224,7 @@ def verdicts(E, dE, rims, place, lines=None):
             moved = W[:, None] @ (rim - E[:, None]) @ V[:, None]
             change = np.maximum(change, np.abs(moved).max(1))
         residual = np.abs(W @ (E @ V - V * delta[:, None, :]))
-        error = dE + n * SHORT_SUM_ROUNDING * np.abs(E)
+        error = dE + rounding * np.abs(E)
         defect = residual + sizes_W @ error @ sizes_V
         entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
         entries = entries / (1 - loss)[:, None, None]

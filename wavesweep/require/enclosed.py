@@ -29,8 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
-from wavesweep.engine.response import Bounded, solved
+from wavesweep.engine.frames import Bounded, sum_rounding
 from wavesweep.require.between import determinants, poles_inside
 from wavesweep.require.disc_panels import SAFE
 
@@ -99,7 +98,7 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
     `X_2N = X_N + A^N X_N (A^N)'`. What misses in the equation in the middle, at most r u u', is
     below n r times a diagonal with u^2, of n states, and so is what it does to X.
     """
-    (E, dE), (G, dG), (O, dO), (T, dT) = maps
+    E, G, O, T = (matrix for matrix, _ in maps)
     n = E.shape[-1]
     ticks = T.shape[-1]
     with np.errstate(all="ignore"):
@@ -119,26 +118,18 @@ def mean_square(maps: Sequence[Bounded]) -> Enclosed:
         shown = (_largest_on(O) @ u[..., None])[..., 0]
         rest = q**2 / (1 - q**2) * most * (shown**2).sum(-1)
 
-        e, g, o, t = (matrix[:, 0].real for matrix in (E, G, O, T))
-        identity = np.eye(n)
+        e, g, o, t = (each.part(slice(None), 0).real for each in maps)
+        middle = Bounded.exact(middle)
         changed = e @ middle
-        missed = np.abs(g @ g.mT + changed + changed.mT + changed @ e.mT)
-        steps = np.abs(e) + identity
-        rough = dE[:, 0] + n * SHORT_SUM_ROUNDING * steps
-        carried = rough @ np.abs(middle) @ steps.mT
-        pushed = (dG[:, 0] + ticks * SHORT_SUM_ROUNDING * np.abs(g)) @ np.abs(g).mT
-        missed = missed + carried + carried.mT + pushed + pushed.mT
+        missed = (g @ g.mT + changed + changed.mT + changed @ e.mT).size
         r = (missed / uu).max((-1, -2))
-        error = n * r * np.trace(o @ _summed(e, u) @ o.mT, axis1=-2, axis2=-1)
-        of_O = dO[:, 0] + n * SHORT_SUM_ROUNDING * np.abs(o)
-        of_T = dT[:, 0] + ticks * SHORT_SUM_ROUNDING * np.abs(t)
-        error += 2 * ((of_O @ np.abs(middle)) * np.abs(o)).sum((-1, -2))
-        error += 2 * (np.abs(t) * of_T).sum((-1, -2))
+        more = n * r * np.trace(o.value @ _summed(e.value, u) @ o.value.mT, axis1=-2, axis2=-1)
+        found = ((o @ middle) * o).sum((-1, -2)) + (t * t).sum((-1, -2))
 
         total = ((O @ X) * O).sum((-1, -2)) + (T * T).sum((-1, -2))
-        unsure = _moved(total) + error
-        low = np.maximum(total[:, 0].real - unsure, 0.0) / ticks
-        high = (total[:, 0].real + unsure + np.where(q < 1, rest, np.inf)) / ticks
+        unsure = _moved(total) + more + found.error
+        low = np.maximum(found.value - unsure, 0.0) / ticks
+        high = (found.value + unsure + np.where(q < 1, rest, np.inf)) / ticks
     known = np.isfinite(low) & np.isfinite(high)
     return Enclosed(np.where(known, low, 0.0), np.where(known, high, np.inf))
 
@@ -181,17 +172,17 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
     panel of which that is above the level can only be shown to be above it: for this it is looked
     at for as long again.
     """
-    while O[0].shape[-2] < ROWS_OF_BLOCK:
-        E, O = _twice(E, O)
-    E, dE = E
-    O, dO = O
-    X, dX = start
-    n = E.shape[-1]
+    n = E.value.shape[-1]
     identity = np.eye(n)
+    while O.value.shape[-2] < ROWS_OF_BLOCK:
+        O = Bounded.joined([O, O @ (Bounded.exact(identity) + E)], -2)
+        E = E.then(E)
+    of_O = O.part(slice(None), 0).with_rounding(n)
+    rough = E.part(slice(None), 0).with_rounding(n + 2) + sum_rounding(n + 2) * identity
+    E = E.value
+    O = O.value
+    X, dX = start
     last, slow = _last_blocks(E, O.shape[-2] * n * (X.shape[-1] + n) * E.shape[1])
-    steps = np.abs(E[:, 0]) + identity
-    rough = dE[:, 0] + n * SHORT_SUM_ROUNDING * steps
-    of_O = dO[:, 0] + n * SHORT_SUM_ROUNDING * np.abs(O[:, 0])
 
     rows = O
     power = E  # A^S - 1
@@ -244,19 +235,6 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
             return found._replace(slow=slow, looked_at=looked_at)
         power = 2 * power + power @ power
         count = 2 * count
-
-
-def _twice(E, O):
-    """The change and the outputs of twice as many frames, `A^2 - 1` and `[O; O A]`, each with a
-    bound on its error."""
-    E, dE = E
-    O, dO = O
-    A = np.abs(E + np.eye(E.shape[-1]))
-    rough = SHORT_SUM_ROUNDING * (np.abs(E) + np.eye(E.shape[-1]))
-    dlater = dO @ A + np.abs(O) @ (dE + rough)
-    dtwice = dE @ A + A @ dE + 2 * rough + np.abs(E) @ rough
-    outputs = np.concatenate([O, O + O @ E], -2), np.concatenate([dO, dlater], -2)
-    return (2 * E + E @ E, dtwice), outputs
 
 
 def _all_shown(shown, power, u):
@@ -412,12 +390,11 @@ def step(
     steps = np.flatnonzero(np.concatenate([[True], acts[:-1]]))
     begun = np.tri(acts.size)[:, steps]
     with np.errstate(all="ignore"):
-        whole = G[0].sum(-1, keepdims=True), G[1].sum(-1, keepdims=True)
-        end, dend = solved(-E[0], E[1], *whole)
-        regular = ~poles_inside(determinants(E[0])[..., None])
-        starts = G @ Bounded(begun, 0 * begun) + Bounded(-end, dend)
         ones = np.ones((acts.size, 1))
-        ends = O @ Bounded(end, dend) + T @ Bounded(ones, 0 * ones)
-        seen = _Step(T, steps, (ends[0][..., 0], ends[1][..., 0]), settling=settling)
+        end = (-E).solved(G @ ones)
+        regular = ~poles_inside(determinants(E.value)[..., None])
+        starts = G @ begun - end
+        ends = O @ end + T @ ones
+        seen = _Step(T, steps, ends.part(..., 0), settling=settling)
         seen.known &= regular
         return _over_blocks(E, O, starts, seen, level)

@@ -26,11 +26,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.engine.blocks import OUTPUT
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 from wavesweep.engine.drawing import BLOCK
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.expressions import ONE
-from wavesweep.engine.frames import balance, inverse, solve
+from wavesweep.engine.frames import balance, inverse, solve, sum_rounding
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.require.at_cut import INPUT, PATH, refuse_cut, runs_at_cut
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
@@ -277,7 +276,7 @@ def clear(maps, f, turn, u, r):
     m = T.shape[-1]
     N = n + m
     states = np.arange(N) < n
-    rounding = N * SHORT_SUM_ROUNDING  # of complex products of three, one after the other
+    rounding = sum_rounding(2 * N, of_complex=True)  # of products of three
     with np.errstate(all="ignore"):
         # In the middle: the eigenvalues and vectors of the states, and what inputs they have.
         middle = E[:, 0].real, G[:, 0].real, O[:, 0].real, T[:, 0].real

@@ -29,10 +29,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
-from wavesweep.engine.frames import inverse, on_circle, solve
+from wavesweep.engine.doubles import EPS
+from wavesweep.engine.frames import Bounded, inverse, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, START, with_middles
-from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, determinants, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 from wavesweep.require.pencil import angles_of, clear, off_circle
@@ -93,7 +92,7 @@ class BoundedGain(Between):
         if not at.size:
             return label
 
-        middle = [Bounded(value[at, 0].real, error[at, 0]) for value, error in (K, L)]
+        middle = [each.part(at, 0).real for each in (K, L)]
         rims = K.value[at, 1:], L.value[at, 1:]
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*middle, rims, self.inputs, arc)
@@ -132,71 +131,38 @@ class BoundedGain(Between):
         return G, -(O.mT @ O), -(O.mT @ T), self._level_less(T)
 
     def _form_at_rest(self, points, E, G, O, T):
-        X = inverse(-E[0])
-        X_size = np.abs(X)
+        X = (-E).inverse()
         w = np.full((self.inputs, 1), self.inputs**-0.5)
-        H = T[0] + O[0] @ X @ G[0]
-        h = self.level * np.sign((w.mT @ H @ w).real) * w
-        w = Bounded(w, 0 * w)
-        h = Bounded(h, 0 * h)
-
-        G_w = G @ w
-        r = X @ G_w[0]
-        r_size = np.abs(r)
-        r_rounding = SHORT_SUM_ROUNDING * (np.abs(E[0]) @ r_size + np.abs(G_w[0]))
-        r = Bounded(r, X_size @ (E[1] @ r_size + G_w[1] + r_rounding))
-
+        H = T.value + O.value @ X.value @ G.value
+        h = Bounded.exact(self.level * np.sign((w.mT @ H @ w).real) * w)
+        w = Bounded.exact(w)
+        r = X @ (G @ w)
         h_O = h.mT @ O
-        c = h_O[0] @ X
-        E_error = E[1] + SHORT_SUM_ROUNDING * np.abs(E[0])
-        of_c = np.abs(c) @ E_error + h_O[1] + SHORT_SUM_ROUNDING * np.abs(h_O[0])
-        c = Bounded(c, of_c @ X_size)
+        c = h_O @ X
 
         # By so many frames a slow input is late.
         frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2
         f = np.repeat(1 / np.maximum(2.0, frames), points, axis=0).reshape(-1, 1, 1)
         w_cA = w @ (c - h_O)
         w_cG = w @ (c @ G)
-        S = -(T.mT @ O + w_cA.scaled(f)).mT
+        S = -(T.mT @ O + w_cA * f).mT
         late = w @ (c @ r) @ w.mT
-        late = late.scaled(f**2) - (w_cG + w_cG.mT).scaled(f)
+        late = late * f * f - (w_cG + w_cG.mT) * f
         R = self._level_less(T) + late
         P = -(O.mT @ O)
-        return G - (r @ w.mT).scaled(f), P, S, R
+        return G - (r @ w.mT) * f, P, S, R
 
     def _level_less(self, T):
         """level^2 - T'T."""
-        TT = T.mT @ T
-        return Bounded(self.level**2 * np.eye(TT.value.shape[-1]), 0.0) - TT
+        return Bounded.exact(self.level * np.eye(T.value.shape[-1])) * self.level - T.mT @ T
 
     def pencil(self, E, G, P, S, R):
-        """N - L and L, each with a bound on its error."""
-        n, m = G[0].shape[-2:]
-        order = 2 * n + m
-        x = slice(n)
-        l = slice(n, 2 * n)
-        u = slice(2 * n, None)
-        pencils = []  # of the matrices, and of the bounds on their errors
-        for e, g, p, s, r in zip(E, G, P, S, R, strict=True):
-            shape = (*g.shape[:-2], order, order)
-            K = np.zeros(shape, np.result_type(e, g, p, s, r))
-            K[..., x, x] = e
-            K[..., x, u] = g
-            K[..., l, x] = p
-            K[..., l, l] = e.mT
-            K[..., l, u] = s
-            K[..., u, x] = s.mT
-            K[..., u, l] = g.mT
-            K[..., u, u] = r
-            L = np.zeros(shape, K.dtype)
-            L[..., l, l] = -e.mT
-            L[..., u, l] = -g.mT
-            pencils.append((K, L))
-        (K, L), (K_error, L_error) = pencils
-        L[..., x, x] = np.eye(n)
-        L[..., l, l] -= np.eye(n)
-        L_error = np.abs(L_error) + SHORT_SUM_ROUNDING * np.abs(L)
-        return Bounded(K, np.abs(K_error)), Bounded(L, L_error)
+        """N - L and L."""
+        one = Bounded.exact(np.eye(E.value.shape[-1]))
+        of_inputs = R * 0.0
+        K = Bounded.block([[E, 0, G], [P, E.mT, S], [S.mT, G.mT, R]])
+        L = Bounded.block([[one, 0, 0], [0, -(one + E.mT), 0], [0, -G.mT, of_inputs]])
+        return K, L
 
 
 class Sine(BoundedGain):
@@ -293,57 +259,49 @@ def _negative(parts, theta, v):
 
         |f - f(middle)| <= 1/2 max |f - f(middle)|,   the largest on the circle.
 
-    In the middle the equations are off by m, so the state and the input by dx and du, and the form
-    by df, where dP, dS and dR count rounding as well:
+    In the middle, x and u are off by dx and du, bounds that the inverse of B has, and the form, to
+    first order, by what it is off with x and u as they are, and by
 
-        m = [dE |x| + dG |u|; 0] + rounding,   [dx; da] = |B^-1| m,   du = |v| da,
-        df = |x|' dP |x| + 2 |x|' dS |u| + |u|' dR |u| + 2 |P x + S u|' dx + 2 |S' x + R u|' du.
+        2 |P x + S u|' dx + 2 |S' x + R u|' du.
     """
-    (E, dE), (G, dG), (P, dP), (S, dS), (R, dR) = parts
+    w = on_circle(theta)[:, None, None]
+    v = v[:, :, None]
+    middle = [each.part(slice(None), 0) for each in parts]
+    E, G, P, S, R = (each.value for each in parts)
     n = E.shape[-1]
-    w = on_circle(theta)
-    v = v[:, None, :, None]
-    x = solve(w[:, None, None] * np.eye(n) - E[:, 0].real, G[:, 0].real @ v[:, 0])
+    eye = np.eye(n)
+    x = solve(w * eye - E[:, 0].real, G[:, 0].real @ v)
     q = np.concatenate([x, np.ones((len(x), 1, 1))], 1)
-    l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True))[:, None, :, 0]
+    l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True)).mT
 
     def solved(w, v, l):
-        """B, its inverse, x and u."""
+        """B, x and u."""
         B = np.zeros((*E.shape[:2], n + 1, n + 1), complex)
-        B[..., :n, :n] = w[:, None, None, None] * np.eye(n) - E
-        B[..., :n, n:] = -G @ v
-        B[..., n, :] = l
+        B[..., :n, :n] = w[:, None] * eye - E
+        B[..., :n, n:] = -G @ v[:, None]
+        B[..., n:, :] = l[:, None]
         back = inverse(B)
-        return B, back, back[..., :n, n:], v * back[..., n:, n:]
+        return B, back[..., :n, n:], v[:, None] * back[..., n:, n:]
 
-    B, back, x, u = solved(w, v, l)
-    B_dual, _, x_dual, u_dual = solved(w.conj(), v.conj(), l.conj())
+    B, x, u = solved(w, v, l)
+    B_dual, x_dual, u_dual = solved(w.conj(), v.conj(), l.conj())
     value = (x_dual.mT @ (P @ x + S @ u) + u_dual.mT @ (S.mT @ x + R @ u))[..., 0, 0]
     change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
 
-    # The error in the middle: of x and u, by what the equations miss, and of the form.
-    x = x[:, 0]
-    u = u[:, 0]
-    P = P[:, 0]
-    S = S[:, 0]
-    R = R[:, 0]
-    x_size = np.abs(x)
-    u_size = np.abs(u)
-    back_size = np.abs(back[:, 0])
-    rough = 2 * (n + 4) * SHORT_SUM_ROUNDING
-    dP = dP[:, 0] + rough * np.abs(P)
-    dS = dS[:, 0] + rough * np.abs(S)
-    dR = dR[:, 0] + rough * np.abs(R)
-    of_states = dE[:, 0] @ x_size + dG[:, 0] @ u_size
-    missed = np.concatenate([of_states, 0 * u_size[:, :1]], 1)
-    missed = missed + rough * np.abs(B[:, 0]) @ back_size[..., n:]
-    off = back_size @ missed
-    dx = off[:, :n]
-    du = np.abs(v[:, 0]) * off[:, n:]
-    error = x_size.mT @ dP @ x_size + 2 * x_size.mT @ dS @ u_size + u_size.mT @ dR @ u_size
-    by_x = np.abs((P @ x + S @ u).mT) @ dx
-    by_u = np.abs((S.mT @ x + R @ u).mT) @ du
-    error = error + 2 * (by_x + by_u)
+    # The error in the middle: of x and u, and of the form.
+    E, G, P, S, R = middle
+    w = Bounded(w * eye, 2 * EPS * np.abs(w * eye))  # as sines are known
+    l = Bounded.exact(l)
+    B_middle = Bounded.block(
+        [[w - E, -(G @ v)], [l.part(..., slice(n)), l.part(..., slice(n, None))]]
+    )
+    back = B_middle.inverse()
+    x = back.part(..., slice(n), slice(n, None))
+    u = back.part(..., slice(n, None), slice(n, None)) * v
+    by_x = P @ x.value + S @ u.value
+    by_u = S.mT @ x.value + R @ u.value
+    form = by_x.mT @ x.value.conj() + by_u.mT @ u.value.conj()
+    error = form.error + 2 * (by_x.size.mT @ x.error + by_u.size.mT @ u.error)
 
     poles = poles_inside((determinants(B) * determinants(B_dual))[..., None])
-    return ~poles & (value[:, 0].real + SAFE / 2 * change + error[:, 0, 0] < 0)
+    return ~poles & (form.value.real[:, 0, 0] + SAFE / 2 * change + error[:, 0, 0] < 0)

@@ -25,11 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.doubles import NEXT_TO_ZERO, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.frames import Change, balance, in_a_row, inverse, on_circle, solve
+from wavesweep.engine.frames import Bounded, Change, balance, in_a_row, on_circle, solve
 from wavesweep.engine.norms import NEAR_CIRCLE, with_middles
-from wavesweep.engine.response import Bounded
 from wavesweep.require.between import by_panel, loops_between, of_panels, poles_inside
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN
 from wavesweep.require.frame_gain import BoundedGain
@@ -65,24 +64,20 @@ def of_tick(e: Bounded, b: Bounded, c: Bounded, d: Bounded, square: float, point
 
     r = square - d^2,   A = e + b d r^-1 c,   G = b r^-1 b',   Q = -c' square r^-1 c
     """
-    r = Bounded(np.full_like(d.value, square), 0.0) - d @ d
-    over = 1 / r.value
-    over = Bounded(over, np.abs(over) ** 2 * r.error + SHORT_SUM_ROUNDING * np.abs(over))
+    r = Bounded.exact(np.full_like(d.value, square)) - d @ d
+    over = Bounded.exact(np.ones((1, 1))).over(r)
     E = e + b @ (d @ over) @ c
     G = b @ over @ b.mT
-    Q = -(c.mT @ over.scaled(square) @ c)
+    Q = -(c.mT @ over * square @ c)
     pivot = r.value[:, 0, 0]
     return Joined(E, G, Q, points, (pivot,), np.where(pivot[::points].real < 0, 1.0, 0.0))
 
 
 def then(first: Joined, second: Joined) -> Joined:
     """Return some ticks and those that follow."""
-    one = Bounded(np.eye(first.E.value.shape[-1]), 0.0)
+    one = Bounded.exact(np.eye(first.E.value.shape[-1]))
     star = one + first.G @ second.Q
-    X = inverse(star.value)
-    size = np.abs(X)
-    missed = np.abs(one.value - X @ star.value) + SHORT_SUM_ROUNDING * (size @ np.abs(star.value))
-    X = Bounded(X, (size @ star.error + missed) @ size)
+    X = star.inverse()
     A_1 = one + first.E
     A_2 = one + second.E
     spread = X @ first.G
@@ -239,7 +234,7 @@ class LongGain(BoundedGain):
         if not at.size:
             return label, singular
 
-        middle = [Bounded(value[at, 0].real, error[at, 0]) for value, error in (K, L)]
+        middle = [each.part(at, 0).real for each in (K, L)]
         rims = K.value[at, 1:], L.value[at, 1:]
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*middle, rims, 0, arc)
@@ -275,31 +270,10 @@ def _in_even_units(ticks):
 
 def _pencil(frame):
     """N - L, and L, of frames."""
-    E, dE = frame.E
-    G, dG = frame.G
-    Q, dQ = frame.Q
-    n = E.shape[-1]
-    shape = len(E), 2 * n, 2 * n
-    x = slice(n)
-    l = slice(n, None)
-    K = np.zeros(shape, E.dtype)
-    K[:, x, x] = E
-    K[:, x, l] = -G
-    K[:, l, x] = -Q
-    K[:, l, l] = -E.mT
-    dK = np.zeros(shape)
-    dK[:, x, x] = dE
-    dK[:, x, l] = dG
-    dK[:, l, x] = dQ
-    dK[:, l, l] = dE.mT
-    L = np.zeros(shape, E.dtype)
-    L[:, x, x] = np.eye(n)
-    L[:, x, l] = G
-    L[:, l, l] = np.eye(n) + E.mT
-    dL = np.zeros(shape)
-    dL[:, x, l] = dG
-    dL[:, l, l] = dE.mT
-    return Bounded(K, dK), Bounded(L, dL + SHORT_SUM_ROUNDING * np.abs(L))
+    E = frame.E
+    one = Bounded.exact(np.eye(E.value.shape[-1]))
+    K = Bounded.block([[E, -frame.G], [-frame.Q, -E.mT]])
+    return K, Bounded.block([[one, frame.G], [0, one + E.mT]])
 
 
 def _least(frame, panels, d, arc):
@@ -342,4 +316,4 @@ def _least(frame, panels, d, arc):
 
 def _symmetric(matrix):
     """The symmetric part of a matrix, of one that is symmetric but for rounding."""
-    return Bounded(*((array + array.mT) / 2 for array in matrix))
+    return (matrix + matrix.mT) * 0.5

@@ -12,9 +12,7 @@ An arc is that from one angle of z to another in [0, pi], and its mirror image.
 
 import numpy as np
 
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
-from wavesweep.engine.frames import balance, inverse, solve
-from wavesweep.engine.response import Bounded
+from wavesweep.engine.frames import Bounded, balance, inverse, solve
 from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import ZERO_EIGENVALUES
 
@@ -69,13 +67,12 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
     `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal
     in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
     """
-    K, dK = K
-    L, dL = L
-    N = K.shape[-1]
+    N = K.value.shape[-1]
     n = N - inputs
     states = np.arange(N) < n
     last = ~states
-    rounding = N * SHORT_SUM_ROUNDING  # of complex products of three, one after the other
+    dK, dL = (each.with_rounding(2 * N, of_complex=True) for each in (K, L))  # products of three
+    K, L = K.value, L.value
 
     def parts(K, L):
         """P and Q of `P - d Q`."""
@@ -90,7 +87,7 @@ def clear(K: Bounded, L: Bounded, rims, inputs, arc):
         return np.where(last, K, abs(RATE) * K), states * (unit * L + back * K)
 
     P, Q = parts(K, L)
-    P_error, Q_error = sizes_of_parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L))
+    P_error, Q_error = sizes_of_parts(dK, dL)
     with np.errstate(all="ignore"):
         # Without the inputs, the eigenvalues and vectors of the states.
         from_u = inverse(P[:, n:, n:])

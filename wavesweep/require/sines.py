@@ -24,8 +24,7 @@ matrix, is largest on the circle of p (Vesentini). Other arcs are halved.
 
 import numpy as np
 
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
-from wavesweep.engine.frames import on_circle, solve
+from wavesweep.engine.frames import on_circle, solve, sum_rounding
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 CIRCLE_POINTS = 16  # of a circle of theta
@@ -52,7 +51,7 @@ class Panel:
         from scipy.linalg import schur
 
         E, G, O, T = (matrix for matrix, _ in maps)
-        self.middle = [(matrix[0], size[0]) for matrix, size in maps]
+        self.middle = [each.part(0) for each in maps]
         self.level = level
         self.arc = arc
         self.at_rest = at_rest
@@ -104,14 +103,12 @@ class Panel:
     def error(self, theta):
         """A bound on the error of level^2 - h h in the middle at angles, over the double zero,
         `(n,)`."""
-        (E, dE), (G, dG), (O, dO), (T, dT) = self.middle
+        E, G, O, T = (matrix for matrix, _ in self.middle)
         M = self.ticks
         n = E.shape[-1]
-        rough = 2 * (n + M + 4) * SHORT_SUM_ROUNDING
-        dE = dE + rough * np.abs(E)
-        dG = dG + rough * np.abs(G)
-        dO = dO + rough * np.abs(O)
-        dT = dT + rough * np.abs(T)
+        terms = 3 * (n + M + 4)  # of three sums, one after the other
+        rough = sum_rounding(terms, of_complex=True)
+        dE, dG, dO, dT = (each.with_rounding(terms, of_complex=True) for each in self.middle)
 
         def sided(theta):
             """The size of M h, and a bound on its error."""

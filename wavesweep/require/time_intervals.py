@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.frames import solve
+from wavesweep.engine.frames import Bounded, solve
 from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response import Bounded
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
 from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, peak_to_peak, step

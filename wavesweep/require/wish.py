@@ -24,7 +24,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     certified, to EXACT."""
     import numpy as np
 
-    from wavesweep.engine.response import Bounded, Port
+    from wavesweep.engine.response import Port
     from wavesweep.program.analyses.signals import routed
     from wavesweep.require.between import needed
     from wavesweep.require.maps import over_frame
@@ -39,7 +39,7 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     if port.outputs > 1 or not stable.any():
         return value, stable
     maps = over_frame(port, needed(port.maps), (size,))
-    maps = [Bounded(matrix[stable, None], error[stable, None]) for matrix, error in maps]
+    maps = [matrix.part(stable, None) for matrix in maps]
     found = enclosed_value(measure, maps, port.rate)
     known = np.isfinite(found.high)
     value[stable] = np.where(known, found.high, np.nan)

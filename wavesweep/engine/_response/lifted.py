@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, then
 from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.bordered import Bordered
-from wavesweep.engine._response.bounded_sums import Bounded, long_sum
+from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.circle import Circle, circle_of
 from wavesweep.engine._response.modal import Modal
 from wavesweep.engine._response.port import Port, reached
