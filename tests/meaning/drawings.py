@@ -11,7 +11,7 @@ import numpy as np
 from meaning import filters
 from meaning.classes import written_out
 from meaning.controllers import Keys, add_model, add_sections
-from meaning.expressions import linear, names_in, number, terms_of
+from meaning.expressions import linear, multiplied_out, number, terms_of
 from meaning.machine import Instant, Schedule, exact, form, scaled
 
 DEVICES = ("five-bar", "pantograph", "delta")  # of several axes
@@ -47,7 +47,7 @@ class Drawing:
         self.blocks = self.key("block", {})
         self.wires = self.key("wire", {})
         self.outside = self.inputs()
-        self.remembered: set[str] = set()
+        self.remembered: dict[str, str] = {}  # what is remembered: of each tick, or of the runs of a block
         self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}
         self.late = {}  # blocks that are dead times: (whole ticks, rest in s)
         for name, block in self.blocks.items():
@@ -143,13 +143,18 @@ class Drawing:
         return {"cut" if name == self.cut else name: 1.0}
 
     def before(self, name: str, block: str) -> dict[str, float]:
-        """The same signal in the tick before."""
+        """The same signal in the tick before; of an impulse that runs with the block what it gave in its last run."""
         now = self.signal(name, block)
         then = {}
         for part, coefficient in now.items():
             if part:
-                self.remembered.add(part)
-                then[f"@before {part}"] = coefficient
+                source = self.owner(part.split()[-1])
+                pulse = self.blocks.get(source, {}).get("type") == "impulse" and not part.endswith(".sum")
+                together = (
+                    pulse and block and (self.every(source), self.phase(source)) == (self.every(block), self.phase(block))
+                )
+                self.remembered[part] = source if together else ""
+                then[f"@{'last' if together else 'before'} {part}"] = coefficient
             else:
                 then[""] = coefficient
         return then
@@ -157,16 +162,6 @@ class Drawing:
     def into(self, block: str, port: str) -> dict[str, float]:
         """What a wire gives to a port, in a tick."""
         return self.read_form(_whole(self.wires[f"{block}.{port}"]), block)
-
-    def reads_plant(self, node, but: str = "") -> bool:
-        """Whether a term mentions a plant other than `but`, itself or by a name in [signals]."""
-        for name in names_in(node):
-            if name in self.signals:
-                if self.reads_plant(_whole(self.signals[name]), but):
-                    return True
-            elif self.owner(name) in self.plants and self.owner(name) != but:
-                return True
-        return False
 
     def owner(self, name: str) -> str:
         return name.rpartition(".")[0]
@@ -329,29 +324,59 @@ class Drawing:
         text = self.wires.get(f"{block}.{port}")
         if text is None:
             return continuous, held, arriving
-        for sign, node in terms_of(text):
-            terms = scaled(sign, self.read_form(node, block))
-            acts = self.blocks[block]["type"] == "spring" or self.reads_plant(node, but=block)
-            for name, coefficient in terms.items():
-                owner = self.owner(name)
-                if owner in self.late and self.late[owner][1]:
-                    held = form(held, (coefficient, f"{owner} read"))
-                    arriving = form(arriving, (coefficient, f"@{owner} arrived"))
-                elif acts and owner in self.plants:
-                    continuous = form(continuous, (coefficient, name))
-                else:
-                    held = form(held, (coefficient, name))
-        self.multiplied_out(block, continuous, held)
+        between, sampled = self.parted(block, text)
+        for acts, products in ((True, between), (False, sampled)):
+            for sign, factors, signal in products:
+                factor = sign * math.prod(self.number(each, self.period(block)) for each in factors)
+                for name, coefficient in scaled(factor, self.signal(signal, block)).items():
+                    owner = self.owner(name)
+                    if owner in self.late and self.late[owner][1]:
+                        held = form(held, (coefficient, f"{owner} read"))
+                        arriving = form(arriving, (coefficient, f"@{owner} arrived"))
+                    elif acts and owner in self.plants:
+                        continuous = form(continuous, (coefficient, name))
+                    else:
+                        held = form(held, (coefficient, name))
         return continuous, held, arriving
 
-    def multiplied_out(self, block, continuous, held):
-        """In `ks*link.x - (ks + kp)*motor.x` the part -ks of the last term belongs to the spring."""
-        for port in self.plants[block][1]:
-            own = f"{block}.{port}"
-            others = sum(c for name, c in continuous.items() if name.endswith(f".{port}"))
-            if others * held.get(own, 0.0) < 0 and abs(held[own]) >= abs(others):
-                continuous[own] = continuous.get(own, 0.0) - others
-                held[own] += others
+    def parted(self, block: str, text):
+        """The products of a wire to a plant that act continuously, and those that are held.
+
+        A term that reads another plant is continuous; what reads the plant alone is held, but for the near end of such a
+        term, which has the same factors and the other sign, `-ks*motor.x` of `ks*link.x - (ks + kp)*motor.x`. In brackets
+        it is the same, unless a far end has no near end there: then they are one term.
+        """
+        between, sampled, halves, alone = [], [], [], []
+        for sign, term in terms_of(text, self.signals):
+            products = []
+            for own, factors, signal in multiplied_out(term, self.signals, {*self.numbers, "pi", "dt"}):
+                if signal:
+                    products.append((sign * own, factors, signal))
+            far = [each for each in products if self.owner(each[2]) in self.plants.keys() - {block}]
+            near = [each for each in products if self.owner(each[2]) == block]
+            if self.blocks[block]["type"] == "spring":
+                between += products
+            elif far and near:
+                left, unmatched, pairs = self.paired(near, far)
+                others = [each for each in products if each not in (*near, *far)]
+                between += products if unmatched else pairs
+                alone += [] if unmatched else left
+                sampled += [] if unmatched else others
+            elif far:
+                halves += products
+            else:
+                (alone if len(near) == len(products) else sampled).extend(products)
+        left, unmatched, pairs = self.paired(alone, halves)
+        return between + pairs + unmatched, sampled + left
+
+    def paired(self, near, far):
+        """What is left of near ends and of far ends, and those that belong together."""
+        pairs = []
+        for half in far:
+            fits = [each for each in near if each[:2] == (-half[0], half[1]) and each not in pairs]
+            fits.sort(key=lambda each: each[2].rpartition(".")[2] != half[2].rpartition(".")[2])
+            pairs += [half, *fits[:1]] if fits else []
+        return [each for each in near if each not in pairs], [each for each in far if each not in pairs], pairs
 
     def motion(self) -> dict[str, dict]:
         """The derivatives of all plants' states, over states and what is held: u = L y + h, y = C x + D u."""
@@ -412,7 +437,7 @@ class Drawing:
         whole, rest = self.late[name]
         seen: dict[str, float] = {}
         given: dict[str, float] = {}
-        for sign, node in terms_of(self.wires[f"{name}.u"]):
+        for sign, node in terms_of(_whole(self.wires[f"{name}.u"])):
             for part, coefficient in self.read_form(node, name).items():
                 if self.owner(part) in self.plants:
                     seen = form(seen, (sign * coefficient, part))
@@ -702,8 +727,11 @@ class Drawing:
             equations[name] = self.read_form(_whole(text), "")
         for name in self.signals:
             equations.setdefault(name, self.read_form(_whole(self.signals[name]), ""))
-        for part in self.remembered:
-            writes[f"@before {part}"] = {part: 1.0}
+        for part, source in self.remembered.items():
+            if not source:
+                writes[f"@before {part}"] = {part: 1.0}
+            elif source in active:
+                writes[f"@last {part}"] = {part: 1.0}
         return Instant(equations, writes), extra
 
     def port_signals(self) -> dict[str, str]:

@@ -14,19 +14,44 @@ def dotted(node) -> str:
     return node.id
 
 
-def terms_of(text) -> list[tuple[float, ast.expr]]:
-    """The terms of a sum as (sign, part)."""
-    return list(_terms(ast.parse(str(text).strip(), mode="eval").body, 1.0))
+def terms_of(node, meanings=None) -> list[tuple[float, ast.expr]]:
+    """The terms of a sum as (sign, part); a name in `meanings` is its text in brackets."""
+    return list(_terms(node, 1.0, meanings or {}))
 
 
-def _terms(node, sign):
-    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
-        yield from _terms(node.left, sign)
-        yield from _terms(node.right, sign if isinstance(node.op, ast.Add) else -sign)
+def _terms(node, sign, meanings):
+    if isinstance(node, str):
+        node = ast.parse(node.strip(), mode="eval").body
+    if isinstance(node, (ast.Name, ast.Attribute)) and dotted(node) in meanings:
+        yield from _terms(meanings[dotted(node)], sign, meanings)
+    elif isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
+        yield from _terms(node.left, sign, meanings)
+        yield from _terms(node.right, sign if isinstance(node.op, ast.Add) else -sign, meanings)
     elif isinstance(node, ast.UnaryOp):
-        yield from _terms(node.operand, -sign if isinstance(node.op, ast.USub) else sign)
+        yield from _terms(node.operand, -sign if isinstance(node.op, ast.USub) else sign, meanings)
     else:
         yield sign, node
+
+
+def multiplied_out(node, meanings, numbers) -> list[tuple[float, tuple[str, ...], str]]:
+    """The products that a term is the sum of, as (sign, factors, signal); "prev NAME" is a signal, "" none."""
+    products = []
+    for sign, part in terms_of(node, meanings):
+        if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Mult):
+            for one, factors, signal in multiplied_out(part.left, meanings, numbers):
+                for other, further, behind in multiplied_out(part.right, meanings, numbers):
+                    products.append((sign * one * other, tuple(sorted((*factors, *further))), signal + behind))
+        elif isinstance(part, ast.BinOp) and isinstance(part.op, ast.Div):
+            for one, factors, signal in multiplied_out(part.left, meanings, numbers):
+                products.append((sign * one, tuple(sorted((*factors, f"1/({ast.unparse(part.right)})"))), signal))
+        elif isinstance(part, ast.Call) and part.func.id == "prev":
+            for one, factors, signal in multiplied_out(part.args[0], meanings, numbers):
+                products.append((sign * one, factors, f"prev {signal}"))
+        elif isinstance(part, (ast.Name, ast.Attribute)) and dotted(part) not in numbers:
+            products.append((sign, (), dotted(part)))
+        else:
+            products.append((sign, (ast.unparse(part),), ""))
+    return products
 
 
 def linear(node, value_of: Callable[[str], dict]) -> dict[str, float]:

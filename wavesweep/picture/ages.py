@@ -105,9 +105,11 @@ class DataFlow:
         dead = {}
         for name, dead_time in loops.dead_times().items():
             dead[name] = dead_time.ticks - float(dead_time.share)
+        before = _registers_of_impulses(drawing)
         wires = {}
         for port, terms in drawing.wires:
-            wires[port] = tuple(signal for signal, gain in terms if gain.values(numbers))
+            gains = {signal: float(gain.values(numbers)) for signal, gain in terms}
+            wires[port] = _read(gains, before)
         drawn = {block.name: block for block in drawing.blocks if not block.plant}
         carriers = {}
         for scheduled in compiled.placed:
@@ -140,6 +142,42 @@ class DataFlow:
         """The flow without the blocks that run less often than once in so many ticks."""
         kept = {name: each for name, each in self.carriers.items() if each.every <= every}
         return replace(self, carriers=kept)
+
+
+def _registers_of_impulses(drawing: Drawing) -> dict[str, str]:
+    """What each register remembers by which `prev(...)` reads an impulse: its sum, which may be
+    remembered already; the sum itself is what remembers nothing."""
+    wires = dict(drawing.wires)
+    before = {f"{block.name}.sum": "" for block in drawing.blocks if block.type == "impulse"}
+    for block in drawing.blocks:
+        terms = wires.get(f"{block.name}.u", ())
+        if block.name.startswith("prev(") and terms[0][0] in before:
+            before[f"{block.name}.y"] = terms[0][0]
+    return before
+
+
+def _read(gains: dict[str, float], before: Mapping[str, str]) -> tuple[str, ...]:
+    """The signals that a sum reads; of impulses those of which pulses are left.
+
+    With S_0 the sum of an impulse, S_1 the one before and so on, g_0 S_0 + g_1 S_1 + ... has the
+    pulse S_d - S_(d+1) times g_0 + ... + g_d. gains: of the signals. before: see
+    `_registers_of_impulses`.
+    """
+    read = [signal for signal, gain in gains.items() if gain and signal not in before]
+    rows = []  # of each impulse the signals S_0, S_1, ... as far as they are read
+    for row in ([signal] for signal in gains if signal in before):
+        while before[row[0]]:
+            row.insert(0, before[row[0]])
+        rows.append(row)
+    for row in rows:
+        if any(other[: len(row)] == row for other in rows if len(other) > len(row)):
+            continue
+        total = 0.0
+        for signal in row:
+            total += gains.get(signal, 0.0)
+            if total:
+                read.append(signal)
+    return tuple(read)
 
 
 def _ports_of_plants(drawing: Drawing) -> tuple[list[str], frozenset[str]]:

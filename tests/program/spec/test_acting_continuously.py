@@ -135,6 +135,7 @@ def test_a_controller_is_a_program_only_through_a_hold(tables, end, said):
         ({"u": LAW}, "u", "motor.y + u + push", "u"),
         ({"e": "2*body.x", "u": "-k*e - 0.5*k*body.v"}, "u", "motor.y - k*e + push", "e"),
         ({"one": "-k*body.x", "other": "-0.5*k*body.v"}, "one + other", "motor.y + other + push", "other"),
+        ({"e": "k*(motor.y - body.x) - body.x"}, "-e", "e + push", "e"),  # of its last term
     ],
 )
 def test_a_name_that_would_act_continuously_and_be_held_is_refused(signals, motor, body, named_in):
@@ -143,6 +144,29 @@ def test_a_name_that_would_act_continuously_and_be_held_is_refused(signals, moto
     (mistake,) = raised.value.mistakes
     assert (mistake.key, mistake.found) == ("wire.body.f", f"{named_in} held over a tick")
     assert mistake.expected == f"{named_in} as in motor.u, where it acts continuously, or the output of a hold in both"
+
+
+@pytest.mark.parametrize(
+    ("force", "signals"),
+    [
+        ("k*(two.x - one.x) - 3*one.x", {}),
+        ("-(k*(one.x - two.x) + 3*one.x)", {}),
+        ("1*(k*two.x - (k + 3)*one.x)", {}),
+        ("e", {"e": "k*(two.x - one.x) - 3*one.x"}),
+        ("1*e", {"e": "k*(two.x - one.x) - 3*one.x"}),
+        ("-2*(0.5*e)", {"e": "-k*two.x + (k + 3)*one.x"}),
+        ("k*two.x + e - 3*one.x", {"e": "-k*one.x"}),
+    ],
+)
+def test_brackets_and_names_change_nothing(force, signals):
+    bodies = {"one": {"type": "mass", "mass": 1.0}, "two": {"type": "mass", "mass": 2.0}}
+    wires = {"one.f": force, "two.f": "k*(one.x - two.x)"}
+    loop = wavesweep.compile(
+        {"rates": {"tick_hz": 20}, "numbers": {"k": 9.0}, "block": bodies, "signals": signals, "wire": wires}
+    )
+    A = np.array([[0, 1, 0, 0], [-9, 0, 9, 0], [0, 0, 0, 1], [4.5, 0, -4.5, 0]])
+    frame = marched(A, np.array([[0.0, 1, 0, 0]]).T, [(0, np.array([-3.0, 0, 0, 0]))], [])
+    assert float(loop.spectral_radius()) == pytest.approx(np.abs(np.linalg.eigvals(frame)).max(), rel=1e-9)
 
 
 def test_names_with_one_meaning_are_taken():

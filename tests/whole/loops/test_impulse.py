@@ -121,6 +121,73 @@ def test_a_projection_of_a_physics_engine():
     assert all(radius(s) < 1 for s in middles[found.intervals > 0])
 
 
+LAST = {
+    "rates": {"tick_hz": 100},
+    "numbers": {"K": 5.0},
+    "block": {
+        "m": {"type": "mass", "mass": 1.0, "damping": 4.0},
+        "i": {"type": "impulse", "every": 4},
+        "b": {"type": "hold", "every": 4},
+    },
+    "wire": {"i.u": "m.x", "b.u": "K*(i.y + prev(i.y))", "m.f": "push - b.y"},
+    "ports": {"inputs": {"push": "push"}, "outputs": {"x": "m.x"}},
+    "sweep": {"along": "K", "K": {"start": 0, "stop": 1000}},
+}
+A_CLASS = {
+    "block": {"b": {"type": "hold", "every": 4}},
+    "wire": {"b.u": "u"},
+    "ports": {"inputs": ["u"], "outputs": {"y": "b.y"}},
+}
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"numbers": {"n": 4}, "block": {"b": {"type": "hold", "every": "n"}}},
+        {"block": {"b": {"type": "hold", "every": "2*2"}}},
+        {"ports": {"outputs": {"seen": "i.y", "x": "m.x"}}},
+        {"ports": {"outputs": {"seen": "prev(i.y)", "x": "m.x"}}},
+        {"signals": {"e": "i.y", "before": "prev(e)"}, "wire": {"b.u": "K*(e + before)"}},
+        {"block": {"watch": {"type": "hold"}}, "wire": {"watch.u": "prev(i.y)"}},
+        {"type": {"one": A_CLASS}, "block": {"b": {"type": "one"}}},
+    ],
+    ids=["as it is", "a number", "an expression", "seen", "seen before", "names", "watched in each tick", "a class"],
+)
+def test_what_runs_with_an_impulse_reads_its_last_run_however_the_loop_is_written(more):
+    tables = dict(LAST)
+    for table, keys in more.items():
+        tables[table] = LAST.get(table, {}) | keys
+    loop = wavesweep.compile(tables)
+    e = np.exp(-0.16)  # of the speed, in a frame of 40 ms
+
+    def radius(K):
+        """Of position, speed and the last position, held for a frame."""
+        moved, force = np.array([1, (1 - e) / 4, 0]), (0.04 - (1 - e) / 4) / 4
+        pushed = np.array([force, (1 - e) / 4, 0])
+        A = np.array([moved, [0, e, 0], [1, 0, 0]]) - np.outer(pushed, [K, 0, K])
+        return abs(np.linalg.eigvals(A)).max()
+
+    assert loop.spectral_radius() == pytest.approx(radius(5.0), rel=1e-9)
+    (row,) = loop.stable_intervals().to_dict("records")
+    assert (row["low"], row["certified"]) == (0.0, True)
+    assert radius(row["high"]) == pytest.approx(1, abs=1e-12)
+
+
+def test_what_runs_in_other_ticks_reads_what_an_impulse_gave_in_the_tick_before():
+    """Also where an axis says whether both run together; and what shows it is 0 between."""
+    for n in (2, 4):
+        wires = {"b.u": f"K*{'(i.y + prev(i.y))' if n == 4 else 'i.y'}"}
+        alone = wavesweep.compile(
+            LAST | {"block": LAST["block"] | {"b": {"type": "hold", "every": n}}, "wire": LAST["wire"] | wires}
+        )
+        tables = LAST | {"numbers": {"K": 5.0, "n": 4}, "block": LAST["block"] | {"b": {"type": "hold", "every": "n"}}}
+        found = wavesweep.compile(tables).stable_intervals(n=[n])
+        assert found.high[0] == pytest.approx(alone.stable_intervals().high[0], rel=1e-9)
+    run = wavesweep.compile(LAST | {"simulate": {"show": ["i.y"]}}).simulate(np.ones(40))
+    assert (run["i.y"] != 0).tolist() == [k > 0 and k % 4 == 0 for k in range(40)]
+
+
 def test_balls_have_the_same_frame():
     spec = load(observer(4))
     ticks = pytest.importorskip("wavesweep.prove.ticks")

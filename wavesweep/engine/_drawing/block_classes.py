@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.expressions import NOT_RESERVED, PERIOD, RESERVED
 from wavesweep.engine._keys.checking import Mistakes, nearest, show
 from wavesweep.engine._keys.key import Leaf
 
@@ -67,6 +68,13 @@ def _refuse_classes(
             )
         for path, leaf in leaves.items():
             _refuse_part(f"type.{name}", path, leaf, mistakes)
+            named = path[1:2] if path[:1] != ("wire",) else ()
+            if path == ("ports", "inputs") and isinstance(leaf.value, list):
+                named = leaf.value
+            for word in (PERIOD, *RESERVED):
+                if word in named:
+                    key = ".".join(("type", name, *path))
+                    mistakes.refuse(leaf, key, f"a name, {NOT_RESERVED}", show(word), of_key=False)
 
 
 def _refuse_part(of_class: str, path: Path, leaf: Leaf, mistakes: Mistakes) -> None:

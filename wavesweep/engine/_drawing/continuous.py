@@ -28,10 +28,10 @@ def parted(
 
     A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x -
     motor.x)` does, and so does the other half of one that is multiplied out, `ks*link.x - (ks +
-    kp)*motor.x`. What else reads the plant alone is what a controller computes from samples,
-    `-kp*motor.x`. Signals of other blocks and the hand's force are held. Errors: Fault as for
-    `linear`, and if terms in both positions, or both velocities, are left that form no spring or
-    damper.
+    kp)*motor.x`, or stands in brackets, `g*(ks*(link.x - motor.x) - kp*motor.x)`. What else reads
+    the plant alone is what a controller computes from samples, `-kp*motor.x`. Signals of other
+    blocks and the hand's force are held. Errors: Fault as for `linear`, and if terms in both
+    positions, or both velocities, are left that form no spring or damper.
     """
     wire = tree.linear(signals)
     held: list[tuple[str, Tree]] = []
@@ -41,12 +41,20 @@ def parted(
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name in summand.names if name in signals}
         far_plants = plants.keys() & blocks - {own}
-        terms = summand.linear(signals)
+        terms = _multiplied_out(summand.linear(signals))
         if far_plants and own in blocks:
-            continuous += terms
+            far = [term for term in terms if term[0].rpartition(".")[0] in far_plants]
+            near = [term for term in terms if term[0].rpartition(".")[0] == own]
+            pairs = _opposite_pairs(near, far)
+            if far:  # its ends do not fit, as of a spring behind a gear: it is one term
+                continuous += terms
+            else:
+                continuous += pairs
+                alone += near
+                held += [term for term in terms if term not in (*pairs, *near)]
         else:
             kind = halves if far_plants else alone if blocks == {own} else held
-            kind += _multiplied_out(terms)
+            kind += terms
     if not (continuous or halves):
         return wire, ()
     continuous += _opposite_pairs(alone, halves)
@@ -66,7 +74,9 @@ def _opposite_pairs(
     sign out of both lists."""
     pairs = []
     for half in list(halves):
-        twin = next((term for term in alone if _opposite(half[1], term[1])), None)
+        port = half[0].rpartition(".")[2]
+        twins = [term for term in alone if _opposite(half[1], term[1])]
+        twin = min(twins, key=lambda term: not term[0].endswith(f".{port}"), default=None)
         if twin:
             alone.remove(twin)
             halves.remove(half)

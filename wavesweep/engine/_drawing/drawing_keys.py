@@ -11,6 +11,7 @@ from wavesweep.engine._drawing.drawing import RATE
 from wavesweep.engine._drawing.drawn_block import DrawnBlock, keys_of_block
 from wavesweep.engine._drawing.expressions import (
     ONE,
+    PERIOD,
     Fault,
     Tree,
 )
@@ -20,7 +21,6 @@ from wavesweep.engine._keys.checking import Mistakes, Rejected, check, expectati
 from wavesweep.engine._keys.key import FORMULA, VALUE_WORDS, Key, Leaf, Place
 from wavesweep.engine.errors import Mistake
 
-PERIOD = "dt"  # the name of a block's own period in its expressions
 # names of keys for the same thing: each type has one of each group
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))
 # parts of names of keys with which people limit controllers
@@ -45,9 +45,8 @@ class KeyReader:
     for expressions, the trees and their extents. ports: inputs and outputs of each block, also of
     one that has mistakes, unless these hide them; None then. registers: the outputs of those that
     `prev(...)` reads, and the signal that each remembers. tick_hz: the rate of the tick. periods:
-    of blocks, s. period: what `dt` stands for in the expressions of a block, its own period (s),
-    unless that is the name of a number or a signal. classes: types that a message lists in
-    addition.
+    of blocks, s. period: what `dt` stands for in the expressions of a block, its own period (s).
+    classes: types that a message lists in addition.
     """
 
     def __init__(self, source: Place, axes: frozenset[str], classes: tuple[str, ...] = ()) -> None:
@@ -130,19 +129,18 @@ class KeyReader:
             names |= self.signals
         meanings = self.meanings
         if self.period:
-            meanings = meanings if PERIOD in names else {**meanings, PERIOD: self.period}
+            meanings = {**meanings, PERIOD: self.period}
             names.add(PERIOD)
         if unknown := list(self.unknown_names(tree, names, signals)):
             for fault in unknown:
                 self.fault(path, leaf, fault)
             return None
-        try:  # registers in place of `prev(...)`
-            tree = tree.with_trees(meanings)
-            tree, registers = tree.remembered(self.signals_of(tree))
-        except Fault as fault:
-            return self.fault(path, leaf, fault)
-        self.registers |= registers
-        self.signals |= {*registers}
+        tree = tree.with_trees(meanings)
+        if not signals:
+            try:
+                tree.remembered(set())
+            except Fault as fault:
+                return self.fault(path, leaf, fault)
         return tree
 
     def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
@@ -228,9 +226,12 @@ class KeyReader:
         tree: Tree,
         within: Callable[[Tree, set[str]], _Found] = Tree.linear,
     ) -> _Found | None:
-        """Return the terms of a tree, see `read_terms`; one that is not linear in signals is a
-        mistake."""
+        """Return the terms of a tree, see `read_terms`, with registers in place of `prev(...)`;
+        one that is not linear in signals is a mistake."""
         try:
+            tree, registers = tree.remembered(self.signals_of(tree))
+            self.registers |= registers
+            self.signals |= {*registers}
             return within(tree, self.signals_of(tree))
         except Fault as fault:
             return self.fault(path, leaf, fault)

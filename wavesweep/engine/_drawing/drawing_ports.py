@@ -8,7 +8,7 @@ from typing import NamedTuple
 from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.engine._drawing.drawn_block import DrawnBlock
-from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms
+from wavesweep.engine._drawing.expressions import ONE, PERIOD, RESERVED, Terms
 from wavesweep.engine._keys.checking import nearest, show
 from wavesweep.engine._keys.key import TURNED, Key, Leaf
 
@@ -216,7 +216,7 @@ class PortReader(KeyReader):
         wire reads. what: it should be."""
         if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
             return f"{NAME}, for {what}", show(signal)
-        if signal in self.numbers:
+        if signal in (*self.numbers, PERIOD):
             return "a name that is no number", show(signal)
         if signal not in self.read:
             return "a signal that a wire reads", f"{show(signal)}, which no wire reads"

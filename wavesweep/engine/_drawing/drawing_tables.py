@@ -9,24 +9,28 @@ from typing import NamedTuple
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
 from wavesweep.engine._drawing.conditions import displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
-from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of
+from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of, scalars
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.engine._drawing.drawing_ports import TURNS, PortReader
-from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
+from wavesweep.engine._drawing.drawn_block import DrawnBlock
 from wavesweep.engine._drawing.expressions import (
+    NOT_RESERVED,
     ONE,
+    PERIOD,
     RESERVED,
     Fault,
     Terms,
     Tree,
 )
 from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._drawing.registers import with_registers
 from wavesweep.engine._keys.checking import Mistakes, nearest, show
 from wavesweep.engine._keys.key import Key, Leaf, Names, Place
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 NUMBER_PARTS = ("value", "unit", "description")
 LISTED = 8  # ports that a message lists
+SAME_SHARE = 1e-9  # of a signal that acts continuously, by which two wires differ by rounding
 
 Path = tuple[str, ...]
 
@@ -183,16 +187,14 @@ class _TableReader(PortReader):
         named = self.read_named(tables["signals"])
         self.refuse_names_of_others(ports, outputs, blocks, tables["wire"])
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
-        registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
-        blocks += registers
-        for block in registers:
-            wires += ((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)),)
+        always = [*shown, *(terms for _, terms in named)]
+        blocks, wires = with_registers(blocks, wires, always, self.registers)
         shown_terms = []
         for terms in shown:
             shown_terms += terms or ()
         wires, couplings = watching_held(wires, couplings, shown_terms)
         self.refuse_loose_ends(tables)
-        self.refuse_two_meanings(tables, plants)
+        self.refuse_two_meanings(tables, plants, values | self.own)
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
         drawing = Drawing(
@@ -262,6 +264,8 @@ class _TableReader(PortReader):
         path = path_of(name)
         if name in self.taken:
             self.refuse(place, path, self.free, f"{show(name)}, which one has")
+        elif name == PERIOD:
+            self.refuse(place, path, f"a name, {NOT_RESERVED}", show(name))
         elif not is_name(name) or name in RESERVED:
             self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
         for key, leaf in keys.items():
@@ -300,7 +304,9 @@ class _TableReader(PortReader):
         for name, leaf in table.items():
             path = f"signals.{name}"
             self.leaves[path] = leaf
-            if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+            if name == PERIOD:
+                self.refuse(leaf, path, f"a name, {NOT_RESERVED}", show(name))
+            elif not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
                 self.refuse(
                     leaf,
                     path,
@@ -350,95 +356,88 @@ class _TableReader(PortReader):
         self.period = None
         return terms
 
-    def refuse_two_meanings(self, tables: Mapping[str, dict], plants: Mapping[str, str]) -> None:
-        """Refuse names of [signals] that act continuously in the wire of one plant, and are held
-        in that of another."""
+    def refuse_two_meanings(
+        self, tables: Mapping[str, dict], plants: Mapping[str, str], values: Mapping[str, float]
+    ) -> None:
+        """Refuse names of [signals] of which a part acts continuously in the wire of one plant,
+        or as one factor of a product, and is held in another or as a term of a sum."""
         if self.mistakes or not tables["signals"]:
             return
         texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
         built_in = {name: tree for name, tree in self.meanings.items() if name not in texts}
+        known = {name: value or 1.0 for name, value in scalars(values).items()}
 
-        def expanded(tree: Tree, without: str = "") -> Tree:
-            """The tree with the meanings of names; 0 is the meaning of one."""
-            meanings = {}
+        def expanded(tree: Tree, otherwise: Mapping[str, Tree]) -> Tree:
+            """The tree with the meanings of names, or with others in their places."""
+            meanings = dict(otherwise)
             for name in tree.names:
-                if name == without:
-                    meanings[name] = Tree.number(0.0)
-                elif name in texts:
-                    meanings[name] = expanded(texts[name], without)
+                if name in texts and name not in otherwise:
+                    meanings[name] = expanded(texts[name], otherwise)
             return tree.with_trees(meanings).with_trees(built_in).remembered(self.signals)[0]
 
-        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
         into_plants = {}
         for port, leaf in tables["wire"].items():
             if port.rpartition(".")[0] in plants and isinstance(leaf.value, str):
                 into_plants[port] = parse(leaf.value)
-        in_full = {port: expanded(tree) for port, tree in into_plants.items()}
+        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
         for name, text in texts.items():
-            read = of_plants & {signal for signal, _ in expanded(text).linear(self.signals)}
-            held_in: list[str] = []
-            continuous_in: list[str] = []
+            meant = expanded(text, {})
+            read = of_plants & dict(meant.linear(self.signals)).keys()
+            first: dict[str, tuple[float, str]] = {}  # of each signal, and the port
             for port, tree in into_plants.items():
-                trees = in_full[port], expanded(tree, name)
-                if trees[0] == trees[1]:
-                    continue
-                continuous = self._acts_continuously(port, trees, read, plants)
-                if continuous is not None:
-                    (continuous_in if continuous else held_in).append(port)
-            if held_in and continuous_in:
-                expected = f"{name} as in {continuous_in[0]}, where it acts continuously, or the output of a hold in both"
-                leaf = tables["wire"][held_in[0]]
-                path = f"wire.{held_in[0]}"
-                self.refuse(leaf, path, expected, f"{name} held over a tick", of_key=False)
+                without = expanded(tree, {name: Tree.number(0.0)})
+                for times in (meant, Tree("*", (ONE, meant))):
+                    full = expanded(tree, {name: times})
+                    shares = self._shares(port, (full, without), plants, known)
+                    for signal in read & shares.keys():
+                        share = shares[signal]
+                        other, at = first.setdefault(signal, (share, port))
+                        if abs(share - other) > SAME_SHARE:
+                            self._refuse_meanings(tables, name, {share: port, other: at})
+                            return
 
-    def _acts_continuously(
-        self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]
-    ) -> bool | None:
-        """Whether a name of [signals] acts continuously in a wire; None if it cannot be told, or
-        acts through no plant.
+    def _refuse_meanings(
+        self, tables: Mapping[str, dict], name: str, ports: Mapping[float, str]
+    ) -> None:
+        """Refuse a name of which more is held in one port than in another. ports: by the share of
+        a signal in it that acts continuously."""
+        held = ports[min(ports)]
+        continuous = ports[max(ports)]
+        as_in = continuous if held != continuous else "a product"
+        expected = (
+            f"{name} as in {as_in}, where it acts continuously, or the output of a hold in both"
+        )
+        found = f"{name} held over a tick"
+        self.refuse(tables["wire"][held], f"wire.{held}", expected, found, of_key=False)
 
-        trees: of the wire with the name and without it. signals: outputs of plants that the name
-        reads.
-        """
-        with suppress(Fault):  # without the name, the rest may be no spring
-            block = port.rpartition(".")[0]
-            full, less = (parted(tree, self.signals, block, plants) for tree in trees)
-            held, continuous = map(partial(_differ, signals), full, less)
-            return continuous if held or continuous else None
-        return None
-
-    def made_registers(
+    def _shares(
         self,
-        blocks: Iterable[DrawnBlock],
-        wires: Iterable[tuple[str, Terms]],
-        shown: Iterable[Terms | None],
-    ) -> tuple[DrawnBlock, ...]:
-        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs
-        with all that read it.
+        port: str,
+        trees: tuple[Tree, Tree],
+        plants: Mapping[str, str],
+        known: Mapping[str, float],
+    ) -> dict[str, float]:
+        """The share of each signal that acts continuously in a wire, as far as a name adds it
+        there; none if it cannot be told.
 
-        shown: terms that are read in every tick, in addition to the ports of blocks.
+        trees: of the wire with the name and without it. known: numbers by name.
         """
-        runs = {}
-        for block in blocks:
-            runs[block.name] = block.every.text, block.phase.text
-        sources = {block.name: block for block in blocks}
-        registers = []
-        for register, signal in self.registers.items():
-            readers = set()  # when what reads it runs
-            for port, terms in wires:
-                if register in dict(terms):
-                    readers.add(runs.get(port.rpartition(".")[0]))
-            if any(register in dict(terms or ()) for terms in shown):
-                readers.add(None)
-            source = sources.get(signal.rpartition(".")[0])
-            every = ONE
-            phase = Plant.phase
-            if source and readers == {runs[source.name]}:
-                every = source.every
-                phase = source.phase
-            name = register.rpartition(".")[0]
-            registers.append(DrawnBlock(name, "delay", (("steps", ONE),), every, phase))
-        return tuple(registers)
+        block = port.rpartition(".")[0]
+        known = {**known, PERIOD: 1.0}
+        gains: dict[str, list[float]] = {}  # of the held part and the continuous one
+        with suppress(Fault):  # without the name, the rest may be no spring
+            for sign, tree in zip((1.0, -1.0), trees, strict=True):
+                for part, terms in enumerate(parted(tree, self.signals, block, plants)):
+                    for signal, gain in terms:
+                        of_signal = gains.setdefault(signal, [0.0, 0.0])
+                        of_signal[part] += sign * (gain.finite_value(known) or 0.0)
+            shares = {}
+            for signal, (held, continuous) in gains.items():
+                size = abs(held) + abs(continuous)
+                if size > 0:
+                    shares[signal] = abs(continuous) / size
+            return shares
+        return {}
 
     def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
         """Refuse inputs without a wire, and numbers and names of signals that no expression
@@ -457,10 +456,3 @@ class _TableReader(PortReader):
                 kind = "number" if name in self.numbers else "signal"
                 expected = f"a {kind} that an expression reads"
                 self.refuse(self.leaf(path), path, expected, "one that nothing reads")
-
-
-def _differ(signals: Iterable[str], one: Terms, other: Terms) -> bool:
-    """Whether a signal has another gain in the other terms."""
-    gains = dict(one)
-    other_gains = dict(other)
-    return any(gains.get(name) != other_gains.get(name) for name in signals)

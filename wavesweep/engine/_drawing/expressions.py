@@ -17,7 +17,9 @@ MOST_PARTS_OF_TREE = 2000
 DEEPEST_TREE = 200
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
 PREVIOUS = "prev"  # of signals: what they were before the tick
+PERIOD = "dt"  # a block's own period, in its keys and in wires to it
 RESERVED = ("pi", *FUNCTIONS)
+NOT_RESERVED = f"and neither pi nor a function nor {PERIOD}, a block's own period"
 EXPANDED = 32  # the largest exponent that is written out as products
 # Rank of an operation, the ranks that its parts need, and its sign in a text.
 RANKS = {

@@ -80,11 +80,12 @@ class _AnyLoop:
         self.random = random
         self.plants = rest.plants or set()
         self.registers = _registers(drawn, names, rest)
+        registers = set().union(*self.registers.values())
         self.blocks = []
         self.slow = set()
         for placed in drawn.placed:
             name = placed.block.name
-            if name in names and name not in self.registers.values():
+            if name in names and name not in registers:
                 self.blocks.append(placed.block)
                 if placed.every > 1:
                     self.slow.add(name)
@@ -147,7 +148,7 @@ class _AnyLoop:
         wire = _modulo(rest.wires[port])
         sensed = port == f"{name}.{SENSED}"
         read = self.drawn.sources(port) - set(self.drawn.inputs)
-        for register in self.registers.values():
+        for register in set().union(*self.registers.values()):
             wire.pop(f"{register}.y", None)
             read.discard(f"{register}.y")
         for signal in wire.keys() - read:
@@ -260,20 +261,26 @@ class _AnyLoop:
         return of_states, of_ports
 
 
-def _registers(drawn, names, rest) -> dict[str, str]:
-    """The register of each impulse of which pulses alone are read: its sum, less the register of
+def _registers(drawn, names, rest) -> dict[str, set[str]]:
+    """The registers of each impulse of which pulses alone are read: its sum, less a register of
     it."""
     in_every_tick = {placed.block.name for placed in drawn.placed if placed.every == 1}
     wires = {**drawn.sums, **rest.wires}
-    registers = {}
+    found = {}
     for impulse in names:
         register = f"prev({impulse}.sum)"
-        if register in names & in_every_tick:
-            readers = [wire for port, wire in wires.items() if port != f"{register}.u"]
-            pairs = [(row.get(f"{impulse}.sum", 0), row.get(f"{register}.y", 0)) for row in readers]
-            if all(total == -before for total, before in pairs):
-                registers[impulse] = register
-    return registers
+        if register not in names & in_every_tick:
+            continue
+        registers = {name for name in names if name.startswith(register)}
+        own_ports = {f"{name}.u" for name in registers}
+        readers = [wire for port, wire in wires.items() if port not in own_ports]
+        pairs = []
+        for row in readers:
+            before = sum(row.get(f"{name}.y", 0) for name in registers)
+            pairs.append((row.get(f"{impulse}.sum", 0), before))
+        if all(total == -before for total, before in pairs):
+            found[impulse] = registers
+    return found
 
 
 def _modulo(row: Mapping[str, Fraction]) -> Row:
