@@ -31,8 +31,8 @@ def record_type(*own: tuple[str, str]) -> np.dtype:
 
 RECORD = record_type()
 
-# what numerics raise where they have no answer
-FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)
+# what numerics raise where they have no answer; an error of any other kind is one of the program
+FAILURES = (np.linalg.LinAlgError, FloatingPointError, OverflowError)
 
 
 def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
