@@ -93,7 +93,7 @@ def test_errors_of_the_frame_count():
     line = Line.of(WallsAlong(loop, 0, 5.0))
     piece = line.proved(0.0, 1198.0)
     assert not open_angles(loop, line.walls.at(0.0, 1198.0), piece.multiplier).size
-    rough = replace(loop, dE=loop.dE + 1e-4 * np.abs(loop.E))
+    rough = replace(loop, E=loop.E._replace(error=1e-4 * np.abs(loop.E.value)))
     assert open_angles(rough, line.walls.at(0.0, 1198.0), piece.multiplier).size
 
 

@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, LEAST_SURE, Inverse, WallLoop, shifted
+from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES, WallLoop, shifted
 from wavesweep.engine.doubles import EPS
+from wavesweep.engine.frames import Bounded
 
 FIRST_ARCS = 64  # of half the circle
 MOST_ARCS = 8_000  # looked at in one check
@@ -21,33 +22,6 @@ MOST_ARCS = 8_000  # looked at in one check
 ARC_OVERLAP = 2.0**-44
 # half an arc times the resolvent's norm, up to which its series converges well
 RESOLVENT_REACH = 0.5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Known:
-    """Numbers with bounds on their errors, `(arcs,)` each."""
-
-    value: np.ndarray
-    error: np.ndarray
-
-    @property
-    def size(self) -> np.ndarray:
-        """A bound on the true number's size."""
-        return np.abs(self.value) + self.error
-
-    @property
-    def real(self) -> Known:
-        """The real part."""
-        return Known(self.value.real, self.error)
-
-    def __add__(self, other: Known) -> Known:
-        value = self.value + other.value
-        return Known(value, self.error + other.error + EPS * np.abs(value))
-
-    def __mul__(self, other: Known) -> Known:
-        value = self.value * other.value
-        error = self.size * other.error + self.error * np.abs(other.value)
-        return Known(value, error + 2 * EPS * np.abs(value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +51,7 @@ class Multiplier:
         """A bound on the second derivative of M in the angle."""
         return float(self.lags**2 @ (self.before + self.after))
 
-    def at(self, angles: np.ndarray) -> tuple[Known, Known]:
+    def at(self, angles: np.ndarray) -> tuple[Bounded, Bounded]:
         """Return M and its derivative in the angle at `z = exp(j angle)`.
 
         The angle times k is rounded, and so are N terms of a sum, whose weights add up to 1.
@@ -87,7 +61,7 @@ class Multiplier:
         slope = back @ (1j * self.lags * self.before) - on @ (1j * self.lags * self.after)
         lost = EPS * (self.lags.size + 4) ** 2 * np.ones(angles.size)
         value = 1 - back @ self.before - on @ self.after
-        return Known(value, lost), Known(slope, self.lags.size * lost)
+        return Bounded(value, lost), Bounded(slope, self.lags.size * lost)
 
     @cached_property
     def beside_pole(self) -> np.ndarray:
@@ -106,14 +80,14 @@ class Multiplier:
         """A bound on the second derivative of `Re M/(z - 1)` in the angle."""
         return float(np.arange(self.beside_pole.size) ** 2 @ np.abs(self.beside_pole))
 
-    def pole_part(self, angles: np.ndarray) -> tuple[Known, Known]:
+    def pole_part(self, angles: np.ndarray) -> tuple[Bounded, Bounded]:
         """Return `Re M/(z - 1)` and its derivative in the angle."""
         orders = np.arange(self.beside_pole.size)
         turned = np.outer(angles, orders)
         lost = EPS * (self.lags.size + 4) ** 3 * np.ones(angles.size)
         value = np.cos(turned) @ self.beside_pole
         slope = -np.sin(turned) @ (orders * self.beside_pole)
-        return Known(value, lost), Known(slope, orders.size * lost)
+        return Bounded(value, lost), Bounded(slope, orders.size * lost)
 
 
 def open_angles(loop: WallLoop, walls: np.ndarray, multiplier: Multiplier) -> np.ndarray:
@@ -127,11 +101,9 @@ def open_angles(loop: WallLoop, walls: np.ndarray, multiplier: Multiplier) -> np
     holds between them.
     """
     stiffness = walls[:, 0]
-    if loop.residue or loop.dResidue:
-        drifts = stiffness[stiffness != 0]
-    else:
-        drifts = np.zeros(0)
-    opposed = -drifts * loop.residue > np.abs(drifts) * loop.dResidue
+    residue, dResidue = loop.residue
+    drifts = stiffness[(stiffness != 0) & (loop.residue.size != 0)]
+    opposed = -drifts * residue > np.abs(drifts) * dResidue
     if not (loop.stable and multiplier.allowed and opposed.all()):
         return np.array([np.nan])
     width = np.pi / FIRST_ARCS
@@ -169,15 +141,14 @@ def _least(loop, walls, multiplier, middles, half):
     least, at_middle = np.full(middles.size, np.inf), np.full(middles.size, np.inf)
     for wall in walls:
         a, a1, rest_a = _opened(loop, wall, about, curved)
-        pole = Known(-wall[0] * loop.residue, abs(wall[0]) * loop.dResidue)
+        pole = loop.residue * -wall[0]
         value = (m * a).real + pole * q
         slope = (m * a1 + m1 * a).real + pole * q1
         rest = half**2 * m1.size * a1.size + curved * multiplier.pole_bend * pole.size
         rest = rest + rest_m * (a.size + half * a1.size + rest_a)
         rest = rest + rest_a * (m.size + half * m1.size)
-        bound = value.value - half * np.abs(slope.value) - rest * (1 + 64 * EPS)
-        bound = bound - BOUNDS_OF_DOUBLES * (value.error + half * slope.error)
-        bound = bound - BOUNDS_OF_DOUBLES * EPS * (value.size + half * slope.size)
+        off = value.error + half * slope.size + rest * (1 + 64 * EPS)
+        bound = value.value - off - 8 * EPS * (value.size + off)
         least = np.minimum(least, np.where(about.converges, bound, np.nan))
         at_middle = np.minimum(at_middle, value.value)
     return least, at_middle
@@ -185,35 +156,24 @@ def _least(loop, walls, multiplier, middles, half):
 
 def _opened(loop, wall, about, curved):
     """Return `1 - K G_x - B G_v` without its pole at middles of arcs, its slope, and the rest."""
-    terms = BOUNDS_OF_DOUBLES * EPS * (loop.B.size + 4)
-    row, size_of_wall = wall @ loop.rows, np.abs(wall)
-    row_error = size_of_wall @ (loop.dRows + BOUNDS_OF_DOUBLES * EPS * np.abs(loop.rows))
-    size = np.abs(row) + row_error
-    direct = wall @ loop.direct
-    direct_error = size_of_wall @ (loop.dDirect + BOUNDS_OF_DOUBLES * EPS * np.abs(loop.direct))
-    a_error = direct_error + about.size @ (row_error + terms * size) + size.sum() * about.error
-    a = Known(1 - direct - about.X @ row, a_error + terms * (1 + abs(direct)))
-    a1_error = about.size1 @ (row_error + terms * size) + size.sum() * about.error1
-    a1 = Known(1j * about.z * (about.X1 @ row), a1_error)
-    return a, a1, curved * a1.size + size.sum() * about.rest
+    row = Bounded.exact(wall) @ loop.rows
+    one = Bounded.exact(1.0)
+    a = one - Bounded.exact(wall) @ loop.direct - about.X @ row
+    a1 = (about.X1 @ row) * (one + about.w) * 1j
+    return a, a1, curved * a1.size + row.size.sum() * about.rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Resolvents:
     """`X = (w - E)^-1 B` and `X1 = (w - E)^-1 X`, its derivative but for the sign, on arcs.
 
-    z `(arcs,)`; X, X1, and their sizes `(arcs, n)`, at the middles; error, error1 `(arcs,)`: of
-    every entry. rest `(arcs,)`: of every entry, what X may differ by from `X - (w - w0) X1` on the
-    arc. converges: whether these bounds hold.
+    w `(arcs,)`; X, X1 `(arcs, n)`, at the middles. rest `(arcs,)`: of every entry, what X may
+    differ by from `X - (w - w0) X1` on the arc. converges: whether these bounds hold.
     """
 
-    z: np.ndarray
-    X: np.ndarray
-    X1: np.ndarray
-    size: np.ndarray
-    size1: np.ndarray
-    error: np.ndarray
-    error1: np.ndarray
+    w: Bounded
+    X: Bounded
+    X1: Bounded
     rest: np.ndarray
     converges: np.ndarray
 
@@ -223,16 +183,12 @@ def _resolvents(loop, middles, half):
     """The resolvents of E at the middles of arcs, with bounds, by the Neumann series
     `(w0 + d - E)^-1 = T - d T^2 + d^2 (1 + d T)^-1 T^3` with `T = (w0 - E)^-1`."""
     w = shifted(middles)
-    eye = np.eye(loop.B.size)
-    inverse = Inverse.of(w[:, None, None] * eye - loop.E, loop.dE + BOUNDS_OF_DOUBLES * EPS * eye)
-    B = np.broadcast_to(loop.B, (middles.size, loop.B.size))
-    X, X_error = inverse.times(B, np.full(middles.size, loop.dB.max(initial=0.0)))
-    X1, X1_error = inverse.times(X, X_error)
-    X2, X2_error = inverse.times(X1, X1_error)
-    near = half * inverse.size
-    rest = half**2 * (np.abs(X2).max(-1, initial=0.0) + X2_error) / (1 - near)
-    converges = (inverse.alpha < LEAST_SURE) & (near < RESOLVENT_REACH)
-    size, size1 = np.abs(X) + X_error[:, None], np.abs(X1) + X1_error[:, None]
-    return _Resolvents(
-        1 + w, X, X1, size, size1, X_error, X1_error, BOUNDS_OF_DOUBLES * rest, converges
-    )
+    w = Bounded(w, 2 * EPS * np.abs(w))  # as sines are known
+    eye = np.eye(len(loop.B.value))
+    T = (w.part(..., None, None) * eye - loop.E).inverse()
+    X = T @ loop.B
+    X1 = (T @ X.part(..., None)).part(..., 0)
+    X2 = T @ X1.part(..., None)
+    near = half * T.size.sum(-1).max(-1, initial=0.0)
+    rest = BOUNDS_OF_DOUBLES * half**2 * X2.size.max((-1, -2), initial=0.0) / (1 - near)
+    return _Resolvents(w, X, X1, rest, near < RESOLVENT_REACH)

@@ -26,14 +26,14 @@ class Sampled:
     def of(loop: WallLoop, more: np.ndarray) -> Sampled:
         """Sample at angles that crowd towards z = 1 and towards the poles, and at more of them."""
         slow = np.geomspace(1e-4, 0.05, 24)
-        poles = np.linalg.eigvals(loop.E)
+        poles = np.linalg.eigvals(loop.E.value)
         near = np.abs(np.angle(1 + poles[poles.imag > 0]))
         width = np.abs(1 - np.abs(1 + poles[poles.imag > 0]))
         steps = np.array([-4, -2, -1, -0.5, 0, 0.5, 1, 2, 4])
         about = (near[:, None] + np.maximum(width, 1e-6)[:, None] * steps).ravel()
         angles = np.concatenate([slow, np.linspace(0.05, np.pi, 90), about, more])
         angles = np.unique(angles[(angles > 0) & (angles <= np.pi)])
-        return Sampled(angles, loop.responses(angles), loop.residue)
+        return Sampled(angles, loop.responses(angles), float(loop.residue.value))
 
     def opened(self, wall) -> np.ndarray:
         """`1 + L` at the angles, of a wall (K, B); with its pole."""

@@ -15,6 +15,7 @@ from wavesweep.contact.stored_check import Conditions, falls
 from wavesweep.contact.stored_search import Found, find_stored
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing import path_of
+from wavesweep.engine.frames import Bounded
 from wavesweep.engine.poles import count_outside
 
 FRAMES_AHEAD = (0, 1, 2)  # that a node knows; proofs begin with the first
@@ -96,28 +97,24 @@ class InFrames:
         own = np.flatnonzero(np.diagonal(self.frames.follows))
         for i in own.tolist():
             n = self.frames.changes.shape[-1] - 1
-            E = self.frames.changes[i, :n, :n]
-            dE = self.frames.changes_error[i, :n, :n]
+            change = Bounded(self.frames.changes[i], self.frames.changes_error[i])
+            E = change.part(slice(n), slice(n))
+            B = change.part(slice(n), n)
             omega = np.zeros(n)
             residue = 0.0
             if self.frames.drifts:
-                omega = np.linalg.solve(-E.T, self.frames.changes[i, n, :n])
-                residue = self.frames.changes[i, n, n] + omega @ self.frames.changes[i, :n, n]
+                omega = np.linalg.solve(-E.value.T, change.value[n, :n])
+                residue = change.value[n, n] + omega @ B.value
             rows = self.frames.rows[i].copy()
             rows[0, :n] -= omega
-            rows = rows * self.unit
-            count, clear = count_outside(E[None], dE[None])
+            read = Bounded(rows * self.unit, self.frames.rows_error[i])
+            count, clear = count_outside(E.value[None], E.error[None])
             loop = WallLoop(
                 E,
-                self.frames.changes[i, :n, n],
-                rows[:, :n],
-                rows[:, n],
-                residue * self.unit,
-                dE,
-                self.frames.changes_error[i, :n, n],
-                self.frames.rows_error[i, :, :n],
-                self.frames.rows_error[i, :, n],
-                0.0,
+                B,
+                read.part(slice(None), slice(n)),
+                read.part(slice(None), n),
+                Bounded.exact(residue * self.unit),
                 bool(clear[0] and count[0] == 0),
                 bool(clear[0] and count[0] > 0),
             )
