@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     )
     from wavesweep.engine._response.gain import gain_of
     from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame
-    from wavesweep.engine._response.linear_systems import solved
     from wavesweep.engine._response.peak import PeakGain, l1_norm
     from wavesweep.engine._response.port import NoPositionError, Port
     from wavesweep.engine._response.static import Response
@@ -25,7 +24,6 @@ else:
             "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch", "varied_rates"),
             "_response.gain": ("gain_of",),
             "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
-            "_response.linear_systems": ("solved",),
             "_response.peak": ("PeakGain", "l1_norm"),
             "_response.port": ("NoPositionError", "Port"),
             "_response.static": ("Response",),

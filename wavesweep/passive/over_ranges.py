@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.blocks import Block, MultirateLoop, Ports
-from wavesweep.engine.frames import Ticks, balance, inverse, on_circle, solve
+from wavesweep.engine.frames import Bounded, Ticks, balance, inverse, on_circle, solve
 from wavesweep.engine.intervals import FunctionValues
 from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, read, tick
-from wavesweep.engine.response import Port, solved
+from wavesweep.engine.response import Port
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.channel import channel_of
 
@@ -212,8 +212,7 @@ def _exact(A, b):
     """The solution of A X = b, with refined inverses where it is real."""
     if np.iscomplexobj(A):
         return solve(A, b)
-    X, _ = solved(A, 0 * A, b, 0 * b)
-    return X
+    return Bounded.exact(A).solved(Bounded.exact(b)).value
 
 
 def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:

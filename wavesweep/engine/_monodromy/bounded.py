@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._loops.block import concatenated
+from wavesweep.engine._loops.block import concatenated, numbers
 from wavesweep.engine._monodromy.unit_circle import inverse
 from wavesweep.engine.doubles import EPS, LEAST_NORMAL, SMALLEST_DOUBLE, UNIT_ROUNDING
 
@@ -51,7 +51,7 @@ class Bounded(NamedTuple):
     @classmethod
     def exact(cls, value: np.ndarray | float) -> Bounded:
         """Return a matrix that is known as it is."""
-        return cls(np.asarray(value), np.zeros(np.shape(value)))
+        return cls(numbers(value), np.zeros(np.shape(value)))
 
     @property
     def size(self) -> np.ndarray:

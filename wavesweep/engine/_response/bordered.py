@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.engine._loops.block import concatenated
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._response.circle import Circle
-from wavesweep.engine._response.linear_systems import LinearSystem, solved
 from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.doubles import ENTRY_ROUNDING
 
@@ -79,13 +79,11 @@ class Bordered:
     def outputs(self, points: Circle):
         """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds
         on their errors."""
-        X, dX = solved(*self._system(points))
-        value = X[..., : self.outputs_of_port, 0]
-        error = dX[..., : self.outputs_of_port, 0]
-        return value.mT, error.mT
+        A, b = self._system(points)
+        return A.solved(b).part(..., slice(self.outputs_of_port), 0).mT
 
     def _system(self, points):
-        """Return matrix, right side and bounds on their errors of the system, at every point."""
+        """Return matrix and right side of the system, at every point."""
         sums = self.sums_of(self.stretch, points)
         M = self.stretch.ticks
         p = self.outputs_of_port
@@ -124,7 +122,7 @@ class Bordered:
                 array[..., row, :] = 0
             A[..., row, row] = points.tick
             A[..., row, 0] = -1
-        return LinearSystem(A, dA, b, db)
+        return Bounded(A, dA), Bounded(b, db)
 
     def _right_side(self, sums, forced, driven):
         """The right side of the system, or the bound on its errors, at every point."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._response.lifted import Lifted, Stretch
-from wavesweep.engine._response.linear_systems import solved
 from wavesweep.engine._response.static import LOST_DIGITS
 from wavesweep.engine._response.steady import respond
 from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
@@ -50,10 +50,10 @@ class Gain:
         self.loop = loop
         self.frame, self.lost = loop.of_positions
         self.n = self.frame.E[0].shape[-1]
-        O, self.dO = (rows[..., -1, :, :] for rows in self.frame.observability)
+        self.O = self.frame.observability.part(..., -1, slice(None), slice(None))
+        O = self.O.value
         G, dG = self.frame.controllability
         with np.errstate(all="ignore"):
-            self.size = np.abs(O)
             self.left, self.corner = np.linalg.qr(O)
             self.right, entry = np.linalg.qr(G.mT)
             self.entry = entry.mT[..., None, :, :]
@@ -92,19 +92,15 @@ class Gain:
     def _at(self, w):
         """Return the largest singular value at each point of the frame's circle, and a bound on
         its error (m/N)."""
-        E, dE = self.frame.E
         n = self.n
         w = w[:, None, None]
-        none = 0 * w.real
-        A = w * np.eye(n) - E[..., None, :, :]
-        dA = dE[..., None, :, :] + none
-        entry = self.entry + 0 * w
-        of_entry = self.of_entry + 0 * np.abs(self.entry) + none
-        X, dX = solved(A, dA, entry, of_entry)
+        A = Bounded.exact(w * np.eye(n)) - self.frame.E.part(..., None, slice(None), slice(None))
+        entry = Bounded(*np.broadcast_arrays(self.entry + 0 * w, self.of_entry))
+        X, dX = A.solved(entry)
         size_X = np.abs(X)
-        O = self.size[..., None, :, :]
-        dO = self.dO[..., None, :, :]
-        error = norm_of_product(O, dX) + norm_of_product(dO + n * SHORT_SUM_ROUNDING * O, size_X)
+        O = self.O.part(..., None, slice(None), slice(None))
+        of_O = O.with_rounding(2 * n, of_complex=True)
+        error = norm_of_product(np.abs(O.value), dX) + norm_of_product(of_O, size_X)
         error = error + (self.of_O * size_X).sum((-1, -2)) + self.of_map[..., None]
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
@@ -192,8 +188,8 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
         applied(first, early, loop, adjoint=adjoint),
         applied(second, late, loop, adjoint=adjoint),
     ]
-    O = _of_loops(second.observability[0][..., -1, :, :], loop)
-    G = _of_loops(first.controllability[0], loop)
+    O = _of_loops(second.observability.value[..., -1, :, :], loop)
+    G = _of_loops(first.controllability.value, loop)
     if adjoint:
         results[0] += G.mT @ (O.mT @ late)
     else:
@@ -211,10 +207,10 @@ def norm_of_errors(frame: Stretch) -> np.ndarray:
     `(...)`."""
     if frame.impulse:
         return np.sqrt((frame.impulse[1] ** 2).sum((-2, -1)))
-    O, dO = (rows[..., -1, :, :] for rows in frame.second.observability)
-    G, dG = frame.first.controllability
-    size = np.abs(G)
-    across = norm_of_product(dO, size) + norm_of_product(np.abs(O), dG + SHORT_SUM_ROUNDING * size)
+    O, dO = frame.second.observability.part(..., -1, slice(None), slice(None))
+    G = frame.first.controllability
+    dG = G.with_rounding(O.shape[-1])
+    across = norm_of_product(dO, np.abs(G.value)) + norm_of_product(np.abs(O), dG)
     return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
 
 

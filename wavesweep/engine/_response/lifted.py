@@ -8,25 +8,24 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.engine._loops.multirate import MultirateLoop
-from wavesweep.engine._monodromy.bounded import Bounded
+from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine._monodromy.periodic import Ticks, in_a_row, then
-from wavesweep.engine._monodromy.rounding import both
 from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._response.bordered import Bordered
-from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.circle import Circle, circle_of
 from wavesweep.engine._response.modal import Modal
 from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._state_space import StateSpace
-from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 
+TURN_ROUNDINGS = 16  # of the angle, the sine and the product by which a turn doubles a ladder
 LEAF = 64  # ticks up to which the outputs for forces of the same stretch are kept as a matrix
 NEXT_TO_OVERFLOW = 1e100  # entries whose squares are next to overflow
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """Some ticks in a row; all arrays come as pairs with bounds on the errors of their entries.
+    """Some ticks in a row.
 
     E `(..., n, n)`: the change of the state. observability `(..., p, ticks, n)`: the outputs in
     each tick for the state before the first. controllability `(..., n, ticks)`: what the force of
@@ -37,11 +36,11 @@ class Stretch:
     has, if not all.
     """
 
-    E: tuple
-    observability: tuple
-    controllability: tuple
-    forced: tuple | None
-    impulse: tuple | None
+    E: Bounded
+    observability: Bounded
+    controllability: Bounded
+    forced: Bounded | None
+    impulse: Bounded | None
     first: "Stretch | None" = None
     second: "Stretch | None" = None
     state_index: np.ndarray | slice | None = None
@@ -54,32 +53,31 @@ class Stretch:
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             pairs = []
             for matrix, size in zip(tick, terms, strict=True):
-                pairs.append(np.broadcast_arrays(matrix, ENTRY_ROUNDING * size))
+                pairs.append(Bounded(*np.broadcast_arrays(matrix, ENTRY_ROUNDING * size)))
             E, B, C, D = pairs
-            observability = [rows[..., None, :] for rows in C]
-            last = [rows[..., -1:, :] for rows in D]
-            ticks.append(Stretch(E, observability, B, D, last))
+            observability = C.part(..., None, slice(None))
+            ticks.append(Stretch(E, observability, B, D, D.part(..., [-1], slice(None))))
         return in_a_row(port.kind.tolist(), ticks, _joined)
 
     @property
     def ticks(self) -> int:
         """Number of ticks."""
-        return self.controllability[0].shape[-1]
+        return self.controllability.value.shape[-1]
 
     def showing(self, rows: slice) -> "Stretch":
         """Return the frame with some outputs, and the states that these need to know of it."""
-        change = self.E[0]
+        change = self.E.value
         n = change.shape[-1]
-        observability = [outputs[..., rows, :, :] for outputs in self.observability]
+        observability = self.observability.part(..., rows, slice(None), slice(None))
         reads = (change + np.eye(n) != 0).any(tuple(range(change.ndim - 2)))
         shown = (observability[0] != 0).any(tuple(range(observability[0].ndim - 1)))
         index = reached(shown, reads)
         return replace(
             self,
-            E=[change[..., index[:, None], index] for change in self.E],
-            observability=[outputs[..., index] for outputs in observability],
-            controllability=[states[..., index, :] for states in self.controllability],
-            forced=self.forced and [outputs[..., rows, :] for outputs in self.forced],
+            E=self.E.part(..., index[:, None], index),
+            observability=observability.part(..., index),
+            controllability=self.controllability.part(..., index, slice(None)),
+            forced=self.forced and self.forced.part(..., rows, slice(None)),
             state_index=index,
             rows=rows,
         )
@@ -88,7 +86,7 @@ class Stretch:
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
         """Sums over the ticks of the sizes of `observability`, `(..., p, n)`, and of
         `controllability`, `(..., n, 1)`."""
-        return np.abs(self.observability[0]).sum(-2), np.abs(self.controllability[0]).sum(
+        return np.abs(self.observability.value).sum(-2), np.abs(self.controllability.value).sum(
             -1, keepdims=True
         )
 
@@ -97,7 +95,7 @@ class Stretch:
         """Sum of the sizes of the terms of the outputs for forces of the same stretch, `(...,
         p)`."""
         if self.forced:
-            return np.abs(self.forced[0]).sum(-1)
+            return np.abs(self.forced.value).sum(-1)
         across = (self.second.sizes[0] @ self.first.sizes[1])[..., 0]
         return (self.first.forced_size + self.second.forced_size + across)[..., self.rows]
 
@@ -111,32 +109,29 @@ class Stretch:
         )
 
     @property
-    def across(self) -> tuple:
-        """The map from forces of the first half to the last output in the second, a pair."""
-        last = Bounded(*(outputs[..., -1, :, :] for outputs in self.second.observability))
-        return last @ Bounded(*self.first.controllability)
+    def across(self) -> Bounded:
+        """The map from forces of the first half to the last output in the second."""
+        last = self.second.observability.part(..., -1, slice(None), slice(None))
+        return last @ self.first.controllability
 
 
 def _joined(first, second):
     """Return one stretch after the other."""
-    eye = np.eye(first.E[0].shape[-1])
-    before = eye + first.E[0], first.E[1]
-    after = Bounded(eye + second.E[0], second.E[1])
-    E = then(first.E[0], second.E[0]), both(first.E, second.E)[1]
-    outputs = Bounded(*second.observability)
-    inputs = Bounded(*first.controllability)
-    carried = outputs @ Bounded(*(states[..., None, :, :] for states in before))
+    one = Bounded.exact(np.eye(first.E.value.shape[-1]))
+    before = one + first.E
+    E = first.E.then(second.E)._replace(value=then(first.E.value, second.E.value))
+    outputs = second.observability
+    inputs = first.controllability
+    carried = outputs @ before.part(..., None, slice(None), slice(None))
     observability = Bounded.joined((first.observability, carried), -2)
-    controllability = Bounded.joined((after @ inputs, second.controllability), -1)
+    controllability = Bounded.joined(((one + second.E) @ inputs, second.controllability), -1)
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
-    later = outputs @ Bounded(*(states[..., None, :, :] for states in inputs))
-    of_first = Bounded(*_padded(first.forced, second.ticks))
-    of_second = Bounded(*_padded(second.forced, first.ticks))
-    forced = of_first + of_second + Bounded(*_over_lags(later))
-    impulse = []
-    for before_it, across, after_it in zip(first.impulse, later, second.impulse, strict=True):
-        impulse.append(_triangular(before_it, across[..., -1, :, :], after_it))
+    later = outputs @ inputs.part(..., None, slice(None), slice(None))
+    of_first = _padded(first.forced, second.ticks)
+    forced = of_first + _padded(second.forced, first.ticks) + _over_lags(later)
+    across = later.part(..., -1, slice(None), slice(None))
+    impulse = Bounded(*map(_triangular, first.impulse, across, second.impulse))
     return Stretch(E, observability, controllability, forced, impulse)
 
 
@@ -151,9 +146,9 @@ def _triangular(first, across, second):
     return joint
 
 
-def _padded(pair, count):
-    return tuple(
-        np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1) for sums in pair
+def _padded(forced, count):
+    return forced.each(
+        lambda sums: np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1)
     )
 
 
@@ -161,12 +156,12 @@ def _over_lags(later):
     """Return sums over equal numbers of ticks between a force in the first stretch, and an output
     in the second.
 
-    later: a pair of `(..., second, first)`. Their ticks together are the length of the result.
+    later: `(..., second, first)`. Their ticks together are the length of the result.
     """
+    second, first = later.value.shape[-2:]
     pair = []
-    for impulse in (later[0], later[1] + SHORT_SUM_ROUNDING * np.abs(later[0])):
+    for impulse in (later.value, later.with_rounding(second)):
         batch = impulse.shape[:-2]
-        second, first = impulse.shape[-2:]
         wide = np.zeros(
             (*batch, second, first + second)
         )  # each row, put into shorter ones, is shifted by one more
@@ -174,7 +169,7 @@ def _over_lags(later):
         wide = wide.reshape(*batch, -1)[..., : second * (first + second - 1)]
         sums = wide.reshape(*batch, second, first + second - 1).sum(-2)
         pair.append(np.concatenate([np.zeros((*sums.shape[:-1], 1)), sums], axis=-1))
-    return tuple(pair)
+    return Bounded(*pair)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,21 +203,20 @@ class Sums:
 
 def _of_leaf(stretch, points):
     z = points.ladder(stretch.ticks)
-    rough = long_sum(stretch.ticks)
+    terms = stretch.ticks + TURN_ROUNDINGS * stretch.ticks.bit_length()
     # contiguous, as BLAS wants them
     real = z.real.copy()
     imag = z.imag.copy()
-    O, dO = stretch.observability
-    forced, dforced = stretch.forced
-    G, dG = stretch.controllability
-    size, most = stretch.sizes
+    O = stretch.observability.value
+    forced = stretch.forced.value
+    G = stretch.controllability.value
     return Sums(
         rows=real.T @ O - 1j * (imag.T @ O),
-        drows=dO.sum(-2) + rough * size,
+        drows=stretch.observability.with_rounding(terms).sum(-2),
         forced=forced @ real - 1j * (forced @ imag),
-        dforced=(dforced + rough * np.abs(forced)).sum(-1, keepdims=True),
+        dforced=stretch.forced.with_rounding(terms).sum(-1, keepdims=True),
         driven=G @ real + 1j * (G @ imag),
-        ddriven=dG.sum(-1, keepdims=True) + rough * most,
+        ddriven=stretch.controllability.with_rounding(terms).sum(-1, keepdims=True),
     )
 
 
@@ -231,11 +225,14 @@ def _of_halves(stretch, points, memo):
     second = stretch.second
     a = Sums.of(first, points, memo)
     b = Sums.of(second, points, memo)
-    eye = np.eye(first.E[0].shape[-1])
-    before = eye + first.E[0]
-    after = eye + second.E[0]
-    dbefore = first.E[1] + SHORT_SUM_ROUNDING * np.abs(before)
-    dafter = second.E[1] + SHORT_SUM_ROUNDING * np.abs(after)
+    n = first.E.value.shape[-1]
+    one = Bounded.exact(np.eye(n))
+    terms = n + TURN_ROUNDINGS
+    dbefore = (one + first.E).with_rounding(terms)
+    dafter = (one + second.E).with_rounding(terms)
+    before = np.eye(n) + first.E.value
+    after = np.eye(n) + second.E.value
+    rounding = sum_rounding(terms, of_complex=True)
     size = second.sizes[0]
     most = first.sizes[1]
     turn = points.turn(first.ticks)
@@ -244,14 +241,12 @@ def _of_halves(stretch, points, memo):
     rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
     drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
     forced = a.forced + b.forced + back * carried
-    dforced = (
-        a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + SHORT_SUM_ROUNDING * most)
-    )
+    dforced = a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + rounding * most)
     driven = after @ a.driven + turn * b.driven
     ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ most
     states = slice(None) if stretch.state_index is None else stretch.state_index
     outputs = stretch.rows
-    of_rows, of_driven = (SHORT_SUM_ROUNDING * sizes for sizes in stretch.sizes)
+    of_rows, of_driven = (sum_rounding(TURN_ROUNDINGS) * sizes for sizes in stretch.sizes)
     return Sums(
         rows=rows[..., outputs, :, states],
         drows=drows[..., outputs, states] + of_rows,
@@ -289,7 +284,7 @@ class Lifted:
     @property
     def order(self) -> int:
         """Number of states."""
-        return self.frame.E[0].shape[-1]
+        return self.frame.E.value.shape[-1]
 
     @property
     def weight(self) -> int:
@@ -405,9 +400,9 @@ def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
     kind = np.tile(port.kind, ticks // port.kind.size)
     port = replace(port, kind=kind, maps=of_row(port.maps), sizes=of_row(port.sizes))
     frame = Stretch.of(port).showing(slice(None))
-    A = frame.E[0]
-    B = frame.controllability[0]
-    C = frame.observability[0][0]
+    A = frame.E.value
+    B = frame.controllability.value
+    C = frame.observability.value[0]
     return StateSpace(A, B, C, frame.impulse_map())
 
 

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.unit_circle import solve
-from wavesweep.engine._response.linear_systems import INVERSE_ERROR
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
+INVERSE_ERROR = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 MODAL_NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
 
 
@@ -51,7 +51,8 @@ class Modal:
         left = b - w * X + E @ X
         size = np.abs(X)
         terms = np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)
-        unsure = np.abs(left) + SHORT_SUM_ROUNDING * terms + self.error @ size + db
+        rounding = sum_rounding(X.shape[-2] + 2, of_complex=True)
+        unsure = np.abs(left) + rounding * terms + self.error @ size + db
         gain = np.abs(factor)
         off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
         return ModalSolution(X, unsure, gain, off)

@@ -1,9 +1,8 @@
-"""Products of matrices whose sums have one order, and the rounding of long sums."""
+"""Products of matrices whose sums have one order."""
 
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import sparse
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 
 def ordered_product(A, x):
@@ -17,9 +16,3 @@ def ordered_product(A, x):
     if (few := sparse(A)) is not None:
         return (few @ x.reshape(-1, x.shape[-1]).T).T.reshape(*x.shape[:-1], len(A))
     return np.multiply(A, x[..., None, :], order="C").sum(-1)
-
-
-def long_sum(count: int) -> float:
-    """Return the relative error of a sum of `count` products; errors of either sign grow as the
-    root of their number."""
-    return SHORT_SUM_ROUNDING * (4 + count**0.5)

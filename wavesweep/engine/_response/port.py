@@ -7,12 +7,12 @@ import numpy as np
 from wavesweep.engine._drawing.conditions import OF_PLANT
 from wavesweep.engine._loops.from_drawing import Ports
 from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._monodromy.drift import MarginalModes
 from wavesweep.engine._monodromy.periodic import Ticks
-from wavesweep.engine._response.bounded_sums import long_sum
 from wavesweep.engine._response.encoder import with_displacements
 from wavesweep.engine._state_space import StateSpace
-from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import ENTRY_ROUNDING
 from wavesweep.engine.errors import UsageError
 
 NO_SHIFT = 1e-9  # of the terms of a shift: a movement below it is rounding
@@ -140,11 +140,6 @@ class Port:
     def outputs(self) -> int:
         """Number of outputs of the maps."""
         return self.maps[0][2].shape[-2]
-
-    @property
-    def rough(self) -> float:
-        """Relative error of sums over a frame."""
-        return long_sum(self.kind.size)
 
     def some(self, index: np.ndarray) -> "Port":
         """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers
@@ -338,15 +333,15 @@ def _fixed(ticks, followers, leads):
     sizes = np.where(np.isfinite(sizes), sizes, 0.0) * weight
     A = E[..., followers]
     b = -E[..., leads]
-    dA = ENTRY_ROUNDING * sizes[..., followers] + SHORT_SUM_ROUNDING * np.abs(A)
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)
     inverse = column.mT * np.linalg.pinv(A * column)
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)
-    left = np.abs(b - A @ V) + dA @ np.abs(V) + ENTRY_ROUNDING * sizes[..., leads]
-    dV = np.abs(inverse) @ left
+    A = Bounded(A, ENTRY_ROUNDING * sizes[..., followers])
+    missed = Bounded(b, ENTRY_ROUNDING * sizes[..., leads]) - A @ V
+    dV = np.abs(inverse) @ missed.size
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
 

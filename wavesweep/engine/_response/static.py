@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._response.bounded_sums import ordered_product
+from wavesweep.engine._monodromy.bounded import Bounded, sum_rounding
 from wavesweep.engine._response.lifted import Lifted, Sums
-from wavesweep.engine._response.linear_systems import solved
+from wavesweep.engine._response.ordered_product import ordered_product
 from wavesweep.engine.doubles import EPS
 
 SLOPE_STEP = 1e-30  # of z, for slopes
@@ -205,8 +205,7 @@ def _limits(loop) -> list[_Limit]:
     """Return the limit of each output of the port."""
     frame = loop.frame
     M = loop.frame.ticks
-    rough = loop.port.rough
-    E, dE = frame.E
+    rough = sum_rounding(M + loop.order)
     sums = Sums.of(frame, _AtRest())
     g, g_1 = _with_slope(sums.driven[..., 0])
     G, G_1 = _with_slope(sums.rows[..., 0, :])
@@ -214,8 +213,10 @@ def _limits(loop) -> list[_Limit]:
     dg = sums.ddriven[..., 0] + 0 * g
     dG = sums.drows
     dh = sums.dforced[..., 0]
-    X, dX = _column(-E, dE, g, dg)
-    X_1, dX_1 = _column(-E, dE, g_1 - M * X, M * (dg + dX))
+    still = -frame.E
+    X, dX = still.solved(Bounded(g, dg).part(..., None)).part(..., 0)
+    right = Bounded(g_1, M * dg) - Bounded(X, dX) * M
+    X_1, dX_1 = still.solved(right.part(..., None)).part(..., 0)
     size_X = np.abs(X)
     size_X_1 = np.abs(X_1)
     value = ordered_product(G, X) + h
@@ -238,9 +239,3 @@ def _limits(loop) -> list[_Limit]:
 def _with_slope(array):
     """The value at z = 1, and the slope there, of what was computed at `_AtRest`."""
     return array.real, array.imag / SLOPE_STEP
-
-
-def _column(A, dA, right, of_right):
-    """The solution of linear systems with one right side, and bounds on its errors."""
-    X, dX = solved(A, dA, right[..., None], of_right[..., None])
-    return X[..., 0], dX[..., 0]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._response.bordered import fits
 from wavesweep.engine._response.lifted import Lifted, Sums
 from wavesweep.engine._response.static import (
@@ -17,7 +18,7 @@ from wavesweep.engine._response.static import (
     dcgain_between,
     relative_response,
 )
-from wavesweep.engine.doubles import EPS, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import EPS
 from wavesweep.engine.rows import different
 
 # relative error up to which the modes are believed; beyond it the larger system is solved
@@ -243,10 +244,9 @@ def _by_modes(loop, points):
     states = X.mT[..., None, :, :]
     size = np.abs(sums.rows)
     outputs = ((sums.rows * states).sum(-1) + sums.forced) / ticks
-    rounding = (size * (SHORT_SUM_ROUNDING * np.abs(states))).sum(-1)
-    rest = (
-        rounding + sums.drows @ np.abs(X) + sums.dforced + SHORT_SUM_ROUNDING * np.abs(sums.forced)
-    )
+    rounding = sum_rounding(X.shape[-2] + 2, of_complex=True)
+    of_sums = (size * np.abs(states)).sum(-1) + np.abs(sums.forced)
+    rest = rounding * of_sums + sums.drows @ np.abs(X) + sums.dforced
 
     def error(of_states, index):
         """The bound on errors of the outputs, from that on errors of the states."""

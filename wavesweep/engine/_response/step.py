@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine._response.bounded_sums import long_sum
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._response.lifted import Lifted, Stretch
 from wavesweep.engine._response.port import Port, reached
 from wavesweep.engine._response.steady import transfer
-from wavesweep.engine.doubles import NEXT_TO_ZERO, SHORT_SUM_ROUNDING
+from wavesweep.engine.doubles import NEXT_TO_ZERO
 from wavesweep.engine.errors import UsageError
 
 MOST_STEP_TICKS = 2000  # of a frame
@@ -65,28 +65,17 @@ class Step:
             expected = f"a signal that comes to rest, in frames of at most {MOST_STEP_TICKS} ticks"
             raise UsageError(f"step: expected {expected}, found {fault}")
         frame = Stretch.of(port)
-        rough = long_sum(ticks)
-        E, dE = frame.E
-        C, dC = (outputs[0] for outputs in frame.observability)
-        impulse = frame.impulse_map()
-        D = impulse.sum(-1)
-        dD = (frame.impulse_map(1) + rough * np.abs(impulse)).sum(-1)
-        into, of_into = frame.controllability
-        g = into.sum(-1)
-        dg = (of_into + rough * np.abs(into)).sum(-1)
-        moved = reached(g != 0, (E != 0).T)
-        E, dE = (matrix[np.ix_(moved, moved)] for matrix in (E, dE))
-        C, dC = (rows[:, moved] for rows in (C, dC))
-        g, dg = (column[moved] for column in (g, dg))
-        rest = _until_rest(E, g, C, D, most)
-        X = rest.states
-        later = np.vstack([X[1:], rest.after])
-        steps = X @ E.T + g
-        terms = np.abs(X) @ np.abs(E).T + np.abs(g)
-        rounding = SHORT_SUM_ROUNDING * (np.abs(later) + np.abs(X) + terms)
-        residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
-        of_C = dC + SHORT_SUM_ROUNDING * np.abs(C)
-        read = np.abs(X) @ of_C.T + dD + SHORT_SUM_ROUNDING * np.abs(D)
+        D = Bounded(frame.impulse_map(), frame.impulse_map(1)).sum(-1)
+        g = frame.controllability.sum(-1)
+        moved = reached(g.value != 0, (frame.E.value != 0).T)
+        E = frame.E.part(moved[:, None], moved)
+        C = frame.observability.part(0, slice(None), moved)
+        g = g.part(moved)
+        rest = _until_rest(E.value, g.value, C.value, D.value, most)
+        X = Bounded.exact(rest.states)
+        later = Bounded.exact(np.vstack([rest.states[1:], rest.after]))
+        residual = (later - X - (X @ E.mT + g)).size
+        read = (X @ C.mT + D).error
         error = rest.gain * float((residual / rest.unit).max(initial=0.0)) + float(read.max())
         final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
         if np.isnan(of_final * final):
