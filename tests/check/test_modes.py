@@ -4,7 +4,9 @@ import pytest
 from support.drawn import APART
 
 import wavesweep
+from wavesweep.program.analyses.own_design import own_design
 from wavesweep.program.cli import main
+from wavesweep.program.spec import load
 
 
 def test_check_names_the_states_of_the_slowest_mode_and_of_the_least_damped():
@@ -41,3 +43,14 @@ K = { start = 1.0, stop = 5000.0 }
     )
     assert main(["check", str(spec)]) == 0
     assert "  slowest mode: over within a frame\n" in capsys.readouterr().out
+
+
+def test_a_loop_without_states_is_over_within_its_frame_of_several_ticks():
+    tables = {
+        "rates": {"tick_hz": 100},
+        "block": {"f": {"type": "gain", "k": 2.0, "every": 4}},
+        "wire": {"f.u": "cmd"},
+        "ports": {"inputs": {"cmd": "cmd"}, "outputs": {"y": "f.y"}},
+    }
+    found = own_design(load(tables))
+    assert (found["stable"], found["slowest"]["time_constant_s"], found["slowest"]["states"]) == (True, 0, [])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.errors import SpecError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.identification.points import response_of, walls_of
 
 RESPONSE = "frequency_hz,admittance_abs,admittance_deg\n1,0.002,-1\n2,0.003,-5\n"
@@ -58,3 +58,9 @@ def test_the_spec_names_its_files_and_refuses_other_keys(tmp_path):
     assert wavesweep.load(spec.tables()).sha256 == spec.sha256 != wavesweep.load({"controller": {"kind": "dc"}}).sha256
     with pytest.raises(SpecError, match=r"measured.zwidth.*did you mean `measured.z_width`"):
         wavesweep.load({"controller": {"kind": "dc"}, "measured": {"zwidth": "a.csv"}})
+
+
+def test_a_cell_that_is_too_long_is_named_as_such(tmp_path):
+    rows = "".join(f"{n},{100 + n},1\n" for n in range(20))
+    with pytest.raises(UsageError, match=r"points.csv: expected cells of at most 131072 letters"):
+        walls_of(spec_of(tmp_path, "z_width", f"B_VE,K_VE,stable\n{rows}20,1,{'1' * 140_000}\n"))

@@ -204,10 +204,12 @@ def test_the_gain_margin_of_a_loop_of_two_rates_is_an_end_along_its_gain():
 
 
 @pytest.mark.parametrize("size", [1.0, 0.999])
-def test_a_gain_of_one_at_rest_is_in_doubt(size):
+def test_a_gain_of_one_at_rest_is_that_of_a_rotation_by_180_degrees(size):
     """L = size (1 - a)/(z - a) falls from there on: a rotation by 180 degrees would end stability at size 1."""
     found = margins(recursion([0.5 * size], [1, -0.5]), "c.y")
-    assert (bool(found["phase"].doubt), found["phase"].value == 180) == ((True, False) if size == 1 else (False, True))
+    assert (found["phase"].doubt, found["phase"].value) == (0, 180)
+    assert found["phase"].limited == (size == 1)
+    assert (found["delay_frames"].doubt, found["delay_frames"].limited) == (0, False)
 
 
 def test_a_disk_that_reaches_all_gains_has_no_largest():
@@ -248,10 +250,33 @@ def test_a_gain_that_touches_one_is_in_doubt():
     assert (beside["phase"].doubt, beside["phase"].value) == (0, 180)
 
 
+def test_a_loop_of_a_plant_and_a_dead_time_is_cut_where_that_arrives_at_a_tick():
+    """As with a hold between them; |L(0)| is 1, next to which a crossing would mean a rotation by 180 degrees."""
+    tables = {
+        "rates": {"tick_hz": 50},
+        "block": {"plant": {"type": "tf", "num": [1], "den": [1, 1]}, "dead": {"type": "delay", "seconds": 0.2}},
+        "wire": {"dead.u": "plant.y", "plant.u": "ref - dead.y"},
+        "ports": {"inputs": {"ref": "ref"}, "outputs": {"y": "plant.y"}},
+    }
+    alone = margins(tables, "dead.y")
+    tables["block"]["h"] = {"type": "hold"}
+    tables["wire"] |= {"h.u": "-dead.y", "plant.u": "ref + h.y"}
+    held = margins(tables, "h.y")
+    assert alone.keys() == held.keys()
+    for name, margin in held.items():
+        assert (margin.doubt, alone[name].doubt) == (0, 0)
+        assert alone[name].value == pytest.approx(margin.value, rel=1e-9)
+    assert (held["phase"].value, held["phase"].omega, held["delay_frames"].limited) == (180, 0, False)
+    T = 0.02
+    theta = brentq(lambda theta: 10 * theta + np.angle(np.exp(1j * theta) - np.exp(-T)) - np.pi, 0.1, 0.3)
+    gain = abs(np.exp(1j * theta) - np.exp(-T)) / (1 - np.exp(-T))
+    assert held["gain_up"].value == pytest.approx(gain, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("cut", "said"),
     [
-        ("net.u", r"an output of a block that some wire reads \(.*net\.y.*\), found 'net.u'; did you mean `net.y`"),
+        ("net.u", r"an output of a block that some wire reads at a tick \(.*net\.y.*\), found 'net.u'; did you mean `net.y`"),
         ("nothing", "found 'nothing'"),
     ],
 )

@@ -70,7 +70,7 @@ def test_margins_of_several_rates_are_those_of_the_table():
             {"at_most": 2},
             "expected cut, the signal at which the loop is cut, such as that which `wavesweep margins` names, found none",
         ),
-        ({"cut": "d.y"}, 'expected an output of a block that some wire reads (c.y, p.y), found "d.y"'),
+        ({"cut": "d.y"}, 'expected an output of a block that some wire reads at a tick (c.y, p.y), found "d.y"'),
     ],
 )
 def test_a_wish_of_a_margin_needs_a_cut_of_the_loop(wish, said):

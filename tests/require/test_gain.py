@@ -204,8 +204,8 @@ def test_factors_are_looked_at_where_the_margins_before_them_hold(monkeypatch):
         ({"cut": "c.y", "gain": 1}, "expected a number >= 1.001"),
         ({"cut": "c.y"}, "expected cut, and one of Ms, disk, gain, phase_deg, found none of Ms, disk, gain and phase_deg"),
         ({"gain": 2}, "expected cut, and one of Ms, disk, gain, phase_deg, found none of cut"),
-        ({"cut": "d.y", "Ms": 2}, 'expected an output of a block that some wire reads (c.y, p.y), found "d.y"'),
-        ({"cut": "look.y", "Ms": 2}, "expected an output of a block that some wire reads (c.y, p.y)"),
+        ({"cut": "d.y", "Ms": 2}, 'expected an output of a block that some wire reads at a tick (c.y, p.y), found "d.y"'),
+        ({"cut": "look.y", "Ms": 2}, "expected an output of a block that some wire reads at a tick (c.y, p.y)"),
         ({"cut": "look.y", "Ms": 2, "seen": 1}, 'expected a signal of a loop, found "look.y", which does not come back'),
     ],
 )  # fmt: skip

@@ -258,3 +258,27 @@ def test_whole_commands_with_extreme_numbers_say_a_clear_line(tmp_path, monkeypa
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
     assert 0 in codes
     assert not wrong, f"{len(wrong)} of {len(codes)}:\n" + "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            drawn(m={"type": "mass_matrix", "axes": ["x", "vx"], "mass": [[1, 2]]}).replace("m.f", "m.fx"),
+            "block.m.axes: expected names of which none is v and another one, as outputs are called, found 'vx'",
+        ),
+        (
+            drawn(numbers={"w": "9**9**9**9"}).replace("-m.x", "-w*m.x"),
+            "numbers.w: expected a finite number, found a division by zero, a root",
+        ),
+        (
+            drawn(numbers={"k": 0.0, "w": "1/k"}).replace("-m.x", "-w*m.x"),
+            "numbers.w: expected a finite number, found a division by zero, a root",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_told_once_where_it_stands(text, said):
+    with pytest.raises(SpecError) as raised:
+        load(tomllib.loads(text))
+    (mistake,) = [one for one in raised.value.mistakes if "axes" in str(one) or "finite" in str(one)]
+    assert said in str(mistake)

@@ -1,6 +1,5 @@
 """Frames from a file of time stamps or durations, in ticks of the fast loop."""
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import MOST, option, read_csv
+from wavesweep.program.csv_files import MOST, option, read_csv, rows_of
 
 MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
@@ -220,7 +219,7 @@ def _refuse_several(path, file) -> None:
         if name not in file.names:
             continue
         place = file.names.index(name)
-        values = {row[place] for row in csv.reader(file.body.split("\n")) if len(row) > place}
+        values = {row[place] for row in rows_of(path, file.body.split("\n")) if len(row) > place}
         if len(values) > 1:
             shown = ", ".join(sorted(values)[:3])
             raise UsageError(

@@ -3,7 +3,6 @@ spec names."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,7 +13,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
-from wavesweep.program.csv_files import LETTERS_SHOWN, Csv, read_csv
+from wavesweep.program.csv_files import LETTERS_SHOWN, Csv, read_csv, rows_of
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -176,7 +175,7 @@ def read_walls(path: str | Path) -> MeasuredWalls:
 
 def _stable_flags(file):
     """The column `stable` as booleans. Errors: UsageError that names the line."""
-    rows = enumerate(csv.reader(file.body.split("\n")), start=file.above + 2)
+    rows = enumerate(rows_of(file.path, file.body.split("\n")), start=file.above + 2)
     cells = [(line, row[file.names.index(STABLE)].strip()) for line, row in rows if row]
     flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
     if None in flags:

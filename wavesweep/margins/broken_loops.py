@@ -15,6 +15,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.poles import lines_in_loops
 from wavesweep.margins.lifted_margins import LiftedLoop
 from wavesweep.margins.loop_margins import BESIDE_ZERO, LARGEST_GAIN_FACTOR, BrokenLoop, Margin
+from wavesweep.program.analyses.cuts import signals_at_ticks
 from wavesweep.program.spec import Spec, load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -41,7 +42,7 @@ def broken_in(loop: Loops, signal: str, named: Collection[str] = ()) -> BrokenLo
         ]  # of a delay with taps, as wires read it
         close = nearest(signal, [*shown, *named])
         hint = f"; did you mean `{close}`?" if close else ""
-        expected = f"an output of a block that some wire reads ({', '.join(shown) or 'this loop has none'})"
+        expected = f"an output of a block that some wire reads at a tick ({', '.join(shown) or 'this loop has none'})"
         raise UsageError(f"cut: expected {expected}, found {signal!r}{hint}")
     if times[signal] > MOST_TIMES:
         raise UsageError(
@@ -202,17 +203,9 @@ def cuts_of(spec: Spec) -> list[str]:
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
-    """How often each output that a wire reads is made in a frame.
-
-    Those that dead times bring to plants, or read of them, between two ticks are left out: a gain
-    there would be in the tick.
-    """
+    """How often each output that a wire reads at a tick is made in a frame."""
     drawn = loop.drawn()
-    plants = loop.drawing.plants
-    read = {name for _, terms in loop.drawing.wires for name, _ in terms}
-    for plant in plants:
-        read -= {name for name, _ in plant.sensed}
-        read -= {f"{name}.y" for _, name in plant.arriving}
+    read = signals_at_ticks(loop.drawing)
     times = {}
     for placed in drawn.placed:
         often = int(placed.runs(drawn.ticks).sum())
@@ -220,7 +213,7 @@ def _times_per_frame(loop: Loops) -> dict[str, int]:
             name = f"{placed.block.name}.{port}"
             if name in read:
                 times[name] = often
-    for plant in plants:
+    for plant in loop.drawing.plants:
         _, outputs = plant.drawn_ports
         for name in outputs:
             if name in read:

@@ -123,9 +123,9 @@ class BrokenLoop:
         matrices = [(E + B / left @ C, B / left, C / left, 1 / left - less)]
         return TickMaps.of(matrices, np.zeros(1, int), ()).in_even_units()
 
-    def unit_gains(self) -> tuple[np.ndarray, bool]:
-        """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there
-        are no others.
+    def unit_gains(self) -> tuple[np.ndarray, bool, float]:
+        """Return all angles in (0, pi) at which |L| crosses 1, whether it is known that there are
+        no others, and up to which angle rounding hides one beside 0.
 
         |L| = 1 exactly where the real part of S is 1/2. The pencil of that level has all the angles as eigenvalues; between
         these and their middles the size of L shows where it crosses, and halving finds the root to
@@ -164,9 +164,27 @@ class BrokenLoop:
             is_beside |= (
                 slope_of_size * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
             )
+        at_rest, hidden = self._largest_at_rest(points[near], sizes[near])
         _, _, _, D = self.parts
         regular = abs(abs(float(D[0, 0])) - 1) > DIRECT
-        return unit_angles, bool(is_beside.all()) and regular
+        return unit_angles, bool((is_beside | at_rest).all()) and regular, hidden
+
+    def _largest_at_rest(self, points, sizes) -> tuple[np.ndarray, float]:
+        """Return at which of some angles log |L| is that of a largest L(0) = 1, `-c theta^2/2`, and
+        the angle up to which the error of L may hide a crossing of 1 next to it.
+
+        There L is near to 1, and a rotation by almost 180 degrees is meant.
+        """
+        nowhere = np.zeros(points.size, bool)
+        if not points.size or points[0] > 0 or not self.response(0.0).real > 0:
+            return nowhere, 0.0
+        c = -2 * sizes[-1] / points[-1] ** 2 if points[-1] else 0.0
+        if not c > 0:
+            return nowhere, 0.0
+        parabola = c / 2 * points**2
+        at_rest = np.abs(sizes + parabola) <= parabola / 2 + 1e-12
+        _, error = self.slope_and_error(BESIDE_ZERO)
+        return at_rest, float(np.sqrt(2 * error / c))
 
 
 def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
@@ -269,11 +287,16 @@ def _margin(name, value, omega, bound, doubt=Doubt.NONE):
 
 
 def _phases(loop) -> Iterator[Margin]:
-    theta, certain = loop.unit_gains()
+    theta, certain, hidden = loop.unit_gains()
     doubt = Doubt.NONE if certain else Doubt.CROWDED
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     if not theta.size:
-        yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
+        if hidden:
+            turned = abs(loop.slope_and_error(BESIDE_ZERO)[0]) * hidden
+            yield _margin("phase", 180.0, 0.0, turned / np.pi, doubt)
+            doubt = doubt if hidden * LARGEST_GAIN_FACTOR <= np.pi else Doubt.ROUNDING
+        else:
+            yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
         yield Margin.unlimited("delay_frames", LARGEST_GAIN_FACTOR, doubt if slow else Doubt.FAST)
         return
     response = loop.response(theta)

@@ -101,7 +101,9 @@ class Csv:
     def _fault(self, columns):
         """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
-        for number, row in enumerate(_rows(self.path, self.body.split("\n")), start=self.above + 2):
+        for number, row in enumerate(
+            rows_of(self.path, self.body.split("\n")), start=self.above + 2
+        ):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:LETTERS_SHOWN]}; are these decimal commas?"
@@ -117,7 +119,8 @@ class Csv:
         return ""
 
 
-def _rows(path: str | Path, lines: Sequence[str]) -> Iterator[list[str]]:
+def rows_of(path: str | Path, lines: Sequence[str]) -> Iterator[list[str]]:
+    """Yield the cells of each line. Errors: UsageError for one that is too long."""
     try:
         yield from csv.reader(lines)
     except csv.Error as error:
@@ -169,11 +172,11 @@ def read_csv(path: str | Path, most: int) -> Csv:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     header = _with_commas(header, mark)
-    names = [name.strip() for name in next(_rows(path, [header]), [])]
+    names = [name.strip() for name in next(rows_of(path, [header]), [])]
     if over and any(names) and all(map(UNIT.fullmatch, names)):
         filled = [line for line in over if line.strip()]
         line = COMMENT.sub("", _with_commas(filled[-1], mark)) if filled else ""
-        bases = [name.strip() for name in next(_rows(path, [line]), [])]
+        bases = [name.strip() for name in next(rows_of(path, [line]), [])]
         names = _with_units(bases, names)
     if names and all(_is_number(name) for name in names):
         raise UsageError(

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
@@ -62,6 +63,7 @@ def spec_beside(folder, content, keys):
     [
         ("npz", npz(**SOUND, unrelated=np.array("text"))),
         ("mat", mat(**SOUND, unrelated="text")),
+        ("mat", mat(**SOUND | {name: csc_matrix(SOUND[name]) for name in "ABC"})),
         ("npz", npz(**SOUND | {"B": np.array([[1], [2]], dtype=">i2")})),
     ],
 )

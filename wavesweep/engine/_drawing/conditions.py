@@ -20,6 +20,7 @@ LEAST_DIVISOR = 1e-12  # relative to b: a local model does not divide by less
 # of the blocks: a delay of the most steps, and everything else; time grows with their third power
 MOST_STATES = 1200
 WRITTEN = 1e-6  # relative: to what a period is rounded that a spec writes in seconds
+NOT_FINITE = "a division by zero, a root or logarithm of a negative number or an overflow"
 OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
@@ -192,8 +193,7 @@ def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] 
     reads."""
     number = values[0]
     if number is None:
-        found = "a division by zero, a root or logarithm of a negative number or an overflow"
-        return "a finite number", found
+        return "a finite number", NOT_FINITE
     if not computable(number):
         return SIZES, f"{number:g}"
     if None in values or condition.holds(*values):

@@ -7,7 +7,7 @@ from functools import partial
 from typing import NamedTuple
 
 from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
-from wavesweep.engine._drawing.conditions import displaced, faults
+from wavesweep.engine._drawing.conditions import NOT_FINITE, displaced, faults
 from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, path_of, scalars
 from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
@@ -256,6 +256,12 @@ class _TableReader(PortReader):
                 values[path] = value
                 numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
         self.define(derived)
+        known = scalars(values)
+        for name, text in derived.items():
+            tree = self.meanings.get(name, ONE)
+            if known.keys() >= set(tree.names) and tree.finite_value(known) is None:
+                self.fault(*text, Fault(tree.offset, "a finite number", NOT_FINITE))
+                self.meanings.pop(name)  # so that the mistake is told here alone
         return tuple(numbers), values
 
     def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:

@@ -104,6 +104,10 @@ def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
     n = len(keys["axes"])
     if not 1 <= n <= MOST_AXES:
         return "axes", f"1 to {MOST_AXES} names; a plant with more is one of type ss", f"{n}"
+    ports = keys["axes"], [f"v{name}" for name in keys["axes"]]
+    if clash := set(ports[0]).intersection(ports[1]):
+        name = min(clash)
+        return "axes", "names of which none is v and another one, as outputs are called", repr(name)
     many = len(keys["through"]) or n
     for name in ("through", *MATRICES):
         rows = keys[name]

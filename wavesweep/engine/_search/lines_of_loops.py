@@ -73,6 +73,9 @@ def lines_of_each(
         n = len(ticks.states)
         leads = drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
+        if not inner.size:  # nothing lasts from frame to frame
+            yield from (told(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
+            return
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         balanced, units = balance(
             np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner]

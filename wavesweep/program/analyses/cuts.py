@@ -13,19 +13,33 @@ if TYPE_CHECKING:
 def fault_of_cut(drawing: Drawing, cut: str) -> tuple[str, str, str] | None:
     """What is expected and found of a signal at which a loop cannot be cut, and a suggestion;
     None if it can."""
-    between_ticks = set()  # a factor there would be in the tick
-    for plant in drawing.plants:
-        between_ticks |= {name for name, _ in plant.sensed}
-        between_ticks |= {f"{name}.y" for _, name in plant.arriving}
-    read = {name for _, terms in drawing.wires for name, _ in terms} - between_ticks
+    read = signals_at_ticks(drawing)
     made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
     signals = sorted(read & made)
     if cut not in signals:
-        expected = f"an output of a block that some wire reads ({', '.join(signals)})"
+        expected = f"an output of a block that some wire reads at a tick ({', '.join(signals)})"
         return expected, show(cut), nearest(cut, signals)
     if not _returns(drawing, cut):
         return "a signal of a loop", f"{show(cut)}, which does not come back to itself", ""
     return None
+
+
+def signals_at_ticks(drawing: Drawing) -> set[str]:
+    """The signals that wires read at a tick, where a factor can be put in.
+
+    Those that dead times read of plants, or bring to them, between two ticks are left out: a factor
+    there would be in the tick. What a dead time reads of plants alone arrives at a tick.
+    """
+    sensed = {name for plant in drawing.plants for name, _ in plant.sensed}
+    read = set()
+    brought = set()
+    for port, terms in drawing.wires:
+        names = dict(terms).keys()
+        read |= names
+        if not sensed.issuperset(names):
+            brought.add(f"{_block_of(port)}.y")
+    arriving = {f"{name}.y" for plant in drawing.plants for _, name in plant.arriving}
+    return read - sensed - (brought & arriving)
 
 
 def _returns(drawing, cut):

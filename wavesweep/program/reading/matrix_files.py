@@ -158,9 +158,13 @@ def _of_numpy(content: bytes) -> dict:
 def _of_matlab(content: bytes) -> dict:
     """The matrices in a file of MATLAB."""
     from scipy.io import loadmat, whosmat
+    from scipy.sparse import issparse
 
     count = sum(prod(shape) for name, shape, _ in whosmat(BytesIO(content)) if name in NAMES)
     if count > MOST_NUMBERS:
         raise _Unfit(f"matrices of at most {MOST_NUMBERS} numbers", f"{count}")
-    arrays = loadmat(BytesIO(content), variable_names=NAMES)
-    return {name: arrays[name] for name in NAMES if name in arrays}
+    arrays = {}
+    for name, array in loadmat(BytesIO(content), variable_names=NAMES).items():
+        if name in NAMES:
+            arrays[name] = array.toarray() if issparse(array) else array
+    return arrays
