@@ -56,9 +56,11 @@ def test_a_column_that_is_named_has_its_unit_in_brackets_and_is_found_by_a_word(
         with pytest.raises(UsageError, match=f"did you mean --column '{re.escape(f'{name}={column}')}'"):
             read_log(path, columns, {})
         columns[name] = column
-    log = read_log(path, columns, {})
+    with pytest.raises(UsageError, match=r"\(% of rated\): expected N\*m, found % of rated; --scale torque=FACTOR turns"):
+        read_log(path, columns, {})
+    log = read_log(path, columns, {"torque": 2.0})
     assert log.reading == pytest.approx(MOTION * np.pi / 30)
-    assert "% of rated is no unit of it that is known; --scale torque=FACTOR" in log.taken[1]
+    assert log.force == pytest.approx(2 * PUSH)
 
 
 def test_the_exact_name_goes_before_another_one(tmp_path):

@@ -348,13 +348,25 @@ def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_neither_scipy_nor_
     arguments = ["zwidth", str(spec), "--no-plot", "--quiet", "--out", str(tmp_path / "out")]
     loaded = loaded_by(f"from wavesweep.program.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
-    heavy = {"pandas", "scipy", "matplotlib", "control", "joblib", "importlib.metadata"}
+    heavy = {"pandas", "scipy", "matplotlib", "control", "joblib", "importlib.metadata", "pint"}
     assert loaded & (heavy | {"flint", "filelock", "numpy.ma", "wavesweep.passive.hands"}) == set()
     assert not {name for name in loaded if name.startswith(("wavesweep.for_all.joint", "wavesweep.prove.columns"))}
     # Arrow would import pandas where the exception of a signal is dropped.
     written = [str(tmp_path / "out" / f"zwidth.{suffix}") for suffix in ("csv", "parquet")]
     program = f"from wavesweep import results\nfor each in {written!r}:\n    results.read_table(each)"
     assert "pandas" not in loaded_by(program)
-    assert not {"matplotlib", "wavesweep.program.plots", "scipy.linalg", "flint", "numpy.ma"} & loaded_by(
+    assert not {"matplotlib", "wavesweep.program.plots", "scipy.linalg", "flint", "numpy.ma", "pint"} & loaded_by(
         f"from wavesweep.program.cli import main\nassert main(['check', {str(spec)!r}]) == 0"
     )
+
+
+def test_a_unit_that_is_as_expected_is_read_without_the_library():
+    program = """
+from wavesweep.program.spec import load
+from wavesweep.program.reading.units import column_named, converted, unit_in, unit_of
+load({"controller": {"kind": "pmw"}}, ["device.mass=0.045", "b=40", "controller.kind=dc"])
+assert column_named(["t", "force_N", "position"], ("force", "f"), "N") == ("force_N", "N")
+assert unit_in("push (N)", "N") == "N" and unit_of("N", "N").factor == 1
+"""
+    assert "pint" not in loaded_by(program)
+    assert "pint" in loaded_by(program + 'unit_of("mN", "N")')

@@ -50,7 +50,7 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     if found["delay"] and found["spectral_radius"] is not None:
         yield 2.5, _delay(spec, found["delay"])
     if found["stable"] and found["felt"]:
-        yield from _felt(found["felt"], *spec.units_felt)
+        yield from _felt(found["felt"], spec.at_port("N/m"), spec.at_port("N*s/m"))
     yield from _hardware(found.get("hardware", {}), found["stable"], spec)
     if found["stable"]:
         rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS

@@ -42,12 +42,14 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
 
 
 def wish_units(spec: Spec) -> dict[str, str]:
-    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of
-    its port."""
+    """Return the unit of each wish: z_width has that of the wall's own number, others those at
+    the hand."""
     if not spec.design:
         return {}
-    units = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0])
+    units = dict.fromkeys(("z_width", "felt", "free_motion"), spec.at_port("N/m"))
     units["port"] = spec.at_port("m/N")
+    if spec.wall:
+        units["z_width"] = spec.names.keys[spec.wall[0]].unit or units["z_width"]
     return {wish.name: units.get(wish.name, wish.kind.unit) for wish in spec.design.wishes}
 
 

@@ -109,7 +109,7 @@ class Page:
             "slow": self.by_cells,
             "hand": self.first["response"] is not None,
             "units": {
-                "felt": [_unit(unit) for unit in spec.units_felt],
+                "felt": [_unit(spec.at_port(unit)) for unit in ("N/m", "N*s/m")],
                 "admittance": _unit(spec.at_port("m/N")),
                 "impedance": _unit(spec.at_port("N/m")),
             },

@@ -92,7 +92,7 @@ def identified(
         "independent": are_independent(lengths, values),
         "unfit": _unfit(run),
         "tick": tick,
-        "notices": [],
+        "notices": [run.taken] if run.taken else [],
         "methods": {"identify": METHOD},
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
     }

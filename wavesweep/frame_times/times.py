@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import MOST, option, read_csv, rows_of
+from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
 MOST_LOG_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
@@ -19,9 +20,6 @@ KNOWN = {  # columns of programs: what they are, and the factor to s
     "elapsed": ("time", 1e-9),  # MangoHud, whose frametime is in us or ms
     "intendedvsync": ("time", 1e-9),  # framestats of Android
     "predicteddisplaytime": ("time", 1e-9),  # OpenXR
-    "time (ms)": ("time", 1e-3),  # FRAPS
-    "time_ms": ("time", 1e-3),
-    "t": ("time", 1.0),
     "frametime": ("duration", 1e-3),
     "msbetweenpresents": ("duration", 1e-3),  # PresentMon 1 and CapFrameX
     "timeinseconds": ("time", 1.0),
@@ -41,13 +39,15 @@ class MeasuredFrames:
     (ticks, as it was measured).
 
     sha256: of the file. every: the loop looks for a result of the slow environment in every so many
-    of its ticks, so that frames last multiples of them.
+    of its ticks, so that frames last multiples of them. taken: a sentence on the column, if it
+    names another unit.
     """
 
     begins: np.ndarray
     ticks: np.ndarray
     sha256: str
     every: int = 1
+    taken: str = ""
 
     @property
     def are_ticks(self) -> bool:
@@ -118,14 +118,14 @@ def read_run(
     """
     options = columns is not None
     columns = columns or {}
-    scales = scales or {}
     file = read_csv(path, MOST_LOG_BYTES)
     _refuse_other_names("--column", columns)
-    _refuse_other_names("--scale", scales)
+    _refuse_other_names("--scale", scales or {})
     column = _column(path, file, columns, options)
     name = column.name
     rows = file.numbers(column.columns, 3 if name == "time" else 2)
-    readings = rows @ np.array(column.factors) * scales.get(name, 1.0)
+    place = (column.columns[0], column.unit)
+    readings, said = converted(rows @ np.array(column.factors), place, path, name, scales, "s")
     largest = float(np.abs(readings).max())
     if largest > MOST:
         raise UsageError(
@@ -152,7 +152,7 @@ def read_run(
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks = durations * fast_hz
     begin = len(rows) - len(readings) + (name == "time")  # a row with a time ends a frame
-    run = MeasuredFrames(begins, ticks, file.sha256)
+    run = MeasuredFrames(begins, ticks, file.sha256, taken=said)
     least = 0.0 if own_ticks and run.are_ticks else 1 - FITS
     wrong = _wrong_length(ticks, fast_hz, least, most)
     if wrong:
@@ -166,22 +166,25 @@ def read_run(
 
 @dataclass(frozen=True)
 class FrameColumn:
-    """What is read, time or duration, from which columns, whose sum it is with these factors;
-    known: by their names alone."""
+    """What is read, time or duration, from which columns, whose sum it is with these factors, in a
+    unit, s if it is empty; known: by their names alone."""
 
     name: str
     columns: tuple[str, ...]
     factors: tuple[float, ...] = (1.0,)
     known: bool = False
+    unit: str = ""
 
 
 def _column(path, file, columns, options) -> FrameColumn:
     """The column that is read."""
     for name in (*columns, "time", "duration"):
-        wanted = [columns[name]] if name in columns else [name, f"{name}_s"]
-        for column in wanted:
-            if column in file.names:
-                return FrameColumn(name, (column,))
+        if name in columns:
+            place = (columns[name], unit_in(columns[name], "s"))
+        else:
+            place = column_named(file.names, TIME if name == "time" else (name,), "s")
+        if place and place[0] in file.names:
+            return FrameColumn(name, place[:1], unit=place[1])
     if not columns:
         known = _known(file)
         if known is not None:

@@ -2,7 +2,7 @@
 is refused with one message."""
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import LEAST, MOST, Csv, option, read_csv, seconds
+from wavesweep.program.reading.units import TIME, column_named, converted, unit_in
 
 MOST_LOG_BYTES = 1_000_000_000
 LEAST_LOG_ROWS = 50
@@ -23,7 +24,7 @@ MISSING_ROW = 1.5  # periods between two rows above which one may be missing
 PUSHES = {"force": "torque", "current": "current"}  # with the names of what turns
 MOTIONS = {"position": "angle", "velocity": "speed", "acceleration": "angular_acceleration"}
 NAMES = {  # of a column, in small letters, in place of those above
-    "time": ("time", "t", "timestamp", "seconds"),
+    "time": (*TIME, "timestamp", "seconds"),
     "force": ("force", "f"),
     "torque": ("torque", "tau", "moment"),
     "current": ("current", "i"),
@@ -34,34 +35,18 @@ NAMES = {  # of a column, in small letters, in place of those above
     "speed": ("speed", "omega"),
     "angular_acceleration": ("angular_acceleration", "alpha"),
 }
-_TIME = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-_DEGREE = np.pi / 180
-_TURN = {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "rev": 2 * np.pi}
-_MINUTE = dict.fromkeys(("rpm", "1/min", "rev/min"), 2 * np.pi / 60)
-_TORQUE = {"nm": 1.0, "n*m": 1.0, "n.m": 1.0, "mnm": 1e-3}
-
-
-def _rates(sizes: Mapping[str, float], ending: str) -> dict[str, float]:
-    """Units of a velocity or an acceleration, as `m/s` and `m_s`."""
-    marked = [(f"{unit}{mark}{ending}", size) for unit, size in sizes.items() for mark in "/_"]
-    return dict(marked)
-
-
-UNITS = {  # that a name of a column may end in, in small letters, and their factors
-    "time": _TIME,
-    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3},
-    "torque": _TORQUE,
-    "current": {"a": 1.0, "ma": 1e-3},
-    "position": _LENGTH,
-    "velocity": _rates(_LENGTH, "s"),
-    "acceleration": _rates(_LENGTH, "s2") | _rates(_LENGTH, "s^2") | _rates(_LENGTH, "s²"),
-    "angle": _TURN,
-    "speed": _rates(_TURN, "s") | _MINUTE,
-    "angular_acceleration": _rates(_TURN, "s2") | _rates(_TURN, "s^2") | _rates(_TURN, "s²"),
+UNITS = {  # of what is read; those of a coil are volt and ampere
+    "time": ("s",),
+    "force": ("N", "V"),
+    "torque": ("N*m",),
+    "current": ("A",),
+    "position": ("m",),
+    "velocity": ("m/s", "A"),
+    "acceleration": ("m/s^2",),
+    "angle": ("rad",),
+    "speed": ("rad/s",),
+    "angular_acceleration": ("rad/s^2",),
 }
-# those of a coil, whose voltage and current are given as force and velocity
-OF_COILS = {"force": {"v": 1.0, "mv": 1e-3}, "velocity": {"a": 1.0, "ma": 1e-3}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,49 +90,17 @@ def _refuse_unknown(
 
 def _places_in(
     file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]
-) -> dict[str, tuple[str, float]]:
-    """Return the column of the file that has each name, or one of its other names, and a unit
-    with its factor."""
+) -> dict[str, tuple[str, str]]:
+    """Return the column of the file that has each name, or one of its other names, and the text of
+    its unit, empty without one."""
     found = {}
     for name in names:
-        if name in columns:
-            if columns[name] in file_names:
-                found[name] = (columns[name], _factor_of_ending(name, columns[name]) or 1.0)
-            continue
-        for column in file_names:
-            factor = _factor(name, column)
-            if column == name or (factor and name not in found):
-                found[name] = (column, factor or 1.0)
+        if name not in columns:
+            place = column_named(file_names, dict.fromkeys((name, *NAMES[name])), UNITS[name][0])
+            found |= {name: place} if place else {}
+        elif columns[name] in file_names:
+            found[name] = (columns[name], unit_in(columns[name], *UNITS[name]))
     return found
-
-
-def _small(column: str) -> str:
-    """The name of a column in small letters, in which the Greek mu is a micro sign."""
-    return column.strip().lower().replace("\u03bc", "\u00b5")
-
-
-def _factor_of_ending(name: str, column: str) -> float | None:
-    """The factor of the unit that a column ends in, whatever its name is; None without a known
-    one."""
-    base = _small(column)
-    for unit, factor in (UNITS[name] | OF_COILS.get(name, {})).items():
-        if base.endswith((f"({unit})", f"[{unit}]", f"_{unit}", f" in {unit}")):
-            return factor
-    return None
-
-
-def _factor(name: str, column: str) -> float | None:
-    """The factor of the unit of a column, 1 without one; None if the column has another name."""
-    base = _small(column)
-    unit = ""
-    for other in NAMES[name]:
-        if base == other:
-            return 1.0
-        match = re.fullmatch(rf"{re.escape(other)}(?:_|\s*[\[(]|\s+in\s+)(.*?)[\])]?", base)
-        unit = match[1].strip() if match else ""
-        if unit in UNITS[name]:
-            return UNITS[name][unit]
-    return None
 
 
 def _turns(columns: Mapping[str, str], places: Collection[str]) -> bool:
@@ -168,7 +121,7 @@ def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None
         kind = next((k for k in (PUSHES, MOTIONS) if name in (*k, *k.values())), {name: name})
         others = (*kind, *kind.values()) if name in kind else (*kind.values(), *kind)
         for other, column in product(others, file.names):
-            words = re.split(r"[\W_]+", _small(column))
+            words = re.split(r"[\W_]+", column.lower())
             named = [word for word in NAMES[other] if len(word) > SHORTEST_WORD and word in words]
             if named and len(words) > 1 and alike is None:
                 alike = (other, column)
@@ -231,8 +184,13 @@ def read_log(
             _refuse_missing(path, name, columns.get(name, name), file)
     _refuse_motor_constant(path, push, constant, turns)
     rows = file.numbers([places[name][0] for name in used], LEAST_LOG_ROWS)
-    factors = {name: scales.get(name, places[name][1]) for name in used}
-    readings = {name: rows[:, at] * factors[name] for at, name in enumerate(used)}
+    readings = {}
+    taken = []
+    for at, name in enumerate(used):
+        readings[name], said = converted(
+            rows[:, at], places[name], path, name, scales, *UNITS[name]
+        )
+        taken.append(said)
     _refuse_constant(path, readings, motion)
     period, jitter = _period(path, file, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
@@ -248,21 +206,8 @@ def read_log(
         jitter,
         file.sha256,
         tuple(scales),
-        tuple(_sentences({name: places[name] for name in used if name not in scales})),
+        tuple(filter(None, taken)),
     )
-
-
-def _sentences(places: Mapping[str, tuple[str, float]]) -> Iterator[str]:
-    """Yield what is to be said of columns in other units, and of such with a unit that is not known."""
-    for name, (column, factor) in places.items():
-        if factor != 1.0:
-            yield f"{column} is taken as {name}, times {factor:.6g}"
-        unit = re.search(r"[\[(]([^\[(]*)[\])]$", column.strip())
-        if unit and _factor_of_ending(name, column) is None:
-            yield (
-                f"{column} is taken as {name} without a factor, as {unit[1]} is no unit of it that "
-                f"is known; --scale {name}=FACTOR turns it into one"
-            )
 
 
 def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:

@@ -4,7 +4,7 @@ spec names."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,16 +14,19 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import LETTERS_SHOWN, Csv, read_csv, rows_of
+from wavesweep.program.reading.units import Unit, column_named, converted, unit_in, unit_of
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
-FREQUENCIES = (FREQUENCY, "frequency (hz)", "frequency", "freq_hz", "freq (hz)", "freq", "hz")
+FREQUENCIES = (FREQUENCY, "frequency", "freq", "hz")
 # responses of position, velocity and acceleration: how often the position is derived
 DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}
 SUFFIXES = (("abs", "deg"), ("re", "im"))  # of the two columns of a response
-WALL, STABLE = ("B_VE", "K_VE"), "stable"
+# units of a wall, of a hand that slides and of one that turns
+WALL = {"B_VE": ("N*s/m", "N*m*s/rad"), "K_VE": ("N/m", "N*m/rad")}
+STABLE = "stable"
 LEAST_RESPONSE_ROWS = 8  # of a response that is fitted
 MOST_POINTS_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
@@ -62,8 +65,8 @@ def is_response(path: str | Path, columns: Mapping[str, str] | None = None) -> b
 
 
 def _frequency(names: Sequence[str]) -> str:
-    """The name of the column with the frequencies (Hz); empty if there is none."""
-    return next((name for name in names if name.lower() in FREQUENCIES), "")
+    """The name of the column with the frequencies; empty if there is none."""
+    return (column_named(names, FREQUENCIES, "Hz") or ("",))[0]
 
 
 def _response(suffixes, first, second):
@@ -100,7 +103,8 @@ def read_response(
         if scaled not in ("frequency", quantity):
             expected = f"expected one of frequency, {quantity}, found {scaled}"
             raise UsageError(f"--scale {scaled}: {expected}")
-    hertz = hertz * scales.get("frequency", 1.0)
+    column = own_names[FREQUENCY]
+    hertz, _ = converted(hertz, (column, unit_in(column, "Hz")), path, "frequency", scales, "Hz")
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(
             f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several"
@@ -152,14 +156,21 @@ def read_walls(path: str | Path) -> MeasuredWalls:
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, MOST_BYTES_OF_POINTS)
-    for name in WALL:
-        if name not in file.names:
+    places = []
+    for name, expected in WALL.items():
+        place = column_named(file.names, (name,), *expected)
+        if place is None or place[0].partition(name)[0]:
             meant = nearest(name, [header for header in file.names if header not in WALL])
             hint = f"; is {meant} meant?" if meant else ""
             raise UsageError(
                 f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}"
             )
-    damping, stiffness = file.numbers(WALL).T
+        places.append(place)
+    columns = file.numbers([column for column, _ in places]).T
+    damping, stiffness = (
+        converted(column, place, path, name, None, *WALL[name])[0]
+        for column, place, name in zip(columns, places, WALL, strict=True)
+    )
     for name, column in zip(WALL, (damping, stiffness), strict=True):
         if (column < 0).any():
             raise UsageError(
@@ -187,13 +198,24 @@ def _stable_flags(file):
 
 
 def walls_of(spec: Spec) -> MeasuredWalls | None:
-    """The walls that [measured] names; None if it names none. Errors: UsageError."""
+    """The walls that [measured] names, in the units of the spec's own wall; None if it names none.
+
+    Errors: UsageError.
+    """
     path = _measured_file(spec, "z_width")
     if path is None:
         return None
     walls = read_walls(path)
     _refuse_many(path, len(walls.K_VE))
-    return walls
+    in_spec = {}
+    for name, number in zip(WALL, reversed(spec.wall), strict=False):
+        text = spec.names.keys[number].unit
+        unit = unit_of(text or WALL[name][0], *WALL[name])
+        if unit is None:
+            expected = f"expected {' or '.join(WALL[name])}, as {path} has it, found {text}"
+            raise UsageError(f"{spec.name}: {number}.unit: {expected}")
+        in_spec[name] = Unit(1 / unit.factor, "", "").of(getattr(walls, name))
+    return replace(walls, **in_spec)
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:

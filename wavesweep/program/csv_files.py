@@ -16,6 +16,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.reading.reading import read_bytes
+from wavesweep.program.reading.units import is_unit
 
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
 MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
@@ -26,11 +27,6 @@ LARGE = 1e6  # s; times beyond it are stamps of a clock, whose last digits tell 
 ANDROID = "---PROFILEDATA---"  # above and below the rows of framestats, of each window
 MARKS = {";": "semicolons", "\t": "tabs", " ": "spaces"}
 COMMENT = re.compile(r"^\s*#+(?=\s*\w)")  # before the first name, as numpy writes it
-# a cell of a row of units below the names: one of these, anything in brackets, or nothing
-UNIT = re.compile(
-    r"|\[.*\]|\(.*\)|-|%|m?s|sec|[uµn]s|[cmuµ]?m|[mk]?N|m?N[*.]?m|m?[AV]|m?rad|deg|°|rev|Hz|rpm"
-    r"|(1|rev)/min|(m?m|rad|deg|°)/s(\^?2|²)?"
-)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # that a file in UTF-16 begins with
 NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f]")  # letters that no text has
 
@@ -136,14 +132,6 @@ def _beyond_limit(path: str | Path, error: csv.Error) -> UsageError:
 _NONE = "expected rows of numbers below the header"
 
 
-def _with_units(names: list[str], units: list[str]) -> list[str]:
-    """Names with their units in brackets; the units alone if there is not one for each name."""
-    if len(names) != len(units):
-        return units
-    pairs = zip(names, units, strict=True)
-    return [f"{name} ({unit.strip('[]()')})" if unit else name for name, unit in pairs]
-
-
 def read_csv(path: str | Path, most: int) -> Csv:
     """Read a file of at most `most` bytes: columns between commas, semicolons, tabs or spaces, or
     JSON.
@@ -173,11 +161,13 @@ def read_csv(path: str | Path, most: int) -> Csv:
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     header = _with_commas(header, mark)
     names = [name.strip() for name in next(rows_of(path, [header]), [])]
-    if over and any(names) and all(map(UNIT.fullmatch, names)):
+    if over and any(names):
         filled = [line for line in over if line.strip()]
         line = COMMENT.sub("", _with_commas(filled[-1], mark)) if filled else ""
         bases = [name.strip() for name in next(rows_of(path, [line]), [])]
-        names = _with_units(bases, names)
+        if len(bases) == len(names) and all(map(is_unit, names)):
+            pairs = zip(bases, names, strict=True)
+            names = [f"{base} ({unit.strip('[]()')})" if unit else base for base, unit in pairs]
     if names and all(_is_number(name) for name in names):
         raise UsageError(
             f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:LETTERS_SHOWN]}"

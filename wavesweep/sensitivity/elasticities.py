@@ -479,7 +479,7 @@ def _rows_of(quantity: Quantity, loops, known, value, doubt) -> dict:
     for name, column in of_crossings.items():
         rows[name] = np.repeat(column, len(numbers))
     if quantity.name == "felt":
-        unit = spec.units_felt[0]
+        unit = spec.at_port("N/m")
     else:
         unit = spec.names.find(loops.axis.path).unit
     for name, text in (("along", loops.axis.name), ("quantity", quantity.name), ("unit", unit)):

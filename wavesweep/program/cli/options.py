@@ -84,8 +84,8 @@ override = click.option(
     multiple=True,
     shell_complete=settings,
     metavar="KEY=VALUE",
-    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
-    "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
+    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40, device.mass=45g or 'sweep.b=[20, 40]', or leave "
+    "it out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
     "e.g. results/mine,b=40, unless --out names one.",
 )
 

@@ -12,7 +12,8 @@ from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, plain
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
-from wavesweep.program.reading.tables import missing
+from wavesweep.program.reading.tables import flat_keys, missing, section_of, study_keys
+from wavesweep.program.reading.units import named_unit, quantity, unit_of
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
@@ -169,11 +170,10 @@ def _overridden(
     """Return the leaves with those of --set in their places. symbols: the short names of a drawn
     loop's numbers."""
     source = dict(leaves)
+    symbols = symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS
     for typed in overrides:
         try:
-            path, value, where = read_override(
-                typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS
-            )
+            path, value, where = read_override(typed, symbols)
         except SpecError as error:
             mistakes += error.mistakes
         else:
@@ -185,11 +185,45 @@ def _overridden(
                 mistakes.refuse(
                     where, ".".join(path), "a value, or a key of the spec to leave out", "neither"
                 )
+            amount = quantity(value) if isinstance(value, str) else None
+            unit = _unit_at(path, source, symbols) if amount else None
+            if unit is not None:
+                found = unit_of(amount[1], unit)
+                if found:
+                    value = float(amount[0] * found.factor)
+                else:
+                    expected = f"a number in {unit}" if unit else "a number without a unit"
+                    mistakes.refuse(where, ".".join(path), expected, named_unit(value))
+                    continue
             leaves = _override(leaves, path, value, where)
             twin = tuple(TWINS.get(".".join(path), "").split("."))
             if value != "" and twin in source and leaves.get(twin) is source[twin]:
                 del leaves[twin]
     return leaves
+
+
+def _unit_at(path: Path, leaves: Mapping[Path, Leaf], symbols: Mapping[str, str]) -> str | None:
+    """Return the unit of the number at a path, empty if it has none; None if there is no number.
+    symbols: short names of paths."""
+    section = section_of(path)
+    key = {**flat_keys(), **study_keys()}.get(".".join(path))
+    if key is None and ".".join(path) == RATE:
+        return "Hz"
+    leaf = None
+    if key is None and section:
+        name = ".".join(path[len(section) :][: -1 if path[-1] in ("start", "stop") else None])
+        return _unit_at(tuple(symbols.get(name, name).split(".")), leaves, symbols)
+    if path[0] == "numbers":
+        leaf = leaves.get((*path[:2], "unit"), Leaf("", Place()))
+    elif path[0] == "block" and len(path) == 3 and (*path[:2], "type") in leaves:
+        from wavesweep.engine.drawing import TYPES, keys_of_block
+
+        kind = leaves[*path[:2], "type"].value
+        leaf = leaves.get(("type", kind, "numbers", path[2], "unit"))
+        key = keys_of_block(kind).get(path[2]) if kind in TYPES else None
+    if leaf is not None:
+        return str(leaf.value)
+    return key.unit.removesuffix("1") if key and key.numeric else None
 
 
 def _alike(one: Path, other: Path) -> bool:

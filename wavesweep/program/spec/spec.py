@@ -243,13 +243,6 @@ class Spec(Studies):
             return SYMBOLS["K_VE"], SYMBOLS["B_VE"]
         return tuple(path_of(name) for name in self.drawing.wall or ())
 
-    @property
-    def units_felt(self) -> tuple[str, str]:
-        """Units of the stiffness and damping that are felt; a drawn loop whose wall has others
-        may turn, and not slide."""
-        stiffness, damping, *_ = (*(self.names.keys[path].unit for path in self.wall), "", "")
-        return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
-
     def at_port(self, unit: str) -> str:
         """Return a unit at the hand's port, or its counterpart for torques and angles if the
         hand of a drawn loop turns."""

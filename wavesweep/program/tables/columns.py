@@ -16,7 +16,7 @@ from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import HOMES, kind_named, kinds
-from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
+from wavesweep.program.tables.fields import OF_ALONG, Field, FieldKind
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}
@@ -48,8 +48,6 @@ def fields(
             unit = ""
         elif field.unit == OF_ALONG:
             unit = _axis(along, numbers).unit
-        elif field.unit == OF_WALL:
-            unit = felt_unit(facts)
         else:
             unit = at_port(field.unit, facts)
         columns.append(replace(field, unit=unit))
@@ -99,13 +97,6 @@ def specs_in(facts: Mapping[str, Any] | None) -> list[Any]:
     if not facts:
         return []
     return [facts.get("spec", {}), *facts.get("specs", {}).values()]
-
-
-def felt_unit(facts: Mapping[str, Any] | None) -> str:
-    """Give the unit of the stiffness that is felt: that of the wall of a drawn loop, which may turn and not slide."""
-    wall = (facts or {}).get("spec", {}).get("ports", {}).get("wall", {})
-    number = numbers_of(facts).get(wall.get("stiffness", ""))
-    return (number and number.unit) or at_port("N/m", facts)
 
 
 def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:

@@ -88,16 +88,15 @@ DOUBTS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 Derived = Callable[["Columns"], "np.ndarray"]
 FieldKind = Literal["number", "integer", "boolean", "string"]
-# Units that the run decides.
+# The unit that the run decides.
 OF_ALONG = "that of along"
-OF_WALL = "that of the wall"
 
 
 @dataclass(frozen=True)
 class Field:
     """One column.
 
-    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some
+    unit: "1" if dimensionless, "" if none applies, or `OF_ALONG`. optional: only some
     tables of the kind have it. derived: computes the column from the others, `(rows,)`, if it does
     not come with them. values: the meaning of each of its words, if it holds words of this program.
     advice: what a reader of the column can do, as a sentence or two.

@@ -10,7 +10,7 @@ from wavesweep.program.analyses.claims import Claim, Status, of_rows
 from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import COMPUTED
 from wavesweep.program.spec import find_key
-from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
+from wavesweep.program.tables.columns import at_port, numbers_of, swept_range
 from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import DecidingLengths, varying_lengths
 from wavesweep.program.tables.refuters import Refuters
@@ -282,7 +282,7 @@ class LoopSummary:
         if not felt.row:
             return None
         facts = {
-            "unit": felt_unit(self._facts),
+            "unit": at_port("N/m", self._facts),
             "with": felt.row["value"],
             "from": felt.row["low"],
             "falls": self._falls,

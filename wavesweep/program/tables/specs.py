@@ -41,7 +41,7 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
         tables.append(table)
         blocks.append(_with_spec(spec, table.columns, names))
     columns = joined(blocks)
-    felt = [(spec.name, spec.units_felt[0]) for spec in specs]
+    felt = [(spec.name, spec.at_port("N/m")) for spec in specs]
     units = {name: units_in(swept, name) for name in names}
     for what, unit_in_specs in (("", walls), ("felt_", felt), ("open_", walls)):
         units[f"{what}low"] = unit_in_specs

@@ -1,0 +1,210 @@
+"""Units that texts name: what each is, what is refused, and what they mean in logs, options and answers."""
+
+import json
+import math
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.identification.log import read_log
+from wavesweep.program.reading.units import column_named, converted, unit_in, unit_of
+from wavesweep.program.spec import load
+
+MINUTE = math.pi / 30
+DEGREE = math.pi / 180
+SPELLINGS = {  # by the expected unit: what turns numbers in each of these into it, exactly; None of what is refused
+    "s": {"ms": "1e-3", "MS": "1e-3", "µs": "1e-6", "μs": "1e-6", "us": "1e-6", "ns": "1e-9", "Sec": 1, "min": 60}
+    | dict.fromkeys(("m s", "rad", "degC", "x", "", "s" * 50, "s**999", "(s", "s)", "s/", "'s'", "1/0", "dB", "€"))
+    | {"Ms": "1e6"},
+    "N": {"mN": "1e-3", "MN": "1e6", "kN": "1e3", "kn": "1e3", "n": 1, "kgf": "9.80665", "kg": None, "g": None},
+    "N*m": dict.fromkeys(("Nm", "N·m", "N⋅m", "N•m", "N m", "N-m", "N.m", "N_m", "nm", "NM", "J"), 1)
+    | {"mNm": "1e-3", "MNM": "1e-3", "Ncm": "1e-2", "N cm": "1e-2", "oz*in": None, "kgf*cm": "0.0980665", "N": None},
+    "m": {"mm": "1e-3", "MM": "1e-3", "µm": "1e-6", "inch": "0.0254", "counts": None, "deg": None, "K": None},
+    "rad": {"deg": DEGREE, "°": DEGREE, "Degrees": DEGREE, "rev": 2 * math.pi, "mrad": "1e-3", "1": None, "%": None},
+    "rad/s": dict.fromkeys(("rpm", "RPM", "Rpm", "r/min", "rev/min", "1/min", "min-1", "min^-1", "min⁻¹", "/min"), MINUTE)
+    | dict.fromkeys(("deg/s", "°/s", "deg_s", "DEG/S", "dps", "deg·s⁻¹"), DEGREE)
+    | dict.fromkeys(("U/min", "Hz", "1/s", "erpm", "ERPM", "m/s"))
+    | dict.fromkeys(("rad_s", "rad_per_s", "rad s-1"), 1),
+    "m/s^2": dict.fromkeys(("m/s²", "m/s2", "m_s2", "m·s⁻²"), 1) | {"mm/s^2": "1e-3", "g": None},
+    "kg*m^2": {"g*cm^2": "1e-7", "kg·m²": 1, "kg": None},
+    "Hz": {"kHz": "1e3", "KHZ": "1e3", "1/s": 1, "rad/s": None, "rpm": None},
+    "N/m": {"N/mm": "1e3", "kN/m": "1e3", "N*m": None, "pictures": None},
+    "pictures": {"pictures": 1, "mm": None},
+}
+
+
+@pytest.mark.parametrize("expected", SPELLINGS)
+def test_a_unit_is_what_it_is_however_it_is_written_and_nothing_of_another_dimension(expected):
+    for text, size in SPELLINGS[expected].items():
+        unit = unit_of(text, expected)
+        if size is None:
+            assert unit is None, text
+        elif isinstance(size, float):
+            assert float(unit.factor) == pytest.approx(size, rel=1e-15), text
+        else:
+            assert unit.factor == Fraction(size), text
+
+
+def test_decimal_texts_are_rounded_once():
+    for number in range(1, 2000):
+        spec = number / 1000
+        assert float(Fraction(number) * unit_of("g", "kg").factor) == spec
+        assert unit_of("ms", "s").of(float(number)) == spec
+
+
+@pytest.mark.parametrize(
+    ("column", "expected", "text"),
+    [
+        ("Actual speed (rpm)", "rad/s", "rpm"),
+        ("RPM", "rad/s", "RPM"),
+        ("motor_erpm", "rad/s", "motor_erpm"),
+        ("wheel_rad_s", "rad/s", "rad_s"),
+        ("degrees", "rad", "degrees"),
+        ("motor torque Nm", "N*m", "Nm"),
+        ("torque [% of rated]", "N*m", "% of rated"),
+        ("enc", "m", ""),
+        ("h", "s", ""),
+    ],
+)
+def test_a_column_that_is_named_has_the_unit_in_its_name(column, expected, text):
+    assert unit_in(column, expected) == text
+
+
+def test_columns_are_found_by_name_with_any_unit_that_fits():
+    columns = ["position_error", "position_in", "Position (deg)", "Time (µs)", "pos_mm", "Torque (N·m)"]
+    assert column_named(columns, ("position", "pos"), "m") == ("pos_mm", "mm")
+    assert column_named(columns[:3], ("position", "pos"), "m") == ("Position (deg)", "deg")
+    assert column_named(columns[:2], ("position", "pos"), "m") is None
+    assert column_named(columns, ("time",), "s") == ("Time (µs)", "µs")
+    assert column_named(columns, ("torque",), "N*m") == ("Torque (N·m)", "N·m")
+
+
+def test_what_cannot_be_converted_is_refused_with_what_is_expected():
+    assert converted(3.0, ("v", "erpm"), "log.csv", "speed", {"speed": 2.0}, "rad/s") == (6.0, "")
+    with pytest.raises(
+        UsageError, match=r"^log.csv: v: expected rad/s, found erpm, electrical turns: .*pole pairs.*--scale speed="
+    ):
+        converted(3.0, ("v", "erpm"), "log.csv", "speed", {}, "rad/s")
+    with pytest.raises(UsageError, match=r"^log.csv: F: expected N or V, found oz\*in$"):
+        converted(3.0, ("F", "oz*in"), "log.csv", "force", None, "N", "V")
+    assert converted(3.0, ("tq", "nm"), "log.csv", "torque", {}, "N*m") == (3.0, "tq is taken as torque in Nm, times 1")
+    assert converted(3.0, ("tq", "N-m"), "log.csv", "torque", {}, "N*m") == (3.0, "")
+
+
+def test_a_log_in_turns_a_minute_is_the_log_in_radians(tmp_path):
+    rows = [(at / 1000, math.sin(at), math.cos(at)) for at in range(60)]
+    for header, columns in (("time,torque,RPM", {"speed": "RPM"}), ("Time (s),Torque (N-m),Speed (r/min)", {})):
+        path = tmp_path / "log.csv"
+        path.write_text("\n".join([header, *(f"{t!r},{push!r},{speed!r}" for t, push, speed in rows)]))
+        log = read_log(path, columns, {})
+        assert log.turns
+        assert log.reading == pytest.approx([speed * MINUTE for *_, speed in rows])
+        assert log.force.tolist() == [push for _, push, _ in rows]
+        assert [said.split(" is taken")[0] for said in log.taken] == [header.split(",")[2]]
+
+
+MASS_AND_WALL = """
+[rates]
+tick_hz = 1000
+[numbers]
+K = { value = 0.2, unit = "N/mm" }
+D = 1.0
+[block.m]
+type = "mass"
+mass = 0.1
+damping = 1.5
+[block.h]
+type = "hold"
+every = 10
+[wire]
+"h.u" = "1000*K*m.x + D*m.v"
+"m.f" = "push - h.y"
+[ports]
+hand = { force = "push", displacement = "m.x", reaction = "h.y" }
+wall = { stiffness = "K", damping = "D" }
+[sweep]
+K = { start = 0, stop = 5 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("typed", "path", "value"),
+    [
+        ("device.mass=45g", "device.mass", 0.045),
+        ("B_VE=2 mN*s/mm", "environment.B_VE", 2.0),
+        ("rates.slow_hz=0.05 kHz", "rates.ratio", 20),
+        ("K=300N/m", "numbers.K", 0.3),
+        ("numbers.K=300 mN/mm", "numbers.K", 0.3),
+        ("rates.tick_hz=2kHz", "rates.tick_hz", 2000.0),
+        ("K=2e-1", "numbers.K", 0.2),
+    ],
+)
+def test_a_number_of_an_option_may_have_a_unit(typed, path, value, tmp_path):
+    drawn = tmp_path / "drawn.toml"
+    drawn.write_text(MASS_AND_WALL)
+    source = drawn if path in ("numbers.K", "rates.tick_hz") else {"controller": {"kind": "pmw"}}
+    assert load(source, [typed]).values[path] == value
+
+
+def test_ends_of_axes_and_keys_of_blocks_and_tables_may_have_one(tmp_path):
+    spec = load({"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 1}}}, ["sweep.K_VE.stop=3N/mm"])
+    assert spec.sweep[0].stop == 3000.0
+    drawn = tmp_path / "drawn.toml"
+    drawn.write_text(MASS_AND_WALL)
+    spec = load(drawn, ["block.m.mass=45g", "sweep.K.stop=3kN/m"])
+    assert (spec.tables()["block"]["m"]["mass"], spec.sweep[0].stop) == (0.045, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("device.mass=45N", "device.mass: expected a number in kg, found 45N"),
+        ("filters.lp1.cutoff_hz=60rad/s", "filters.lp1.cutoff_hz: expected a number in Hz, found 60rad/s"),
+        ("environment.delay=2ms", "environment.delay: expected a number in tick, found 2ms"),
+        ("rates.ratio=20rpm", "rates.ratio: expected a number without a unit, found 20rpm"),
+        ("controller.kind=2pmw", "did you mean `pmw`"),
+    ],
+)
+def test_an_option_in_another_dimension_is_refused(typed, said):
+    with pytest.raises(SpecError) as refused:
+        load({"controller": {"kind": "pmw"}}, [typed])
+    assert f"--set {typed}: " in str(refused.value)
+    assert said in str(refused.value)
+
+
+@pytest.mark.asks("check", "sensitivity", "identification", "designs")
+@pytest.mark.slow
+def test_the_unit_of_a_number_is_its_own_and_what_is_felt_is_in_newton_a_metre(wavesweep, tmp_path, monkeypatch):
+    """`1000*K` N/m of a wall K in N/mm: every answer in K is in N/mm, and what the hand feels is 1000 times as many N/m."""
+    monkeypatch.chdir(tmp_path)
+    Path("walls.csv").write_text("K_VE,B_VE (mN*s/mm)\n200,1\n400,1\n")
+    wish = """
+[design]
+population = 8
+generations = 1
+vary = { "block.m.damping" = [1.5] }
+wish = { z_width = { at_least = 0.3 }, felt = { at_least = 300 } }
+"""
+    Path("mine.toml").write_text(f'{MASS_AND_WALL}[measured]\nz_width = "walls.csv"\n{wish}')
+    _, out, _ = wavesweep("check", "mine.toml", "--json")
+    found = json.loads(out)["verdict"]
+    assert found["felt"]["stiffness"] == pytest.approx(200, rel=1e-9)
+    points = found["measured"]["limits"]["points"]
+    assert [point["K_VE"] for point in points] == [0.2, 0.4]
+    end = points[0]["computed"]
+    assert 0.3 < end < 1.0
+    _, out, _ = wavesweep("check", "mine.toml")
+    assert "felt at rest: 200 N/m" in out
+    assert f"({end:.3g} for 0.2 N/mm)" in out
+    _, out, err = wavesweep("zwidth", "mine.toml", "--no-plot")
+    assert f"K = {math.floor(1e6 * end) / 1e6:g} N/mm" in out + err
+    assert f"at rest, at an end of an interval: {math.floor(1e3 * 1e3 * end) / 1e3:g} N/m" in out + err
+    package = json.loads(Path("results/mine/zwidth.datapackage.json").read_text())
+    units = {field["name"]: field.get("unit") for field in package["resources"][0]["schema"]["fields"]}
+    assert (units["high"], units["felt_high"]) == ("N/mm", "N/m")
+    _, out, err = wavesweep("why", "mine.toml", "--no-plot")
+    assert f"felt there: {1e3 * end:.6g} N/m" in out + err
+    _, out, err = wavesweep("design", "mine.toml", "--no-plot")
+    assert f"z_width {math.floor(1e5 * end) / 1e5:g} N/mm, felt {math.floor(1e5 * end) / 1e2:g} N/m" in out + err
