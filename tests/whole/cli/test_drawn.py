@@ -58,12 +58,13 @@ def test_the_plane_of_a_drawn_wall(run):
     code, text, results = run("zwidth", "wall.toml")
     assert (code, "all 5 rows certified" in text) == (0, True)
     assert read(results / "wall" / "zwidth.csv")["along"].tolist() == ["K"] * 5
-    rotational = "numbers.K={ value=100, unit='N*mm/rad', description='wall' }"
-    code, text, results = run("zwidth", "wall.toml", "--set", rotational, "--set", "ports.hand.turns=true")
+    number = "numbers.K={ value=100, unit='N*m/rad', description='wall' }"
+    rotational = ("--set", number, "--set", "ports.hand.turns=true")
+    code, text, results = run("zwidth", "wall.toml", *rotational)
     assert (code, bool(re.search(r"as the hand feels it at rest: \S+ N\*m/rad with K = ", text))) == (0, True)
     fields, _ = described(results / "wall" / "zwidth.datapackage.json")
     assert {fields[name]["unit"] for name in ("low", "high", "felt_low", "felt_high")} == {"N*m/rad"}
-    code, text, results = run("why", "wall.toml", "--set", rotational)
+    code, text, results = run("why", "wall.toml", *rotational)
     assert (code, "felt there: 0 N*m/rad" in text, " N/m" in text) == (0, True, False)
     rows = read(results / "wall" / "why.csv")
     assert set(rows["unit"]) == {"N*m/rad"}
