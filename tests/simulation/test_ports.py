@@ -1,5 +1,6 @@
 """Simulations from any input of a drawn loop, against a march in plain numpy, and the columns of their table."""
 
+import json
 import tomllib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from support.drawn import DRIVE, NETWORK, WALL, drive
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
+from wavesweep.program.cli import main
 from wavesweep.program.columns import RUN_COLUMNS
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
@@ -213,3 +215,29 @@ def test_no_output_hides_a_signal_of_its_name(outputs, said):
         return
     with pytest.raises(SpecError, match=said):
         load(tables)
+
+
+def test_what_follows_a_step_is_counted_from_the_tick_at_which_it_sets_in(tmp_path, capsys):
+    """y = ref - y/2 of the tick before is 1 at once, and 2/3 in the end; 2.4 s is taken at the tick at 3 s."""
+    path = tmp_path / "spec.toml"
+    path.write_text("""
+[rates]
+tick_hz = 1
+[block.x]
+type = "hold"
+[wire]
+"x.u" = "ref - 0.5*prev(x.y)"
+[ports]
+inputs = { ref = "ref" }
+outputs = { y = "x.y" }
+[simulate]
+from = "ref"
+input = "step"
+at_s = 2.4
+duration_s = 30
+""")
+    assert main(["simulate", str(path), "--no-plot", "--json", "--out", str(tmp_path / "out")]) == 0
+    found = json.loads(capsys.readouterr().out)["tables"]["simulate"]["outputs"]["y"]
+    assert (found["peak"], found["peak_s"]) == (1, 0)
+    late = next(n for n in range(30) if all(abs((-0.5) ** (k + 1) / 3) <= 0.02 * 2 / 3 for k in range(n, 30)))
+    assert found["settled_s"] == late

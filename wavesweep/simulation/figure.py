@@ -29,6 +29,7 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.tables.columns import signals_of
+from wavesweep.simulation.table import set_in
 
 _DETAIL_FRAMES = 40
 FRAME = "length of the frame"  # in ticks, beside the columns
@@ -299,7 +300,7 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
         return int(later[0] if len(later) else changes[-1])
     options = facts["spec"]["simulate"]
     if options["input"] in ("step", "pulse"):
-        return int(np.searchsorted(columns["time_s"], options["at_s"]))
+        return set_in(columns, options["at_s"])
     return rows
 
 

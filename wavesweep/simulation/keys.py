@@ -44,7 +44,7 @@ TICKS = "simulate.ticks"
 INPUTS = {
     "sine": "one frequency",
     "stepped-sine": "several frequencies in turn, each until it has settled and is measured",
-    "chirp": "a sine whose frequency rises steadily",
+    "chirp": "a sine whose frequency rises by the same factor in equal times",
     "step": "a constant force from at_s on",
     "pulse": "a constant force for width_s",
     "noise": "white noise, a new value in each tick",
@@ -86,7 +86,7 @@ KEYS = Key.by_path(
             "simulate.at_s",
             0.1,
             "s",
-            "when the step or the pulse sets in: at the first tick at or after it",
+            "when the step or the pulse sets in: at the first tick at or after it, a hundredth of a tick forgiven",
         ),
         Key.gain(
             "simulate.width_s",

@@ -28,7 +28,7 @@ from wavesweep.program.tables.kind import (
 )
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
-from wavesweep.simulation.keys import RANDOM, entry_of
+from wavesweep.simulation.keys import RANDOM, entry_of, first_tick
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -279,9 +279,11 @@ def _contact(columns: Columns, options: Mapping[str, Any]) -> Numbers:
 
 
 def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
-    """What an output does after a step at `start` (s): where it settles, its peak, and when it
-    has settled, after the step."""
-    values, after = columns[run_column("outputs", name)], np.round(columns["time_s"] - start, 12)
+    """What an output does after a step that is asked for at `start` (s): where it settles, its
+    peak, and when it has settled, after the tick at which the step sets in."""
+    values = columns[run_column("outputs", name)]
+    time_s = columns["time_s"]
+    after = np.round(time_s - time_s[set_in(columns, start)], 12)
     peak = int(np.argmax(np.abs(values)))
     outside = np.flatnonzero(np.abs(values - final) > SETTLED_WITHIN_VALUE * abs(final))
     settled = int(outside[-1]) + 1 if outside.size else 0
@@ -292,6 +294,14 @@ def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers
         "peak_s": float(after[peak]),
         "settled_s": float(after[settled]) if final and settled < len(after) else None,
     }
+
+
+def set_in(columns: Columns, at_s: float) -> int:
+    """The row of the tick at which a step or a pulse sets in."""
+    time_s = columns["time_s"]
+    if len(time_s) < 2:
+        return 0
+    return min(first_tick(at_s, 1 / float(time_s[1] - time_s[0])), len(time_s) - 1)
 
 
 def _rest(columns: Columns) -> float | None:
