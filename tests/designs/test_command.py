@@ -149,45 +149,6 @@ def test_a_design_with_unknown_values_is_never_nearer_than_one_without():
     assert "the nearest has settling not known" in miss(spec, records[[0, 2]], [Scenario({}, {})], study.wish_units(spec))
 
 
-def test_a_value_that_is_not_certified_is_not_said_to_be_missing():
-    spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {"z_width": {}}}})
-    records = np.zeros(1, job_of(spec).dtype)
-    records["z_width"] = 600
-    said = miss(spec, records, [Scenario({}, {})], {"z_width": "N/m"})
-    assert said.startswith(
-        "no design of 1 has a certified value for every wish; the nearest has z_width 600 N/m, not certified"
-    )
-
-
-@pytest.mark.thorough
-def test_all_bounds_give_the_design_that_keeps_them_best(run):
-    code, text, results = run(
-        "--no-plot", "--set", "design.wish={z_width={at_least=200, B_VE=[1]}, felt={at_least=100, B_VE=[1]}}"
-    )
-    assert (code, text.count("best of "), " on the front" in text) == (0, 1, False)
-    rows = read(results / "design.csv")
-    margins = rows["z_width"] / 200 - 1, rows["felt"] / 100 - 1
-    least = np.minimum(*margins)
-    assert least[0] == least.max() > 0
-    decides = min(zip(margins, ("z_width", "felt"), strict=True))[1]
-    said = ", ".join(f"{name} {100 * share[0]:.3g} %" for name, share in zip(("z_width", "felt"), margins, strict=True))
-    assert f"margins to the bounds: {said}; {decides} decides: no design found has a larger smallest margin\n" in text
-    others = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))["wavesweep"]["runners_up"]
-    assert 1 <= len(others) <= 3
-    assert text.count("next best: z_width") == len(others)
-    span = np.log(200 / 5)
-    places = [(np.log(b) / span, order) for b, order in [(rows["b"][0], rows["filters.lp1.order"][0])]]
-    for each in others:  # values hold for both masses, and numbers differ from those of all before
-        spec = load(results.parents[1] / "mine.toml").with_values(each["numbers"])
-        walls = wavesweep.compile(spec).stable_intervals(B_VE=[1], **{"device.mass": [0.08, 0.125]})
-        assert each["wishes"]["z_width"] <= walls.high.min() * (1 + 1e-9)
-        own = min(each["wishes"]["z_width"] / 200 - 1, each["wishes"]["felt"] / 100 - 1)
-        assert 0 <= own <= least[0]
-        place = np.log(each["numbers"]["b"]) / span, each["numbers"]["filters.lp1.order"]
-        assert all(abs(place[0] - b) >= 0.1 or place[1] != order for b, order in places)
-        places.append(place)
-
-
 @pytest.mark.slow
 def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     """Between the ends of the hand's mass walls are less stiff: designs judged before that was known are no misses."""
@@ -201,21 +162,6 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     value, place = re.search(r"has z_width (\S+) N/m \(at least 80\) with operator.mass=(\S+),", str(error.value)).groups()
     assert float(value) < 80
     assert 0 < float(place) < 0.08
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_of_whole_numbers_all_between_the_ends_are_checked():
-    """With trapezoidal integration and delays of 0 and 20 ticks some walls are stable; with 15 ticks none is."""
-    tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "trapezoidal"}}
-    tables |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 40.0}}}
-    wanted = {"vary": {"b": {"start": 14.0, "stop": 16.0}}, "wish": {"z_width": {"B_VE": [1]}}, "population": 8}
-    tables |= {"design": wanted | {"for_all": {"environment.delay": [0, 20]}, "generations": 1}}
-    job = job_of(load(tables))
-    assert [each.values["environment.delay"] for each in job.asked.finer] == list(range(21))
-    tables["design"]["wish"] = {"z_width": {"at_least": 1000.0, "B_VE": [1]}}
-    with pytest.raises(WavesweepError, match=r"the nearest has z_width 0 N/m .at least 1000. with environment.delay=1\d"):
-        wavesweep.design(tables)
 
 
 @pytest.mark.parametrize(
@@ -249,27 +195,6 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
     Evaluation(spec, scenarios_of(spec), 2e4, kind, box_of(spec)).records(designs, 1)
     assert set(seen) == {hands.HandBox(*box)}
-
-
-@pytest.mark.asks("for_all", "passive")
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
-    text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5], stiffness = [0, 300] }")
-    (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
-    code, _, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1")
-    assert code == 0
-    rows = read(results / "design.csv")
-    assert (rows["z_width_box"] <= rows["z_width"]).all()
-    spec, number = load(results / "best" / "mine-01.toml"), 0
-    alone = spec.with_values({"operator.damping": 0.0, "operator.stiffness": 0.0})
-    found = wavesweep.zwidth(
-        {**alone.tables(), "sweep": {"K_VE": {"start": 0, "stop": float(rows["z_width"][number])}, "B_VE": [1, 5]}},
-        for_hands="box:mass=0..0,damping=0..5,stiffness=0..300",
-    )
-    guaranteed = found[(found.hand == "box")]
-    assert rows["z_width_box"][number] == pytest.approx(guaranteed.high.min(), rel=1e-9)
-    assert rows["box_settled"][number] == bool(guaranteed.settled.all())
 
 
 @pytest.mark.slow
@@ -315,70 +240,6 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
     assert (code, text in said) == (2, True), said
 
 
-JOINT = """
-[rates]
-tick_hz = 1000
-[numbers]
-kd = { value = 2.0, unit = "N*m*s/rad" }
-I = { value = 0.025, unit = "kg*m^2" }
-n = 5
-[block.joint]
-type = "mass"
-mass = "I"
-[block.torque]
-type = "hold"
-every = "n"
-[block.pd]
-type = "gain"
-k = 50
-[wire]
-"pd.u" = "joint.x"
-"torque.u" = "-pd.y - kd*joint.v"
-"joint.f" = "torque.y + push"
-[ports]
-hand = { force = "push", displacement = "joint.x", turns = true }
-[sweep]
-along = "kd"
-kd = { start = 0, stop = 20 }
-[design]
-population = 16
-generations = 3
-[design.vary]
-"block.pd.k" = { start = 1, stop = 500, scale = "log" }
-kd = { start = 0.1, stop = 20, scale = "log" }
-[design.wish]
-settling = {}
-port = { at_least = -1 }
-[design.for_all]
-n = { start = 2, stop = 7 }
-I = [0.02, 0.04]
-"""
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("passive", "check")
-def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_path):
-    (tmp_path / "mine.toml").write_text(JOINT)
-    code, text, results = run("--no-plot")
-    assert (code, "4 combinations" in text, "rad/(N*m)" in text) == (0, True, True)
-    rows = read(results / "design.csv")
-    package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
-    units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
-    assert [units[name] for name in ("kd", "settling", "port")] == ["N*m*s/rad", "s", "rad/(N*m)"]
-    spec = load(results / "best" / "mine-01.toml")
-    assert spec.values["numbers.kd"] == rows["kd"][0]
-    assert spec.tables()["block"]["pd"]["k"] == rows["block.pd.k"][0]
-    assert {axis.name: axis.values for axis in spec.sweep if axis.values} == {"n": (2, 7), "I": (0.02, 0.04)}
-    worst = [
-        wavesweep.verdict(spec.with_values({"n": n, "I": inertia}))["slowest"]["time_constant_s"]
-        for n in range(2, 8)
-        for inertia in (0.02, 0.03, 0.04)
-    ]
-    to_2_per_cent = np.log(50)
-    assert rows["settling"][0] == pytest.approx(to_2_per_cent * max(worst), rel=1e-9)
-    assert rows["holds"][0]
-
-
 @pytest.mark.asks("passive")
 @pytest.mark.parametrize(("wish", "said"), [("channel", True), ("damping_ratio", False)])
 def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
@@ -386,28 +247,3 @@ def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
     tables["design"] |= {"population": 8, "generations": 1}
     found = wavesweep.design(tables)
     assert any("may be unstable" in notice for notice in found.attrs["facts"]["notices"]) == said
-
-
-@pytest.mark.slow
-def test_it_is_said_where_a_range_ends_the_search(run):
-    """Of walls, for every wish that is better the stiffer they are, and of a number; and not where none does."""
-    vary = (
-        "--no-plot",
-        "--set",
-        "design.generations=2",
-        "--set",
-        "design.population=8",
-        "--set",
-        "design.vary={b={start=10, stop=12}}",
-    )
-    vary += ("--set", "design.wish={felt={B_VE=[1]}}", "--set", "design.for_all={}")
-    said = run(*vary, "--set", "sweep.K_VE={start=0, stop=300}")[1]
-    assert "felt ends where the range of K_VE ends, at 300; a longer one in [sweep] may show more" in said
-    code, said, results = run(*vary, "--set", "sweep.K_VE={start=0, stop=3000}", "--overwrite")
-    felt, b = (read(results / "design.csv")[name][0] for name in ("felt", "b"))
-    assert code == 0
-    assert "felt ends where" not in said
-    own = run(*vary, "--set", f"design.vary.b.stop={b}", "--overwrite")[1]  # the best, which lies inside of its range or not
-    assert ("b lies near an end of the range in [design.vary]" in said) == (min(b - 10, 12 - b) <= 0.02)
-    assert "b lies near an end of the range in [design.vary]; a longer one may have better designs" in own
-    assert felt > 300

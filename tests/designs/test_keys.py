@@ -1,12 +1,10 @@
 """The table [design] is read with all mistakes at once, and written as a spec could give it."""
 
-import json
 import tomllib
 
 import pytest
 from support.drawn import ARM
 
-from wavesweep.designs.wish_keys import WISHES
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
 
@@ -79,16 +77,3 @@ def test_a_drawn_design_is_the_same_from_its_tables():
     assert load(spec.tables()).asking("design").sha256 == spec.sha256
     assert spec.design.for_all[0].values == (0, 3)
     assert spec.values["block.arm.mass"] == 0.2
-
-
-@pytest.mark.asks("for_all")
-def test_the_tables_of_design_are_explained(wavesweep):
-    code, out, _ = wavesweep("keys", "design.wish")
-    assert (code, all(f"  {wish} (" in out for wish in WISHES)) == (0, True)
-    code, out, _ = wavesweep("keys", "design.wish", "--json")
-    assert json.loads(out)["design.wish"]["wishes"]["z_width"]["bound"] == "at_least"
-    code, out, _ = wavesweep("keys", "design")
-    for name in ("seed", "population", "generations"):
-        assert f"design.{name}" in out
-    for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all", "for_all.lost"):
-        assert wavesweep("keys", name)[0] == 0

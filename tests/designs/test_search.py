@@ -8,21 +8,10 @@ import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
 from wavesweep.designs import study
-from wavesweep.designs.search import Evolution, Judged, generations, spread, undominated
+from wavesweep.designs.search import Evolution, Judged, generations, undominated
 from wavesweep.designs.study import design
 from wavesweep.program.analyses.own_design import own_design
 from wavesweep.program.spec import load
-
-
-def hypervolume(objectives: np.ndarray, reference: np.ndarray) -> float:
-    """Return the area that two objectives, to be made small, dominate up to a reference point."""
-    kept = objectives[(objectives < reference).all(axis=1)]
-    if not len(kept):
-        return 0.0
-    order = kept[np.argsort(kept[:, 0], kind="stable")]
-    lowest = np.minimum.accumulate(order[:, 1])
-    ends = np.append(order[1:, 0], reference[0])
-    return float(((ends - order[:, 0]) * (reference[1] - lowest)).sum())
 
 
 def zdt(number, x):
@@ -37,14 +26,6 @@ def last(judge, genes=8, population=80, count=100, seed=0):
     for best in generations(judge, Evolution(population, count, seed), [0] * genes, np.zeros((0, genes))):
         found = best
     return found
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize(("number", "area"), [(1, 1.21 - 1 / 3), (2, 1.21 - 2 / 3)])
-def test_published_fronts_are_found(number, area):
-    found = last(lambda _, x: Judged(x, zdt(number, x), np.zeros(len(x))), count=150)
-    assert 0.98 * area < hypervolume(found.objectives, np.array([1.1, 1.1])) <= area
 
 
 @pytest.mark.slow
@@ -88,13 +69,6 @@ def test_ranks_by_domination():
     noise = np.array([[-3000.0000000002674, 2.66e-6], [-3000.000000000064, 1.7e-21], [-2999.99999999998, 0.0], [-2999.9, 0.0]])
     assert undominated(Judged(noise, noise, np.zeros(4))).tolist() == [2]  # whose walls differ by rounding alone
     assert undominated(Judged(noise[:0], noise[:0], np.zeros(0))).tolist() == []
-
-
-def test_the_front_is_thinned_where_it_is_crowded():
-    f = np.array([[0.0, 1.0], [0.1, 0.9], [0.15, 0.85], [0.2, 0.8], [1.0, 0.0]])
-    kept = spread(Judged(f, f, np.zeros(5)), 3).genes
-    assert kept.tolist() == [[0.0, 1.0], [0.1, 0.9], [1.0, 0.0]] or kept.tolist() == [[0.0, 1.0], [0.2, 0.8], [1.0, 0.0]]
-    assert spread(Judged(f, f, np.zeros(5)), 9).genes.tolist() == f.tolist()
 
 
 def test_what_is_judged_otherwise_after_a_look_is_judged_again():
@@ -190,31 +164,6 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
         worst = min(compile(each).stable_intervals().high[0] for each in members)
         assert 0.99 * worst < proved < worst
     assert 1 + len(table.facts["runners_up"]) <= table.facts["proved"] < table.facts["slices"]["computed"]
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("for_all")
-def test_the_next_best_designs_are_those_of_the_next_walls():
-    """The walls of all six designs are proved one by one by `stable_intervals` of a spec without [design]."""
-    spec = {
-        "controller": {"kind": "pmw", "b": 10},
-        "environment": {"integration": "explicit", "delay": 1},
-        "device": {"velocity": "difference"},
-        "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
-        "for_all": {"rates.ratio": {"values": [16, 20, 25], "varying": True}},
-        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
-    }
-    vary = {"b": [6, 10, 16], "filters.lp1.order": [1, 2]}
-    tables = spec | {"design": {"population": 24, "generations": 2, "vary": vary, "wish": {"z_width": {}}}}
-    table = design(load(tables), jobs=1)
-    found = [(table.columns["b"][0], table.columns["filters.lp1.order"][0])]
-    found += [tuple(each["numbers"].values()) for each in table.facts["runners_up"]]
-    walls = {}
-    for b, order in product(*vary.values()):
-        own = load(spec).with_values({"b": b, "filters.lp1.order": order})
-        rows = compile(own).stable_intervals()
-        walls[b, order] = rows[rows.guarantee == "for_all"].high.max()
-    assert found == sorted(walls, key=walls.get, reverse=True)[: len(found)]
 
 
 def coupled(ticks, K, mass):

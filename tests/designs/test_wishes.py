@@ -15,8 +15,7 @@ from wavesweep.designs.family import points_of, scenarios_of
 from wavesweep.designs.search import Judged
 from wavesweep.designs.wishes import WorstMeasure, evaluate
 from wavesweep.engine.errors import SpecError
-from wavesweep.program.analyses.interval_jobs import at_points
-from wavesweep.program.spec import SYMBOLS, Axis, load
+from wavesweep.program.spec import SYMBOLS, load
 from wavesweep.program.sweep.grid import keys_of
 
 TABLES = {
@@ -57,24 +56,6 @@ def loops(spec, number):
     """The compiled loop of a design and of each scenario."""
     own = {path: column[number].item() for path, column in DESIGNS.items()}
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
-
-
-@pytest.mark.thorough
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("within", [False, True])
-def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
-    """Between two generations or within one."""
-
-    def stop(done=1, *_):
-        if done:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(study._Run, "look", stop)
-    spec = load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {}}, "population": 8}})
-    with pytest.raises(KeyboardInterrupt) as caught:
-        study.design(spec, checkpoint=tmp_path / "parts", progress=stop if within else None)
-    (said,) = caught.value.__notes__
-    assert f"are kept in {tmp_path / 'parts'}; the same command goes on from there." in said
 
 
 def test_whole_numbers_between_that_make_no_loop_are_left_out():
@@ -168,11 +149,6 @@ def test_which_modes_count_for_a_damping_ratio_is_the_wish_s_to_say(counted, cou
     assert spec.design.wishes[0].written() == counted
 
 
-def test_modes_that_count_are_named_by_their_words():
-    with pytest.raises(SpecError, match=r'modes: expected one of "all", "oscillating", found "fast"'):
-        load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {"modes": "fast"}}}})
-
-
 @pytest.mark.asks("passive")
 def test_designs_that_make_no_loop_are_none_and_change_no_other():
     """A cutoff beyond half the rate, a phase beyond the period, and a loop of direct terms without a solution."""
@@ -204,73 +180,6 @@ def test_designs_that_make_no_loop_are_none_and_change_no_other():
         assert worst.value[[0, 4]].tolist() == [each[name].value[0] for each in alone]
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
-    spec = load(TABLES)
-    found = values_of(spec)
-    for number in range(4):
-        rows = [loop.stable_intervals(B_VE=[1.0, 5.0]) for loop in loops(spec, number)]
-        first = [row[(row.interval == 0)] for row in rows]
-        high = [np.where(row.low == 0, row.high, 0.0) for row in first]
-        assert found["z_width"].value[number] == pytest.approx(min(map(min, high)), rel=1e-12)
-        assert found["felt"].value[number] == pytest.approx(min(row.felt_high.min() for row in first), rel=1e-12)
-        assert found["z_width"].scenario[number] == int(np.argmin([each.min() for each in high]))
-    assert found["z_width"].certified.all()
-    norms = [wavesweep.compile(spec.with_values({"filters.lp1.order": order})).passivity().channel_norm[0] for order in (1, 2)]
-    assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_transparency_sees_a_resonance_between_its_nodes():
-    designs, away = {"controller.b": np.array([25.0])}, np.geomspace(1e-8, 0.1, 500)
-    for damping in (0.12, 0.05):  # with 0.05 direct coupling is not damped at all
-        device = {"device": {"damping": damping}, "environment": {"B_VE": 0.0}}
-        wish = {"transparency": {"band_hz": [0.1, 10], "walls": [100]}}
-        tables = {"controller": {"kind": "pmw-lm", "Kp": 20.0}} | device
-        spec = load(tables | {"design": {"vary": {"b": {"start": 5, "stop": 60}}, "wish": wish}})
-        found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
-        own, coupled = (
-            wavesweep.compile(spec.with_values({"controller.kind": kind, "K_VE": 100})) for kind in ("pmw-lm", "dc")
-        )
-
-        def ratio(frequency, own=own, coupled=coupled):
-            tables = (loop.response(frequency) for loop in (own, coupled))
-            return np.divide(*(table.admittance_re.to_numpy() + 1j * table.admittance_im.to_numpy() for table in tables))
-
-        frequency = np.geomspace(0.1, 10, 2001)
-        for _ in range(3):  # finer and finer about the resonance
-            peak = frequency[np.abs(ratio(frequency)).argmin()]
-            frequency = np.unique(np.concatenate([frequency, peak * (1 - away), peak * (1 + away)]))
-        mean = np.sqrt(np.trapezoid(np.abs(np.log(ratio(frequency))) ** 2, np.log(frequency)) / np.log(100))
-        assert found.certified[0]
-        assert found.value[0] == pytest.approx(mean, rel=2e-5)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
-    spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})
-    found = values_of(spec)
-    for number in (0, 2):
-        several = loops(spec, number)
-        ports = [loop.passivity().iloc[0] for loop in several]
-        margin = np.min([port.port_margin if port.stable else np.nan for port in ports])
-        assert found["port"].value[number] == pytest.approx(margin, rel=1e-9, nan_ok=True)
-        ratios, margins = [], []
-        for loop in several:
-            at = loop.spec.with_values({"K_VE": 100.0})
-            verdict = wavesweep.verdict(at)
-            damped = verdict["least_damped"] or verdict["slowest"]
-            ratios.append(damped["damping_ratio"] if verdict["stable"] else None)
-            delay = verdict["delay"]
-            margins.append(-1 if delay["most"] is None else delay["most"] - delay["ticks"])
-        if None not in ratios:
-            assert found["damping_ratio"].value[number] == pytest.approx(min(ratios), rel=1e-9)
-        assert found["delay_margin"].value[number] == min(margins)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [("K_LM/K_VE", "B_LM/K_LM"), ("B_LM/K_LM", "K_LM/K_VE")])
 def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
@@ -284,18 +193,6 @@ def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
     for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
         K = share * float(found.value[0])
         assert (loop.spectral_radius(K_VE=K, K_LM=0.5 * K, B_LM=0.005 * K) < 1) == stable
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("stiffness", [0.0, 500.0])
-def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(stiffness):
-    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [0.5]}, "wish": {"z_width": {"B_VE": [1]}, "felt": {"B_VE": [1]}}}
-    spec = load(TABLES | {"environment": TABLES["environment"] | {"K_VE": stiffness}, "design": tables})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)
-    wall = float(found["z_width"].value[0])
-    own = {"b": 20.0, "B_VE": 1.0, "K_VE": wall * (1 - 1e-9), "K_LM": wall / 2}
-    lowest = [wavesweep.verdict(spec.with_values(own | dict(each.values)))["felt"]["stiffness"] for each in scenarios_of(spec)]
-    assert found["felt"].value[0] == pytest.approx(min(lowest), rel=1e-6)
 
 
 @pytest.mark.asks("passive")
@@ -332,29 +229,6 @@ def test_points_are_the_product_with_the_designs_slowest():
     value, scenario = points.worst(np.where(np.arange(32) == 5, np.nan, 1.0), more=False)
     assert np.isnan(value[0])
     assert scenario[0] == 2
-
-
-@pytest.mark.slow
-@pytest.mark.asks("passive")
-@pytest.mark.thorough
-def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
-    spec, random = load(TABLES), np.random.default_rng(5)
-    points = {
-        "controller.b": random.uniform(5, 80, 12),
-        "device.mass": random.uniform(0.05, 0.3, 12),
-        "environment.B_VE": np.append(0.0, random.uniform(0.1, 9, 11)),
-        "filters.lp1.order": np.tile([1, 2], 6),  # loops of two structures, which are computed apart
-    }
-    axis = Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
-    found = at_points(spec, axis, points)
-    assert np.array_equal(np.unique(found["slice"]), np.arange(12))
-    for number in range(12):
-        own = {path: column[number].item() for path, column in points.items()}
-        row = wavesweep.compile(spec.with_values(own)).stable_intervals()
-        same = found["slice"] == number
-        assert found["certified"][same].all() == row.certified.all()
-        for name in ("low", "high", "felt_high"):
-            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -410,33 +284,6 @@ def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch
     hidden = values_of(spec)["delay_margin"]
     assert sure.certified.all()
     assert not hidden.certified.any()
-
-
-def test_a_design_that_is_direct_coupling_itself_has_no_error():
-    """Both responses are the same but for rounding, of which no rule of the band has to be sure."""
-    asked = {"vary": {"device.damping": {"start": 1, "stop": 5}}, "wish": {"transparency": {"at_most": 0.5, "walls": [100]}}}
-    spec = load({"controller": {"kind": "dc"}, "design": asked})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"device.damping": np.array([1.0, 3.0])}, 1.0)
-    assert (found["transparency"].value < 1e-12).all()
-    assert found["transparency"].certified.all()
-
-
-@pytest.mark.thorough
-def test_what_is_felt_over_a_band_is_the_least_that_the_stiffest_wall_adds_to_free_motion():
-    band = {"band_hz": [0.1, 3.0]}
-    wish = {"felt": {"B_VE": [1], **band}, "z_width": {"B_VE": [1]}, "free_motion": {"at_most": 1, **band}}
-    spec = load(TABLES | {"design": TABLES["design"] | {"wish": wish}})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec)[:1], {"controller.b": np.array([20.0, 60.0])}, 2000.0)
-    for at, b in enumerate((20.0, 60.0)):
-        own = wavesweep.compile(spec.with_values({"b": b, **scenarios_of(spec)[0].values}))
-        walls = ({"K_VE": float(found["z_width"].value[at]), "B_VE": 1.0}, {"K_VE": 0.0, "B_VE": 0.0})
-        hertz = np.geomspace(0.1, 3.0, 4001)
-        added, free = (
-            own.with_(**wall).response(hertz)[["impedance_re", "impedance_im"]].to_numpy() @ [1, 1j] for wall in walls
-        )
-        assert found["felt"].value[at] == pytest.approx(np.abs(added - free).min(), rel=1e-3)
-        assert found["free_motion"].value[at] == pytest.approx(np.abs(free).max(), rel=1e-3)
-    assert all(found[name].certified.all() for name in wish)
 
 
 # A slow mode without oscillation and one that rings, which do not act on each other.

@@ -1,7 +1,6 @@
 """The page in a browser: opened, dragged, read, and compared with `zwidth`."""
 
 import json
-import re
 import shutil
 import time
 from dataclasses import replace
@@ -206,38 +205,6 @@ def test_an_answer_that_is_cut_leaves_no_numbers_of_another_design(opened, servi
     assert page.is_visible("#own")
 
 
-def test_an_end_of_an_axis_that_cannot_be_is_said_beside_it(opened, client):
-    page = settled(opened(client.server.address))
-    page.fill("#y0", "7000")
-    page.press("#y0", "Enter")
-    assert page.inner_text("#axesfault") == "K_VE: expected a number below 6000, found 7000"
-    page.fill("#y0", "100")
-    page.press("#y0", "Enter")
-    assert page.inner_text("#axesfault") == ""
-    page.select_option("#x", "filters.lp1.cutoff_hz")
-    page.fill("#x1", "600")
-    page.press("#x1", "Enter")
-    until(page, "document.getElementById('axesfault').textContent.includes('expected a number < 500')")
-    assert page.get_attribute("#x1", "aria-invalid") == "true"
-    page.fill("#x1", "60")
-    page.press("#x1", "Enter")
-    settled(page)
-    assert page.locator("[aria-invalid]").count() == 0
-
-
-def test_the_plane_can_be_chosen_and_is_filled(opened, client):
-    page = settled(opened(client.server.address))
-    page.select_option("#x", "controller.b")
-    settled(page)
-    assert "values of b" in page.inner_text("#how")
-    assert page.evaluate("picture.columns.flat().every(each => each[2])")
-    page.select_option("#y", "device.mass")  # neither is the wall's
-    settled(page)
-    counts = "name => document.querySelectorAll('#plane .' + name).length"
-    assert [page.evaluate(counts, name) for name in ("stable", "unknown", "bar", "point", "quick")] == [1, 0, 0, 0, 0]
-    assert page.inner_text("#legend").split() == ["stable"]
-
-
 def test_a_preview_and_what_is_not_known_are_not_filled(opened, client):
     """Dots are a preview; a gap in which nothing is known is hatched, and no label says what it is."""
     page = settled(opened(client.server.address))
@@ -262,47 +229,6 @@ def test_a_preview_and_what_is_not_known_are_not_filled(opened, client):
     until(page, "picture.how === 'cells'")
     assert page.locator("#plane .point").count() == 1
     assert page.evaluate("getComputedStyle(document.querySelector('#plane .point')).fill") == "none"
-
-
-def test_axes_are_fitted_again_when_the_boundary_has_left_them(opened, client):
-    page = settled(opened(client.server.address))
-    enter(page, "rates.ratio", 4)  # all walls up to 6000 N/m are stable
-    settled(page)
-    top = page.evaluate("plane.y_span[1]")
-    assert top > 6000
-    assert float(page.input_value("#y1")) == top
-    highs = "picture.columns.flat().filter(each => each[1] < plane.y_span[1]).length"
-    assert page.evaluate(highs) > 0
-    enter(page, "environment.K_VE", 2 * top)
-    settled(page)
-    assert page.evaluate("plane.y_span[1]") > 2 * top
-    page.click("#undo")
-    page.click("#undo")
-    settled(page)
-    assert page.evaluate("[values['rates.ratio'], plane.y_span[1]]") == [20, 6000]
-
-
-def test_the_axes_are_zoomed_and_what_lies_outside_is_said(opened, client):
-    page = settled(opened(client.server.address))
-    page.click("#in")
-    page.click("#in")
-    settled(page)
-    assert page.evaluate("[plane.x_span, plane.y_span]") == [[0.75, 2], [375, 1875]]
-    enter(page, "environment.B_VE", 4)  # axes that somebody has set stay
-    settled(page)
-    assert page.input_value("#x1") == "2"
-    said = page.inner_text("#how")
-    assert "Stable designs reach the lower edge; what lies beyond is not shown." in said
-    assert "The design lies outside: B_VE is 4." in said
-    assert re.search(r"Outside the axes, K_VE through the design is stable in 0 to 375 and 1875 to 4748\.\d+ N/m", said)
-    page.click("#out")
-    settled(page)
-    assert page.evaluate("plane.x_span[1] - plane.x_span[0]") == pytest.approx(2.5)
-    page.click("#fit")
-    until(page, "!chosenAxes && plane.x_span[1] === 5")
-    settled(page)
-    assert page.evaluate("[plane.x_span, plane.y_span]") == [[0, 5], [0, 6000]]
-    assert "outside" not in page.inner_text("#how").lower()
 
 
 def test_steps_are_taken_back_and_done_again(opened, client):
@@ -336,21 +262,6 @@ def test_steps_are_taken_back_and_done_again(opened, client):
         }
     )
     assert_ends_of(page, table)
-
-
-def test_the_button_copies_the_spec(opened, client):
-    page = opened(client.server.address, permissions=["clipboard-read", "clipboard-write"])
-    page.evaluate("set('controller.b', 33.5)")
-    page.click("#copy")
-    until(page, "document.getElementById('copied').textContent.startsWith('Copied')")
-    text = page.evaluate("navigator.clipboard.readText()")
-    assert load_text(text).sha256 == load(HOLE).with_values({"b": 33.5}).sha256
-
-
-def load_text(text):
-    import tomllib
-
-    return load(tomllib.loads(text))
 
 
 def test_drawn_loops_are_explored(opened, serving):
@@ -412,31 +323,6 @@ def test_a_saved_page_works_without_a_server(opened, tmp_path):
     assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     facts = json.loads(page.locator("#report section pre").first.text_content())
     assert facts["spec_sha256"] == load(HOLE).sha256
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 390])
-def test_nothing_is_wider_than_the_window_and_texts_can_be_read(opened, client, width, scheme):
-    page = settled(opened(client.server.address, viewport={"width": width, "height": 800}, color_scheme=scheme))
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    look_up = "name => getComputedStyle(document.documentElement).getPropertyValue(name)"
-    names = ["--ink", "--soft", "--accent", "--bad", "--ghost"]
-    pairs = [[page.evaluate(look_up, each) for each in (name, "--card")] for name in names]
-    assert min(contrast(*pair) for pair in pairs) > 4.5  # WCAG 2.2, 1.4.3
-
-
-def contrast(one, other):
-    """Ratio of the luminances of two colours such as #123abc."""
-    high, low = sorted((luminance(one), luminance(other)), reverse=True)
-    return (high + 0.05) / (low + 0.05)
-
-
-def luminance(colour):
-    digits = re.fullmatch(r"\s*#([0-9a-f]{3}|[0-9a-f]{6})", colour)[1]
-    digits = "".join(c + c for c in digits) if len(digits) == 3 else digits
-    parts = [int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def test_what_was_measured_is_in_the_plane_and_in_the_responses(opened, serving, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from wavesweep.engine._monodromy.cut import FIRST, SECOND
 from wavesweep.engine._stability.stable import stable_intervals
-from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
+from wavesweep.explore.plane import plane_curve, quick_columns, refined_curve
 from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.program.spec import load
 
@@ -41,35 +41,6 @@ def test_a_wall_on_the_curve_has_an_eigenvalue_at_its_angle(name):
     assert np.abs(z - np.exp(1j * theta[moderate])[:, None]).min(-1).max() < 1e-8
 
 
-@pytest.mark.parametrize("name", LOOPS)
-def test_a_wall_on_a_straight_part_has_an_eigenvalue_at_one_of_the_real_points(name):
-    cut = cut_of(LOOPS[name])
-    seen = 0
-    for z, (one, x, v) in zip((1, -1), plane_lines(cut), strict=True):
-        if x:
-            B = np.array([0.5, 2.0, 9.0])
-            K = (one - v * B) / x
-            if np.all(K):  # nothing reads the scene's position at K = 0, which `close` sets aside
-                assert np.abs(1 + np.linalg.eigvals(cut.closed(K, B)) - z).min(-1).max() < 1e-9
-                seen += 1
-    assert seen or name == "direct"
-
-
-def test_known_limits_are_on_the_curve():
-    """Direct coupling to the slow wall at B_VE = 1, without delay and with a whole frame; a wave design with a hole."""
-    for delay, end in ((0, 263.137165166), (20, 82.579018996)):
-        found = columns(cut_of({"controller": {"kind": "dc-slow"}, "environment": {"delay": delay}}), 1.0, 400.0)
-        assert [low for low, _ in found] == [0.0]
-        assert found[0][1] == pytest.approx(end, rel=1e-9)
-    (_, first), (second, third) = columns(cut_of(LOOPS["hole"]), 1.0, 6000.0)
-    assert (first, second, third) == pytest.approx((799.713, 2523.335, 4448.819), abs=1e-3)
-
-
-def columns(cut, B, top):
-    curve = refined_curve(cut, ((0.0, top), (0.0, 4.0)))
-    return quick_columns(cut, curve, 0, np.array([B]), (0.0, top), 8)[0]
-
-
 @pytest.mark.parametrize("solved", [0, 1])
 @pytest.mark.parametrize("name", LOOPS)
 def test_the_quick_columns_are_the_proved_ones(name, solved):
@@ -86,17 +57,6 @@ def test_the_quick_columns_are_the_proved_ones(name, solved):
     ends = [np.array([end for column in each for pair in column for end in pair]) for each in (quick, expected)]
     assert ends[0].size
     assert np.abs(ends[0] - ends[1]).max() < 1e-6 * window[solved][1]
-
-
-def test_the_curve_has_small_steps_in_the_window():
-    cut, window = cut_of(LOOPS["hole"]), np.array([[0.0, 6000.0], [0.0, 5.0]])
-    theta, walls = refined_curve(cut, window)
-    place = (walls - window[:, :1]) / np.diff(window)
-    inside = (np.abs(place - 0.5) < 0.5).all(0)
-    both = inside[1:] & inside[:-1]
-    assert both.sum() > 50
-    assert np.all(np.diff(theta) > 0)
-    assert np.abs(np.diff(place)).max(0)[both].max() < 0.02
 
 
 @pytest.mark.parametrize("name", LOOPS)

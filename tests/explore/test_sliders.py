@@ -2,17 +2,15 @@
 
 import tomllib
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 from support.specs import shipped
 
 from wavesweep.engine.errors import SpecError
-from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
+from wavesweep.explore.sliders import changed, number_of, sliders_of, text_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import keys_of
 
-ROOT = Path(__file__).parents[2]
 SPECS = [path for path in shipped() if "[block." not in path.read_text(encoding="utf-8")]
 EDGES = {"passband_hz": 5.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
 
@@ -82,43 +80,6 @@ def test_the_copied_text_is_the_same_request(path):
     assert again.sha256 == other.sha256 != spec.sha256
 
 
-@pytest.mark.asks("designs", "passive", "simulation")
-def test_the_copied_text_keeps_the_simulation_and_the_design_study():
-    spec = load(
-        {"controller": {"kind": "dc"}, "simulate": {"input": "stepped-sine", "frequency_hz": [1.0, 2.0], "friction": 0.5}}
-    )
-    assert load(tomllib.loads(text_of(spec))).asking("simulate").sha256 == spec.asking("simulate").sha256
-    for name in ("front", "joint", "passive"):
-        spec = load(ROOT / "sweeps" / "design" / f"{name}.toml")
-        assert load(tomllib.loads(text_of(spec))).asking("design").sha256 == spec.asking("design").sha256
-
-
-@pytest.mark.asks("designs")
-def test_a_design_study_that_the_numbers_rule_out_is_not_copied():
-    tables = {"controller": {"kind": "pmw"}, "design": {"vary": {"filters.lp1.cutoff_hz": [20.0, 300.0]}}}
-    tables["design"]["wish"] = {"z_width": {"B_VE": [1.0]}}
-    again = load(tomllib.loads(text_of(changed(load(tables), {"rates.fast_hz": 500.0}))))
-    assert again.values["rates.fast_hz"] == 500.0
-    assert again.design is None
-
-
-def test_a_whole_number_may_come_as_a_float():
-    spec = load({"controller": {"kind": "pmw"}})
-    assert changed(spec, {"filters.lp1.order": 2.0}).values["filters.lp1.order"] == 2
-
-
-@pytest.mark.parametrize("slow", [400.0, 60.0, 50.0])
-def test_every_delay_of_the_slider_is_one_that_the_spec_takes(slow):
-    """It goes to the longest frame."""
-    spec = load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 1000.0, "slow_hz": slow}})
-    delay = next(each for each in sliders_of(spec) if each.path == "environment.delay")
-    assert (
-        changed(spec, {"environment.delay": delay.high}).values["environment.delay"]
-        == delay.high
-        == {400.0: 3, 60.0: 17, 50.0: 20}[slow]
-    )
-
-
 KEPT = {
     "ratio": {"rates": {"ratio": 5}},
     "slow rate": {"rates": {"slow_hz": 50.0}},
@@ -141,14 +102,6 @@ def test_no_slider_shows_a_number_that_the_loop_does_not_have(name):
                 assert {path: number_of(other, path) for path in shown} == pytest.approx(shown, rel=1e-12), slider.path
                 moved += value != slider.value
     assert moved > len(sliders)
-
-
-@pytest.mark.parametrize(("value", "beyond", "least", "most"), [(10.0, 1e4, 490, 500), (499.0, 0.0, 0, 0.2)])
-def test_an_end_that_the_spec_rules_out_is_a_short_number_before_it(value, beyond, least, most):
-    """A cutoff is above 0 and below half the rate."""
-    end = taken(load({"controller": {"kind": "pmw"}}), "filters.lp1.cutoff_hz", value, beyond)
-    assert least < end < most
-    assert end == float(f"{end:.3g}")
 
 
 def test_rates_of_a_spec_that_keeps_the_slow_one_stop_where_they_divide():

@@ -1,6 +1,5 @@
 """`wavesweep identify` from the log to its spec, its files and its words."""
 
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -20,14 +19,6 @@ def pushed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("pushed.csv").write_bytes((EXAMPLES / "pushed.csv").read_bytes())
     return "pushed.csv"
-
-
-@pytest.mark.asks("simulation")
-def test_the_log_of_the_page_is_that_of_its_script():
-    spec = importlib.util.spec_from_file_location("pushed", EXAMPLES / "pushed.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert (EXAMPLES / "pushed.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())
 
 
 @pytest.mark.slow
@@ -53,19 +44,6 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
     table = results.read(folder / "identify.csv")
     assert np.nanmax(abs(table["residual"])) <= 1.1e-5
     assert wavesweep("verify", str(folder))[0] == 0
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("simulation")
-def test_that_no_constant_force_was_fitted_is_said(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
-    places = moved(0.1, 1.0, force, friction=0.05)
-    np.savetxt("a.csv", np.c_[np.arange(600) / RATE, force, places], delimiter=",", header="time,force,position", comments="")
-    code, out, err = wavesweep("identify", "a.csv", "--resolution", "1e-9", "--friction", "--no-plot")
-    said = out + err
-    assert (code, "offset" in said, "no constant force was fitted" in said) == (0, False, True), said
-    assert re.search(r"friction 0.05\d* N \(no interval\)", said), said
 
 
 @pytest.mark.slow

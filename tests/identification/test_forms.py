@@ -63,11 +63,6 @@ def test_a_column_that_is_named_has_its_unit_in_brackets_and_is_found_by_a_word(
     assert log.force == pytest.approx(2 * PUSH)
 
 
-def test_the_exact_name_goes_before_another_one(tmp_path):
-    path = written(tmp_path / "log.csv", "x,t,time,force,position", PUSH, PUSH, TIMES, PUSH, MOTION)
-    assert read_log(path, {}, {}).reading == pytest.approx(MOTION)
-
-
 @pytest.mark.parametrize("header", ["freq_hz,admittance_abs,admittance_deg", "Frequency (Hz),admittance_abs,admittance_deg"])
 def test_a_response_is_read_by_the_name_of_its_frequencies(header, tmp_path):
     hertz = np.arange(1.0, 21)

@@ -4,16 +4,15 @@ import re
 
 import numpy as np
 import pytest
-from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study, two_masses
+from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study
 from simulated_logs import of_curves
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification import table as of_identify
-from wavesweep.identification.device_spec import negative, spec_text
+from wavesweep.identification.device_spec import spec_text
 from wavesweep.identification.explained import identified
 from wavesweep.identification.fit import fitted
-from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, measured, readings
 from wavesweep.identification.response import Hold, admittance
 
@@ -83,37 +82,6 @@ def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
-def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tmp_path):
-    path = written(tmp_path / "drive.csv", *log_of_drive(0.02), "time,torque,speed")
-    table = of_identify.identify(str(path), two_masses=True)
-    for name, truth in zip((*OF_DRIVE, "delay"), (*DRIVE, 1.3), strict=True):
-        each = table.facts["parameters"][name]
-        assert each["low"] < truth < each["high"], name
-    assert table.facts["explained"]
-    spec = tmp_path / "device.toml"
-    spec.write_text(spec_text(table.facts))
-    ranges = {axis.path: (axis.start, axis.stop) for axis in wavesweep.load(spec).for_all.axes if not axis.values}
-    assert ranges["numbers.k"] == tuple(table.facts["parameters"]["coupling_stiffness"][end] for end in ("low", "high"))
-    assert wavesweep.compile(spec).spectral_radius() < 1
-
-
-@pytest.mark.thorough
-def test_a_log_that_does_not_reach_the_resonance_of_a_shaft_is_refused(tmp_path):
-    """It is at 137 Hz."""
-    path = written(tmp_path / "drive.csv", *log_of_drive(0.5, top=20.0), "time,torque,speed")
-    with pytest.raises(UsageError, match=r"resonance of (the )?two masses"):
-        wavesweep.identify(path, two_masses=True)
-
-
-@pytest.mark.thorough
-def test_a_tone_that_two_masses_do_not_explain_is_said_to_be_left(tmp_path):
-    torque, speed = log_of_drive(0.02)
-    path = written(tmp_path / "drive.csv", torque, speed + 0.2 * np.sin(0.3 * np.arange(len(speed))), "time,torque,speed")
-    assert not of_identify.identify(str(path), two_masses=True).facts["explained"]
-
-
-@pytest.mark.slow
 def test_two_masses_are_found_from_a_frequency_response(tmp_path):
     """Of a force that is held over ticks, and is two of them late, from scipy's discretisation; in kg in place of g."""
     from scipy.signal import cont2discrete
@@ -135,19 +103,6 @@ def test_two_masses_are_found_from_a_frequency_response(tmp_path):
 
 @pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.asks("simulation")
-@pytest.mark.parametrize("friction", [False, True])
-def test_a_delay_can_be_held(friction):
-    """And the numbers are those of the fit that finds it, if it is the true one."""
-    force = 1.5 * np.sin(0.05 * np.arange(300) ** 1.2)
-    position = read(moved(0.08, 0.7, force, 0.1 * friction), 1e-5, np.random.default_rng(0))
-    held = fitted(Model(friction=friction, delay=0.0), force, position, 1 / RATE, 1e-5)
-    assert "delay" not in held.model.names
-    assert held.numbers["mass"] == pytest.approx(0.08, rel=1e-3)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", [kind for kind in list(KINDS)[: list(KINDS).index("euler")] if not kind.startswith(("10^", "coupled"))]
 )
@@ -156,14 +111,6 @@ def test_intervals_contain_the_truth(kind):
     inside, _, missing, _ = zip(*study(kind, 4), strict=True)
     assert np.mean(inside, axis=0).min() >= 0.75
     assert "coloured" in kind or missing == ("",) * 4
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "missing"), [("friction left out", "friction"), ("two masses, 30 Hz", "resonance")])
-@pytest.mark.thorough
-def test_a_model_that_lacks_an_effect_is_not_called_enough(kind, missing):
-    assert {each[2] for each in study(kind, 2)} == {missing}
 
 
 @pytest.mark.asks("simulation")
@@ -183,19 +130,6 @@ def test_the_model_stops_and_starts_within_a_tick():
     theta = np.array([np.log(0.01), 1.0, 0.4, 2.6, 0.0, 0.0, 0.0])
     expected = marched(0.01, 1.0, force, 2.6, 0.0, 0.4)
     assert readings(Model(friction=True), theta, force, 1 / RATE) == pytest.approx(expected, abs=1e-6 * np.ptp(expected))
-
-
-@pytest.mark.thorough
-def test_the_force_before_the_log_is_not_needed():
-    """A chirp that does not begin at 0 and is 3.4 ticks late."""
-    time = np.arange(-0.01, 1.0, 1e-3)
-    force = 4 * np.cos(2 * np.pi * (time + 29.5 * time**2))
-    position = 2e-5 * np.round(marched(0.12, 1.5, force, 3.4)[10:] / 2e-5)
-    fit, verdict = identified(Model(), force[10:], position, 1e-3, 2e-5)
-    assert verdict.explained
-    truth = {"log_mass": np.log(0.12), "damping": 1.5, "delay": 3.4}
-    for name, value, half in zip(fit.model.names, fit.theta, fit.half, strict=True):
-        assert abs(truth.get(name, value) - value) <= half, name
 
 
 @pytest.mark.parametrize("sided", [False, True])
@@ -272,49 +206,6 @@ def test_an_outlier_is_left_out_and_named(tmp_path):
     assert summary["parameters"]["mass"]["low"] <= 0.1 <= summary["parameters"]["mass"]["high"]
 
 
-@pytest.mark.thorough
-def test_friction_and_a_spring_are_found_if_they_are_asked_for():
-    source = np.random.default_rng(2)
-    force = 1.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 1500)) / RATE)
-    position = read(moved(0.1, 0.8, force, friction=0.1, spring=60.0), 1e-5, source)
-    fit, verdict = identified(Model(spring=True, friction=True), force, position, 1 / RATE, 1e-5)
-    half = dict(zip(fit.model.names, fit.half, strict=True))
-    for name, truth in {"log_mass": np.log(0.1), "damping": 0.8, "stiffness": 60.0, "friction": 0.1, "delay": 0.0}.items():
-        assert abs(fit.numbers[name] - truth) <= 1.6 * half[name]
-    assert verdict.explained
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
-    force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
-    position = read(moved(0.1, 1.0, force, friction=0.05), 1e-5, np.random.default_rng(0))
-    fit, verdict = identified(Model(), force, position, 1 / RATE, 1e-5)
-    assert fit.numbers["offset"] == pytest.approx(-0.05, abs=1e-3)
-    assert verdict.missing == "one-way"
-    rubbing, verdict = identified(Model(friction=True), force, position, 1 / RATE, 1e-5)
-    assert rubbing.numbers["friction"] == pytest.approx(0.05, abs=1e-3)
-    assert verdict.explained
-    known = dict(zip(rubbing.model.names, np.isfinite(rubbing.extra), strict=True))
-    assert [name for name in known if not known[name]] == ["friction"]
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("simulation")
-def test_a_log_in_which_no_resonance_would_show_cannot_tell():
-    """A good one shows one in some band, in which that of a quarter of the mass is."""
-    force, source = np.where((np.arange(800) >= 50) & (np.arange(800) < 250), 0.3, 0.0), np.random.default_rng(0)
-    places = moved(0.1, 2.0, force)
-    for noise, missing in ((np.ptp(places), "unseen"), (0.0, "")):
-        position = read(places + noise * source.standard_normal(800), 1e-7, source)
-        _, verdict = identified(Model(), force, position, 1 / RATE, 1e-7)
-        assert (verdict.missing, verdict.explained) == (missing, not missing)
-    low, high = verdict.resonance_hz
-    assert low < 30.0 < high
-    swinging = read(two_masses(0.1, 2.0, force), 1e-7, source)
-    assert not identified(Model(), force, swinging, 1 / RATE, 1e-7)[1].explained
-
-
 @pytest.mark.slow
 def test_white_noise_beside_the_encoder_is_told_and_widens_the_intervals():
     source = np.random.default_rng(4)
@@ -323,22 +214,6 @@ def test_white_noise_beside_the_encoder_is_told_and_widens_the_intervals():
     assert fit.estimate.noise == pytest.approx(q, rel=0.1)
     assert abs(fit.theta[0] - np.log(truth["mass"])) < 1.6 * fit.half[0]
     assert verdict.explained
-
-
-def test_the_step_of_an_encoder_shows_in_its_readings():
-    source = np.random.default_rng(0)
-    places = np.cumsum(source.standard_normal(500)) * 1e-4
-    assert step_of(read(places, 2e-5, source)) == pytest.approx(2e-5)
-    assert step_of(places) == 0.0
-
-
-GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin(k / 9):.6f}" for k in range(60))]
-
-
-def test_lines_may_end_in_a_carriage_return_alone(tmp_path):
-    lines = tmp_path / "mac.csv"
-    lines.write_bytes("\r".join(GOOD).encode())
-    assert len(read_log(lines, {}, {}).reading) == len(GOOD) - 1
 
 
 @pytest.mark.sample(1)
@@ -374,30 +249,6 @@ def test_the_spec_of_a_log_has_its_delay_and_the_velocity_of_its_encoder(tmp_pat
     assert ends[0] < ends[2] / 2
 
 
-def test_a_delay_that_the_log_does_not_tell_is_not_called_one_that_is_below_zero():
-    numbers = {name: {"value": 1.0, "low": 0.9, "high": 1.1, "unit": ""} for name in ("mass", "damping")}
-    for low, high, said in (
-        (-12.0, 4.7, "does not tell the delay, which may be from -12 to 4.7 ticks"),
-        (-4.0, -3.5, "ahead of its"),
-    ):
-        (line,) = negative(numbers | {"delay": {"value": -3.74, "low": low, "high": high, "unit": "tick"}})
-        assert said in line
-
-
-@pytest.mark.slow
-def test_numbers_below_zero_are_said(tmp_path):
-    """A position that is ahead of its force, and a damping of which the log does not know the sign."""
-    source = np.random.default_rng(0)
-    force = force_of("noise", source, 400)
-    position = read(marched(0.1, 0.001, force), 1e-4, source)
-    table = of_identify.identify(str(written(tmp_path / "early.csv", force[:-2], position[2:])), resolution=1e-4)
-    parameters = table.facts["parameters"]
-    damping = parameters["damping"] | {"low": -0.1}
-    text = spec_text(table.facts | {"parameters": parameters | {"damping": damping}})
-    assert "ticks ahead of its force" in text
-    assert "allows a damping below 0" in text
-
-
 @pytest.mark.slow
 def test_a_log_whose_columns_are_of_other_rows_is_told_by_how_many(tmp_path):
     source = np.random.default_rng(0)
@@ -406,37 +257,6 @@ def test_a_log_whose_columns_are_of_other_rows_is_told_by_how_many(tmp_path):
     path = written(tmp_path / "early.csv", force[:-40], position[40:])
     with pytest.raises(UsageError, match=r"early.csv: .*; the reading seems to be 40 rows ahead of its force"):
         wavesweep.identify(path)
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_the_piece_of_a_log_that_tells_the_mass_is_named(tmp_path):
-    """The encoder counts wrongly all the time but in the second of four pieces."""
-    source = np.random.default_rng(0)
-    force = force_of("noise", source, 2000)[:2000]
-    position = read(marched(0.1, 1.0, force), 1e-6, source)
-    wrong = source.standard_normal(2000)
-    wrong[500:1000] = 0
-    with pytest.raises(
-        UsageError, match=r"wrong.csv: .*the piece from 0.5 to 0.999 s alone gives 0.0?[019]\S* to 0.10?\S*: cut"
-    ):
-        wavesweep.identify(written(tmp_path / "wrong.csv", force, position + wrong))
-
-
-def test_a_log_may_begin_with_blank_lines(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("\n\r\n\n" + "\n".join(GOOD))
-    assert len(read_log(path, {}, {}).reading) == len(GOOD) - 1
-
-
-def test_other_columns_may_hold_anything(tmp_path):
-    """Words, nothing, or a comma too many at the ends of the rows."""
-    path = tmp_path / "log.csv"
-    words = [f"{line},{'note' if not row else 'on' if row % 2 else ''}," for row, line in enumerate(GOOD)]
-    path.write_text("\n".join(words))
-    plain = tmp_path / "plain.csv"
-    plain.write_text("\n".join(GOOD))
-    assert (read_log(path, {}, {}).reading == read_log(plain, {}, {}).reading).all()
 
 
 @pytest.mark.slow
@@ -452,16 +272,6 @@ def test_jitter_of_the_times_is_said(tmp_path):
     path.write_text("\n".join(lines))
     notices = wavesweep.identify(path).attrs["facts"]["notices"]
     assert any("times jitter by up to" in each and "equal steps of 1 ms" in each for each in notices)
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("simulation")
-def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
-    """A slow push of a device in syrup."""
-    force = np.sin(2 * np.pi * 0.2 * np.arange(1500) / RATE)
-    path = written(tmp_path / "slow.csv", force, read(moved(0.01, 40.0, force), 1e-4, np.random.default_rng(0)))
-    with pytest.raises(UsageError, match="what was measured leaves the mass open: it could be anything from"):
-        wavesweep.identify(path)
 
 
 @pytest.mark.slow
@@ -487,39 +297,6 @@ def test_other_units_are_asked_about_and_the_numbers_are_those_of_these_units(fo
     assert re.search(said, summary["unusual"])
     mass = 0.06 * force_by * time_by**2 / position_by
     assert summary["parameters"]["mass"]["low"] < mass < summary["parameters"]["mass"]["high"]
-
-
-def test_a_small_rotor_is_answered_from_its_response_and_asked_about(tmp_path):
-    """Of 1.5e-4 kg*m^2 exactly; in mN*m in place of N*m a scale gives the same, and nothing is asked."""
-    path = tmp_path / "rotor.csv"
-    s = 2j * np.pi * HERTZ
-    H = np.exp(-1e-3 * s) / (1.5e-4 * s**2 + 5e-4 * s)
-    for size, scales in ((1.0, {}), (1e3, {"admittance": 1e-3})):
-        written_response(path, size * H)
-        summary = wavesweep.identify(path, scales=scales).attrs["summary"]
-        assert summary["parameters"]["mass"]["value"] == pytest.approx(1.5e-4, rel=1e-6)
-        assert ("a mass of 0.00015 kg is unusual" in summary["unusual"]) == (not scales)
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_units_and_names_of_columns_can_be_told(tmp_path):
-    force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
-    places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
-    named = written(tmp_path / "counts.csv", force, np.round(places / 1e-5), "t,force_N,enc")
-    found = wavesweep.identify(named, columns={"position": "enc", "time": "t"}, scales={"position": 1e-5})
-    mass = found.attrs["summary"]["parameters"]["mass"]
-    assert mass["low"] < 0.06 < mass["high"]
-    assert (found.attrs["units"]["fitted"], found.attrs["summary"]["resolution"]) == ("m", pytest.approx(1e-5))
-    turned = written(tmp_path / "wheel.csv", force, places, "time,torque,angle")
-    found = wavesweep.identify(turned)
-    assert {name: each["unit"] for name, each in found.attrs["summary"]["parameters"].items()} == {
-        "mass": "kg*m^2",
-        "damping": "N*m*s/rad",
-        "delay": "tick",
-        "offset": "N*m",
-    }
-    assert found.attrs["units"]["fitted"] == "rad"
 
 
 HERTZ = np.geomspace(0.5, 100, 60)

@@ -32,21 +32,6 @@ def test_the_figure_of_limits_has_the_measured_ones_and_room_for_them(tmp_path):
     assert "measured limit" in named(figure)
 
 
-def test_walls_that_were_unstable_are_rings_and_those_outside_are_told(tmp_path):
-    spec = spec_of(tmp_path, "z_width", WALLS)
-    figure = wavesweep.compile(spec).plot_zwidth(span=(0, 8000), **SWEEP)
-    assert points_of(figure.axes[0], "o", "white") == [[[2, 3500]]]
-    assert points_of(figure.axes[0], "o", "black") == [[[0, 1000], [2, 3000]]]
-    assert {"measured stable (1 of 3 outside)", "measured unstable"} <= set(named(figure))
-
-
-def test_a_figure_of_another_plane_says_that_measured_walls_are_not_in_it(tmp_path):
-    spec = spec_of(tmp_path, "z_width", WALLS)
-    figure = wavesweep.compile(spec).plot_zwidth(span=(0, 8000), **{"device.mass": np.linspace(0.05, 0.2, 12)})
-    assert "measured walls are not shown" in figure.get_supxlabel().replace("\n", " ")
-    assert points_of(figure.axes[0], "o") == []
-
-
 @pytest.mark.slow
 def test_the_figure_of_responses_has_the_measured_one_beyond_its_frequencies_too(tmp_path):
     text = "frequency_hz,admittance_abs,admittance_deg\n0.02,0.002,-1\n2,0.003,-5\n90,1e-5,-170\n"

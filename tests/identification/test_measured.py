@@ -47,13 +47,6 @@ def test_ratios_are_those_of_the_closed_form_and_both_sides_are_counted(tmp_path
     assert (found["scatter"], found["explained"], found["above_hole"], found["beyond"]) == (None, False, 0, 0)
 
 
-def test_a_limit_beyond_all_that_is_searched_is_at_least_so_far_off(tmp_path):
-    found = measured(tmp_path, [(0.0, limit_of(0.0)), (10.0, limit_of(0.0))])["limits"]
-    assert [each["beyond"] for each in found["points"]] == [False, limit_of(10.0) > 10 * limit_of(0.0)]
-    few = measured(tmp_path, [(10.0, 100.0)])["limits"]
-    assert few["worst"] == few["points"][0] | {"computed": 1000.0, "ratio": 10.0, "beyond": True}
-
-
 @pytest.mark.slow
 def test_limits_are_held_against_their_own_end_beside_a_hole(tmp_path):
     rows = wavesweep.compile(HOLE).stable_intervals(span=(0, 6000), B_VE=1.0)
@@ -110,23 +103,3 @@ def test_a_response_is_compared_where_it_is_coherent_and_below_half_the_rate(tmp
     assert found["worst"] == pytest.approx({"frequency_hz": 1.0, "ratio": 2.0, "deg": 0.0}, abs=1e-9)
     assert found["worst_phase"] == pytest.approx({"frequency_hz": 10.0, "ratio": 1.0, "deg": -30.0})
     assert (found["median_ratio"], found["median_deg"]) == pytest.approx((1.0, 0.0), abs=1e-9)
-
-
-def test_the_response_of_an_unstable_model_is_not_compared(tmp_path):
-    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 1e6}}
-    rows = [(1.0, 1e-3, 0.0)]
-    found = measured(tmp_path, rows, tables, "response", "frequency_hz,admittance_abs,admittance_deg")["response"]
-    assert (found["stable"], found["compared"], found["worst"]) == (False, 0, None)
-
-
-def test_a_drawn_wall_has_its_own_names(tmp_path):
-    drawn = {
-        "rates": {"tick_hz": 1 / PERIOD},
-        "numbers": {"stiff": 500.0, "rub": 1.0},
-        "block": {"m": {"type": "mass", "mass": MASS, "damping": DAMPING}},
-        "wire": {"m.f": "hand - stiff*m.x - rub*m.v"},
-        "ports": {"hand": {"force": "hand", "displacement": "m.x"}, "wall": {"stiffness": "stiff", "damping": "rub"}},
-    }
-    damping = np.array([0.0, 2.0])
-    found = measured(tmp_path, np.c_[damping, limit_of(damping)], drawn)["limits"]
-    assert [each["ratio"] for each in found["points"]] == pytest.approx([1.0, 1.0], rel=1e-9)

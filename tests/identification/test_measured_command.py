@@ -44,17 +44,3 @@ def test_a_file_that_cannot_be_used_ends_a_command_before_its_work(command, wave
     assert (code, out, err.count("\n"), sweep.seen) == (2, "", 1, [])
     assert err.startswith("Error: points.csv: expected")
     assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.slow
-def test_a_figure_is_drawn_again_with_the_points_of_its_run(wavesweep, tmp_path, monkeypatch):
-    spec_of(tmp_path, "z_width", "B_VE,K_VE\n0,1000\n2,3500\n")
-    monkeypatch.chdir(tmp_path)
-    sweep = ["--set", "sweep.B_VE={start=0, stop=4, num=9}", "--quiet"]
-    assert wavesweep("zwidth", "mine.toml", *sweep, "--out", "a")[0] == 0
-    assert wavesweep("zwidth", "mine.toml", *sweep, "--out", "none", "--set", "measured=")[0] == 0
-    Path("points.csv").unlink()
-    assert wavesweep("plot", "a/zwidth.csv", "--out", "again.png")[0] == 0
-    assert Path("again.png").read_bytes() == Path("a/zwidth.png").read_bytes() != Path("none/zwidth.png").read_bytes()
-    assert Path("a/zwidth.csv").read_bytes() == Path("none/zwidth.csv").read_bytes()
-    assert wavesweep("verify", "a")[0] == 0

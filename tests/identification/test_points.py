@@ -30,13 +30,6 @@ def test_walls_and_responses_are_read_from_the_folder_of_the_spec(tmp_path):
     assert (found.admittance.tolist(), found.coherence.tolist()) == ([1 - 2j], [0.5])
 
 
-def test_a_table_of_bode_is_a_response(tmp_path):
-    spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [0.5, 5.0]}})
-    table = wavesweep.bode(spec)
-    found = response_of(spec_of(tmp_path, "response", table.to_csv(index=False)))
-    assert found.admittance == pytest.approx(table.admittance_re + 1j * table.admittance_im)
-
-
 def test_a_drawn_loop_without_wall_or_hand_has_no_measured_ones():
     drawn = {
         "rates": {"tick_hz": 1000},

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identify_coverage import LOGARITHMS, coupled, force_of, marched, read
+from identify_coverage import LOGARITHMS, coupled, marched, read
 from scipy.linalg import solve_discrete_are
-from simulated_logs import KINDS, of_curves, of_one_mass, of_two_masses
+from simulated_logs import of_curves, of_one_mass, of_two_masses
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.explained import identified
@@ -123,17 +123,6 @@ def test_a_delay_is_found_across_a_whole_number_of_ticks():
     assert found["delay"] == pytest.approx(1.875, abs=0.01)
 
 
-def test_velocities_at_which_a_force_turns_round_are_no_outliers():
-    source = np.random.default_rng(0)
-    force = force_of("steps", source, 400)
-    speeds = read(marched(0.1, 1.0, force, 2.25, 0.0, 0.0, "velocity"), 1e-4, source)[10:]
-    speeds[201] += 0.1
-    found = predicted(Model(measured="velocity"), force[10:], speeds, 1e-3, 1e-4)
-    assert [*np.flatnonzero(~found.used) + found.skip] == [201]
-    at = found.model.names.index("delay")
-    assert abs(found.theta[at] - 2.25) <= 1.5 * found.half[at]
-
-
 @pytest.mark.slow
 def test_a_drag_is_not_friction_below_zero():
     (log,) = of_curves("drag", 1, 0, 0.3)
@@ -175,23 +164,6 @@ def test_a_drifting_force_is_said_and_not_called_friction():
     fit, verdict = identified(Model(), log.force, log.reading, log.period, log.step)
     assert (verdict.explained, verdict.missing) == (False, "force")
     assert fit.walked == pytest.approx(0.1 * np.abs(log.force).max(), rel=0.3)
-
-
-def test_every_kind_of_simulated_log_repeats():
-    for kind in KINDS:
-        first, again = (of_one_mass(kind, 1, 0, 0.05)[0].reading for _ in range(2))
-        assert np.array_equal(first, again)
-
-
-@pytest.mark.thorough
-def test_friction_that_falls_with_speed_is_found_with_its_curve():
-    """The numbers of the march are 1.6 times the friction at rest, and a speed of 0.02 of the acceleration over 5."""
-    log = of_one_mass("Stribeck", 4, 0, 3.0)[2]
-    found = predicted(Model(friction=True), log.force, log.reading, log.period, log.step)
-    assert found.static.force == pytest.approx(1.6 * log.truth["friction"], rel=0.1)
-    assert found.static.speed == pytest.approx(0.02 * np.abs(log.force).max() / log.truth["mass"] / 5, rel=0.1)
-    assert found.numbers["friction"] == pytest.approx(log.truth["friction"], rel=0.03)
-    assert found.numbers["damping"] == pytest.approx(log.truth["damping"], rel=0.03)
 
 
 @pytest.mark.slow

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.intervals import Search
-from wavesweep.margins import dead_time_margin
 from wavesweep.margins.table import margins
 from wavesweep.program.spec import load
 
@@ -67,14 +65,3 @@ def test_a_signal_that_a_sampled_block_reads_has_a_margin_of_whole_frames():
     assert found["value"][row] == pytest.approx(0.0163956 / PERIOD, rel=1e-5)
     assert "delay" not in found["margin"].tolist()
     assert radius(100.0, 2.0, PERIOD) > 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("k", "searched"), [(100.0, True), (0.01, False)])
-def test_a_margin_beyond_what_a_search_gets_to_is_not_searched(monkeypatch, k, searched):
-    """A dead time of 4 s does not matter to so weak a spring, and the search ends after 70 ticks or so."""
-    asked = []
-    monkeypatch.setattr(Search, "about", lambda *_: asked.append(True) or ([], (0.0, 0.0)))
-    monkeypatch.setattr(dead_time_margin, "STATES_TIMES_TICKS", 2e4)
-    assert dead_time_margin.delay_margin(load(spring(k, d=0.0 if k < 1 else 2.0)), "c.y") is None
-    assert bool(asked) == searched

@@ -1,14 +1,12 @@
 """The figures of a broken loop, held against a program of their own: a mass, moved by a held force."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.margins.figure import draw_bode, draw_nyquist
+from wavesweep.margins.figure import draw_bode
 from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
 from wavesweep.program import plots
@@ -101,21 +99,6 @@ def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     assert max(box.x1 for box in boxes) <= figure.bbox.x1
 
 
-@pytest.mark.thorough
-def test_a_family_over_a_number_has_a_curve_for_each_value_and_one_legend():
-    spec = drive() | {"for_all": {"kp": {"start": 10, "stop": 900}}}
-    figure = wavesweep.compile(spec).plot_margins("s.y")
-    panels = {axes.get_label(): axes for axes in figure.axes}
-    for kp, line in zip((10, 900), panels["gain"].lines, strict=False):
-        hertz, decibels = line.get_data()
-        np.testing.assert_allclose(decibels, 20 * np.log10(np.abs(open_loop(2 * np.pi * hertz * FRAME, kp))), atol=1e-6)
-    texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert [text for text in texts if "kp" in text or "nominal" in text] == ["L at s.y, nominal", "kp = 10", "kp = 900"]
-    assert "kp = 900" in figure.get_supxlabel()  # which is unstable
-    other = wavesweep.compile(drive()).plot_margins("s.y", kp=[5, 15], kd=[0.3, 0.5])
-    assert len([text for text in other.legends[0].get_texts() if "kp" in text.get_text()]) == 4
-
-
 def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its_lines():
     """Two loops that do not act on each other: one at 1 kHz, with one crossing of the gain 1, and one with frames of 4 ms."""
     fast = {"c": {"type": "gain", "k": "kp"}, "lag": {"type": "tf", "num": [1], "den": [0.001, 1]}}
@@ -138,33 +121,3 @@ def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its
     for axes, expected in ((gain, 0.0), (phase, turn - 180)):
         (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         assert mark == pytest.approx([hertz, expected], abs=1e-6)
-
-
-def fast_beside_slow(pole_s=0.001):
-    """A loop at 1 kHz, whose upper gain margin is at 500 Hz, beside one of frames of 4 ms, to which that is 0 Hz."""
-    block = {"c": {"type": "gain", "k": "kp"}, "lag": {"type": "tf", "num": [1], "den": [pole_s, 1]}}
-    block |= {"s": {"type": "gain", "every": 4}, "far": {"type": "tf", "num": [1], "den": [0.1, 1]}}
-    wire = {"c.u": "-lag.y", "lag.u": "c.y", "s.u": "-far.y", "far.u": "s.y"}
-    return {"rates": {"tick_hz": 1000}, "numbers": {"kp": 1.5}, "block": block, "wire": wire}
-
-
-def test_a_margin_whose_image_is_at_0_hz_is_marked():
-    pole, kp = np.exp(-1.0), 1.5
-    factor = (1 + pole) / ((1 - pole) * kp)  # brings kp (1 - pole)/(z - pole) at z = -1 to -1
-    table = margins(wavesweep.load(fast_beside_slow()), "c.y")
-    panels = {axes.get_label(): axes for axes in plots.margins(table.columns, table.facts).axes}
-    for name, at in (("nyquist", (-1 / factor, 0)), ("gain", (500, -20 * np.log10(factor))), ("phase", (500, -180))):
-        (mark,) = [line.get_xydata()[0] for line in panels[name].lines if line.get_marker() == "^"]
-        assert mark == pytest.approx(at, abs=1e-6)
-
-
-def test_a_nyquist_plot_shows_the_neighbourhood_of_minus_1_and_says_what_is_cut_off():
-    """A mark at -140 made it a strip of a few pixels."""
-    loop = open_loop_of(wavesweep.load(drive()), "s.y", {})
-    far = replace(loop, marks={"gain_down": -140 + 0j}, table={"gain_down": (1 / 140, 60.0, 9.5)})
-    axes = Figure().subplots()
-    said = draw_nyquist(axes, far, "s.y")
-    assert "L and the mark of gain down reach farther" in said  # L at the resonance
-    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    assert left < -1 < right
-    assert 1 / 3 < (right - left) / (high - low) < 3

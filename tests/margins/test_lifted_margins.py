@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from scipy.linalg import expm
 from support.drawn import random_tables
 
@@ -13,8 +12,7 @@ import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.margins.broken_loops import GAIN, broken_at
-from wavesweep.margins.command import margins as command
-from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of
+from wavesweep.margins.lifted_margins import LiftedLoop, margins_of
 from wavesweep.program.sweep.grid import own_loop
 
 CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
@@ -104,31 +102,6 @@ def test_a_gain_margin_beside_a_slower_loop_has_a_frequency_up_to_half_the_rate_
     rate = 2 * np.pi * 50
     assert alone.omega > rate / 2
     assert beside.omega == pytest.approx(abs(alone.omega - 2 * rate), rel=1e-6)
-
-
-def test_margins_say_that_they_are_of_the_lifted_loop(tmp_path):
-    found = CliRunner().invoke(command, [str(CASCADE), "--cut", "speed.y", "--out", str(tmp_path), "--no-plot"])
-    assert "broken at speed.y, which runs 5 times per 10 ms; a margin is for one factor on all 5 values" in found.output
-    assert "delay" not in found.output
-    head = "peaks of inputs of any form, over all 5 values: largest singular values\n"
-    of_one_factor, of_any_form = found.output.split(head)
-    assert "disk margin" in of_one_factor
-    assert "peak" not in of_one_factor
-    assert "peak sensitivity Ms" in of_any_form
-    assert "margin" not in of_any_form.partition("Wrote")[0]
-
-
-@pytest.mark.parametrize("signal", ["position.y", "speed.y"])
-def test_one_sample_in_a_frame_has_the_margins_of_the_scalar_loop(signal):
-    """The same by spectral radii and intervals as by level sets and the crossings of the gain 1."""
-    spec = load(CASCADE, ["block.position.every=1"])
-    loop = broken_at(spec, signal)
-    scalar, lifted = margins_of(loop)[0], lifted_margins(loop.lifted)[0]
-    lifted = {margin.name: margin for margin in lifted}
-    for margin in scalar:
-        if margin.name != "delay_frames":
-            assert lifted[margin.name].value == pytest.approx(margin.value, rel=1e-8), margin.name
-            assert not lifted[margin.name].doubt
 
 
 @pytest.mark.sample(1)

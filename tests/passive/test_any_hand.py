@@ -26,10 +26,6 @@ def test_a_dead_time_divides_the_tick_in_two_parts_of_which_a_hand_may_use_one(v
     assert found.damping == pytest.approx((held + np.sqrt(held**2 + (K * T) ** 2 * s * (1 - s))) / 2, rel=1e-8)
 
 
-def test_point_samples_of_the_velocity_have_no_bound(values):
-    assert damping_needed(values("dc")) is None
-
-
 @pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
@@ -98,9 +94,3 @@ def test_walls_that_are_passive_end_at_the_bound(values):
     inside, outside = (values("dc", K_VE=walls.high[0] * (1 + by), **ENCODER) for by in (0, 3e-6))
     assert port_margin(inside).passive
     assert not port_margin(outside).passive
-
-
-@pytest.mark.parametrize(("K", "low"), [(800.0, [0.05]), (5000.0, [])])
-def test_the_damping_needed_does_not_depend_on_the_mass(K, low, values):
-    v = values("dc", **ENCODER, K_VE=K, B_VE=0.5, **{"device.damping": 1.5})
-    assert any_hand_walls(v, (0.05, 1.0), path="device.mass").low.tolist() == low

@@ -147,9 +147,3 @@ def test_lists_that_do_not_fit_are_refused():
         wavesweep.load(good | {"ports": good["ports"] | {"hand": hand}})
     with pytest.raises(UsageError, match="a hand whose force acts on one block mass"):
         wavesweep.zwidth(good, for_hands=["box"])
-
-
-def test_a_spec_with_several_axes_reads_its_own_tables():
-    spec = wavesweep.load(device(np.eye(2).tolist(), [], [], [1.0, 0.0], 1.0, 1))
-    assert spec.tables()["ports"]["hand"] == {"force": ["hand_x", "hand_y"], "displacement": ["device.x", "device.y"]}
-    assert wavesweep.load(spec.tables()).sha256 == spec.sha256

@@ -9,7 +9,6 @@ from support.specs import values_of
 
 from wavesweep import filter_choices
 from wavesweep.passive.table import PassivityTally
-from wavesweep.program import results
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +20,6 @@ filters.lp1.order = [1, 2, 4]
 Kp = [0, 20]
 K_VE = { start = 0, stop = 2000 }
 """
-SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
 
 @pytest.fixture
@@ -29,45 +27,6 @@ def filters(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "filters.toml").write_text(SPEC)
     return "filters.toml"
-
-
-def files_of(folder):
-    return {file.name for file in folder.iterdir()}
-
-
-@pytest.mark.thorough
-def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
-    code, _, err = wavesweep("passivity", filters, "--filters")
-    assert code == 0
-    folder = tmp_path / "results/filters"
-    kinds = ("passivity", "passivity-filters")
-    assert files_of(folder) == {f"{kind}{suffix}" for kind in kinds for suffix in SUFFIXES}
-    table = results.read(folder / "passivity-filters.csv")
-    tenth = (table["lp1_cutoff_hz"] == 10) & (table["lp1_order"] == 1)
-    assert table["channel_norm"][tenth] == pytest.approx(1.0532774, abs=1e-7)
-    assert table["sufficient_order"][tenth] == [3]
-    assert table["energy_gain"][tenth] == pytest.approx(1.0532774**2 - 1, abs=1e-6)  # columns that follow from the norm
-    assert table["excess"][tenth] == pytest.approx(0.0532774, abs=1e-7)
-    assert np.isnan(table["sufficient_order"][table["lp1_cutoff_hz"] == 25]).all()
-    assert "2 at 2 Hz, 2 at 5 Hz, 3 at 8.57 Hz, 3 at 10 Hz, 4 at 15 Hz, 5 at 20 Hz" in err
-    assert "no order up to 8 is enough at 25 Hz" in err
-
-
-@pytest.mark.thorough
-def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp_path):
-    lower = [f"filters.{name}.cutoff_hz=5" for name in ("lp1", "hp", "lp2")]
-    settings = [
-        part
-        for setting in ("rates.fast_hz=30", "rates.ratio=1", "bode.frequency_hz=[1]", *lower)
-        for part in ("--set", setting)
-    ]
-    assert wavesweep("passivity", filters, "--filters", "--no-plot", "--out", "there", *settings)[0] == 0
-    table = results.read(tmp_path / "there/passivity-filters.csv")
-    np.testing.assert_allclose(2 * np.pi * table["channel_hz"], table["channel_omega"])
-    whole = results.read(tmp_path / "there/passivity.csv")
-    for name in ("channel", "port"):
-        np.testing.assert_allclose(2 * np.pi * whole[f"{name}_hz"], whole[f"{name}_omega"])
-    assert set(table["lp1_cutoff_hz"].tolist()) == {1.2, 3.0, 5.14, 6.0, 9.0, 12.0}
 
 
 def test_one_tolerance_decides_both_verdicts(wavesweep, tmp_path, monkeypatch):

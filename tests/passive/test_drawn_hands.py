@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.passive.table import passivity
 from wavesweep.program.spec import load
 from wavesweep.program.tables.hand_rows import hands_of
@@ -54,14 +53,6 @@ def test_a_drawn_loop_has_the_guarantees_of_the_built_in_one(ratio, hand, port):
     assert found["certified"].tolist() == expected["certified"].tolist() == [True]
 
 
-@pytest.mark.thorough
-def test_a_box_of_hands_is_proved_for_a_drawn_loop_too():
-    found, expected = (rows_of(spec, "box", BOX) for spec in (drawn(20, "device.v"), built_in(20, "exact")))
-    for name in ("high", "high_hand_mass", "high_hand_damping", "high_hand_stiffness"):
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-9, err_msg=name)
-    assert found["settled"].all()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", ["B", "m"])
 def test_a_box_goes_along_any_number(number):
@@ -69,24 +60,6 @@ def test_a_box_goes_along_any_number(number):
     found = rows_of(drawn(5, "device.v", sweep={"along": number, number: span, "K": [100.0]}), "box", BOX)
     assert found["intervals"].tolist() == [1]
     assert found["settled"].tolist() == [True]
-
-
-@pytest.mark.slow
-@pytest.mark.asks("for_all")
-@pytest.mark.thorough
-def test_what_a_hand_cannot_hold_is_refused():
-    sampled = drawn(4, "device.v")
-    with pytest.raises(UsageError, match=r"expected that nothing reads device\.v"):
-        rows_of(sampled, "passive")
-    both = drawn(4, "speed.y")
-    both["wire"]["wall.u"] += " + 0.1*hand"
-    with pytest.raises(UsageError, match="one block mass"):
-        rows_of(both, "box", {})
-    assert rows_of(both, "free", port=True)["intervals"].size
-    none = drawn(4, "speed.y", ports={"wall": {"stiffness": "K", "damping": "B"}})
-    none["wire"]["device.f"] = "-wall.y"
-    with pytest.raises(SpecError, match="hand"):
-        rows_of(none, "free", port=True)
 
 
 def test_the_damping_that_a_drawn_device_needs_is_that_of_the_built_in_one():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.held import box_intervals, damping_needed, worst_modes
+from support.held import damping_needed
 from support.published import colgate_schenkel
 from support.tables import same
 
@@ -58,19 +58,6 @@ def test_the_other_rows_are_those_of_the_plain_table():
         same(rows, intervals(loop).columns)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
-    damping = np.array([0.0, 2.9])
-    run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive"))
-    rows = rows_of(run, "passive")
-    assert rows["certified"].all()
-    assert rows["low"].tolist() == [0, 0]
-    assert colgate_schenkel(rows["high"], damping, 1e-3) == pytest.approx([3.0] * 2, rel=1e-6)
-    assert np.isnan(rows["low_omega"]).all()
-    assert rows["high_omega"][1:] == pytest.approx(np.pi * 1000)
-
-
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
 @pytest.mark.parametrize("delay", [0, 2])
 def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind, delay):
@@ -87,20 +74,6 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
     assert np.all(middle <= (needed(K[0], B[0]) + needed(K[1], B[1])) / 2 * (1 + 1e-7) + 1e-7)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_that_no_wall_without_Kp_is_for_every_passive_hand_or_has_a_passive_port_is_proved():
-    spec = spec_of("pmw", B_VE=[1.0]).with_values({"rates.ratio": 2})
-    run = intervals(spec, hands=hands_of(["passive", "port"]))
-    assert any("no damping is enough" in notice for notice in run.facts["notices"])
-    for hand in ("passive", "port"):
-        rows = rows_of(run, hand)
-        assert (rows["intervals"].tolist(), rows["certified"].tolist()) == ([0], [True])
-    for wall in (1e-3, 1.0, 1e4):
-        needed = damping_needed(dict(spec.values) | {"environment.K_VE": wall, "environment.B_VE": 1.0})
-        assert needed.damping == np.inf
-
-
 @pytest.mark.slow
 def test_along_another_number_the_least_damping_of_the_device_is_found():
     spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [2.0]})
@@ -108,33 +81,6 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
     expected = colgate_schenkel(500.0, np.array([2.0]), 1e-3)
     assert rows["low"] == pytest.approx(expected, rel=1e-5)
     assert rows["high"].tolist() == [20]
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_box_names_the_hand_that_ends_it():
-    boxes = pytest.importorskip("wavesweep.for_all.hand_box")
-    spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
-    run = intervals(spec, hands=hands_of(worded(BOX)))
-    rows = rows_of(run, "box")
-    assert not rows["certified"].any()
-    assert rows["settled"].all()
-    free = rows_of(run, "free")
-    assert free["settled"].tolist() == free["certified"].tolist()
-    assert run.facts["for_hands"] == [worded(BOX)]
-    for row in range(2):
-        values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
-        found = box_intervals(values, (0.0, 20000.0), boxes.HandBox(**BOX))
-        end = found["high"][0]
-        proved = rows["certified"][row]
-        assert proved == rows["settled"][row]
-        # A proof stays a thousandth away from the end that a hand sets.
-        assert rows["high"][row] == pytest.approx(0.999 * end if proved else end, rel=1e-9)
-        hand = [rows[f"high_hand_{part}"][row] for part in BOX]
-        walls = end * np.array([1 - 1e-7, 1 + 1e-7])
-        radius, _ = worst_modes(values, np.array([hand, hand]), walls, values["environment.B_VE"])
-        assert radius[0] < 1 < radius[1]
-        assert 0 < rows["high_omega"][row] < np.pi * 50
 
 
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
@@ -147,14 +93,6 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
         interval_lines(tally.numbers({"slices": {}}))
     )
-
-
-@pytest.mark.thorough
-def test_progress_counts_all_hands_together():
-    seen = []
-    intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("port"), progress=lambda *now: seen.append(now[:2]))
-    assert seen[-1] == (4, 4)
-    assert {total for _, total in seen} == {4}
 
 
 @pytest.mark.parametrize(
@@ -172,12 +110,6 @@ def test_progress_counts_all_hands_together():
 def test_what_cannot_be_answered_is_refused(spec, hand, said):
     with pytest.raises(UsageError, match=said):
         intervals(spec, hands=hands_of(hand))
-
-
-@pytest.mark.asks("for_all")
-def test_an_empty_box_is_refused():
-    with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found 0.5 to 0.1"):
-        hands_of("box:mass=0.5..0.1")
 
 
 @pytest.mark.slow

@@ -4,12 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from support.chunks import finished_in
 
-from wavesweep import load
 from wavesweep.program import results
-from wavesweep.program.store.checkpoint import FileCheckpoint
-from wavesweep.program.tables.table import digest_of
 
 SPEC = """
 [device]
@@ -35,12 +31,6 @@ def held(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "held.toml").write_text(SPEC)
     return "held.toml"
-
-
-@pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
-def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp_path):
-    assert wavesweep(kind, held, "--no-plot")[0] == 0
-    assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN)
 
 
 @pytest.mark.slow
@@ -69,30 +59,3 @@ def test_the_columns_of_hands_have_units():
     assert (fields["hand"].kind, fields["hand"].unit) == ("string", "")
     assert [fields[name].unit for name in ENDS[:3]] == ["kg", "N*s/m", "N/m"]
     assert all(field.description for field in fields.values())
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_free_and_guaranteed_results_lie_side_by_side_and_those_for_other_hands_are_not_lost(wavesweep, held):
-    free = ["zwidth", held, "--no-plot", "--set", "sweep.B_VE=[1]", "--out", "results/held"]
-    passive, both = [*free, "--for-hands", "passive"], [*free, "--for-hands", "passive", "--for-hands", "port"]
-    for run in (free, passive, free):
-        assert wavesweep(*run)[0] == 0
-    code, _, err = wavesweep(*both)
-    assert (code, "found results for other hands (passive); give --overwrite" in err) == (2, True)
-    assert wavesweep(*both, "--overwrite")[0] == 0
-    code, out, _ = wavesweep("verify", "results/held")
-    assert (code, "zwidth.parquet: " in out, "zwidth-hands.parquet: 4 of 4 combinations" in out) == (0, True, True)
-    assert wavesweep("plot", "results/held/zwidth-hands.csv") == (0, "", "Wrote results/held/zwidth-hands.png\n")
-
-
-@pytest.mark.thorough
-def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held, tmp_path):
-    digest = digest_of([load("held.toml")])[:12]
-    place = tmp_path / f"results/held/.zwidth-hands-{digest}.sqlite"
-    box = FileCheckpoint(place, "box", {}, np.dtype(float), False, [])
-    box.save(0, np.arange(3.0))
-    code, _, err = wavesweep("zwidth", held, "--no-plot", "--for-hands", "passive")
-    assert (code, "Error" in err) == (0, False)
-    assert finished_in(place) == [0]
-    assert box.load(0).tolist() == [0, 1, 2]

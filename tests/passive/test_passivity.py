@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.held import channel_norm, port_margin
 
-import wavesweep
 from wavesweep.passive import channel
 from wavesweep.passive import port_jobs as analysis
 from wavesweep.passive.table import passivity
@@ -63,29 +62,12 @@ def test_without_waves_there_is_no_norm_and_no_energy_is_added(kind):
     assert any("no wave channel" in notice for notice in run.facts["notices"])
 
 
-def test_a_span_without_values_is_not_swept_and_said_so():
-    run = passivity(spec_of(K_VE={"start": 0, "stop": 20000}, B_VE=[0.5, 1.0]))
-    assert list(run.columns) == ["B_VE", *OWN]
-    assert run.facts["notices"] == ["K_VE is not swept, because it has a range and no values: held at the spec's 500"]
-
-
-def test_a_spec_without_axes_has_one_row():
-    assert [column.shape for column in passivity(spec_of()).columns.values()] == [(1,)] * len(OWN)
-
-
 def test_a_loop_that_keeps_no_digit_has_no_margin():
     run = passivity(spec_of("dc", K_VE=[100.0, 1e9], **{"rates.ratio": [1000]}))
     assert np.isfinite(run.columns["port_margin"][0])
     unstable = ~np.isfinite(run.columns["port_margin"])
     assert np.array_equal(unstable, np.isnan(run.columns["port_omega"]))
     assert run.columns["port_passive"].dtype == bool
-
-
-def test_the_library_gives_the_same_table():
-    table = wavesweep.compile(spec_of()).passivity(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})
-    columns = passivity(spec_of(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})).columns
-    assert list(table.columns) == list(columns)
-    assert all(np.array_equal(table[name], column, equal_nan=True) for name, column in columns.items())
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
@@ -24,22 +23,6 @@ def test_a_figure_of_the_library_is_that_of_the_command():
     figure = loop.plot_zwidth(span=(0, 4000), B_VE=[0.0, 2.0, 5.0], b=[20.0, 40.0])
     assert isinstance(figure, Figure)
     assert figure._repr_png_() == plots.zwidth(table.columns, table.facts)._repr_png_()
-
-
-@pytest.mark.sample(1)
-@pytest.mark.parametrize(
-    ("name", "call"),
-    [
-        ("bode", {"frequency_hz": [0.0, 1.0, 10.0], "b": [20, 40]}),
-        ("passivity", {"b": [20, 40]}),
-        ("simulate", {"friction": 0.2}),
-        ("zwidth", {"along": "b", "span": (5, 100), "K_VE": np.linspace(100, 1000, 4)}),
-    ],
-)
-def test_every_method_has_a_figure(name, call):
-    figure = getattr(wavesweep.compile(SPEC), f"plot_{name}")(**call)
-    assert isinstance(figure, Figure)
-    assert figure._repr_png_()[:4] == b"\x89PNG"
 
 
 @pytest.mark.parametrize("axis", ["rates.slow_hz", "filters.lp1.passband_hz"])
@@ -71,44 +54,3 @@ def test_a_figure_has_no_legend_and_no_notes_if_they_are_not_wanted(inside):
     assert drawn()[:2] == (True, True)
     assert most > (1.3 if inside else 1.0) * least
     plt.close("all")
-
-
-def crosses(figure):
-    """Places of the marks of the spec's own design."""
-    return [(*line.get_xdata(), *line.get_ydata()) for axes in figure.axes for line in axes.lines if line.get_marker() == "x"]
-
-
-@pytest.mark.thorough
-def test_the_own_design_lies_at_its_own_value_of_the_axis_that_is_drawn():
-    """[sweep] names another axis than `zwidth` takes."""
-    spec = {
-        "controller": {"kind": "pmw", "b": 20.0},
-        "environment": {"K_VE": 300.0, "B_VE": 1.0, "integration": "explicit"},
-        "sweep": {
-            "along": "b",
-            "b": {"start": 2.0, "stop": 100.0},
-            "B_VE": [0.0, 1.0, 2.0],
-            "K_VE": {"start": 0, "stop": 1000},
-        },
-    }
-    for along, own in (("K_VE", 300.0), ("b", 20.0)):
-        table = intervals(wavesweep.load(spec), along)
-        assert crosses(plots.zwidth(table.columns, table.facts)) == [(1.0, own)]
-    # Beyond what the figure shows it is neither marked nor in the legend.
-    spec["environment"]["K_VE"], spec["environment"]["B_VE"] = 950.0, 0.0
-    spec["sweep"]["B_VE"] = [0.0, 0.1]
-    table = intervals(wavesweep.load(spec), "K_VE")
-    figure = plots.zwidth(table.columns, table.facts)
-    assert figure.axes[0].get_ylim()[1] < 950
-    assert crosses(figure) == []
-    assert not any("own" in text.get_text() for legend in figure.legends for text in legend.get_texts())
-
-
-def test_only_the_unstable_part_of_a_curve_is_faint():
-    loop = wavesweep.compile({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "K_VE": 1500.0}})
-    figure = loop.plot_bode([3.0], b=np.linspace(1, 60, 30).tolist())
-    lines = [line for line in figure.axes[0].lines if line.get_xdata().size == 30]
-    faint, full = sorted((to_rgb(line.get_color()) for line in lines), key=sum, reverse=True)
-    np.testing.assert_allclose(1 - np.array(faint), 0.35 * (1 - np.array(full)), atol=0.01)
-    known = [np.isfinite(np.asarray(line.get_ydata(), float)) for line in lines]
-    assert (known[0] ^ known[1]).all()

@@ -1,7 +1,12 @@
-"""The question of a report, in words."""
+"""The question of a report and what refutes values beyond the ends, in words."""
+
+import re
+
+import pytest
 
 import wavesweep
-from wavesweep.reports.sentences import question
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.reports.sentences import counterexamples, question
 
 WALLS = {"K_VE": {"start": 0, "stop": 5000}}
 
@@ -12,3 +17,11 @@ def test_a_single_value_is_a_condition_and_several_are_asked_of_each():
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "sweep": WALLS | {"B_VE": [2.0], "b": [10.0, 20.0]}})
     end = "is the loop stable, at B_VE = 2 N*s/m, for each of b = 10, 20 N*s/m?"
     assert question(spec) == f"For which K_VE from 0 to 5000 N/m {end}"
+
+
+def test_beyond_an_end_of_the_specs_own_loop_an_eigenvalue_is_outside_of_the_circle():
+    spec = wavesweep.load({"controller": {"kind": "dc-slow"}, "sweep": WALLS | {"B_VE": [1.0]}})
+    ((_, value, said),) = counterexamples(spec, intervals(spec, jobs=1))
+    beyond, excess = float(value.removeprefix("K_VE = ")), float(re.search(r"modulus 1 \+ (\S+):", said)[1])
+    assert beyond > 263.137165  # the end of the only interval
+    assert wavesweep.compile(spec).spectral_radius(K_VE=beyond, B_VE=1.0) - 1 == pytest.approx(excess, rel=0.01)

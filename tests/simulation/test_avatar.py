@@ -43,12 +43,6 @@ def test_a_one_sided_wall_pushes_only_inside(integration):
     assert met == ({"pressed", "free"} if integration == "explicit" else {"pressed", "free", "grazing"})
 
 
-def test_deep_inside_there_is_no_second_side():
-    ahead, _, of_force = response("implicit")
-    one, both = (Meeting(K, B, ahead * of_force, of_force, position) for position in (0.0, None))
-    assert one.force(0.05, 0.7) == both.force(0.05, 0.7)
-
-
 @pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
 def test_a_wall_that_only_pushes_never_pulls(integration):
     """Its force is `max(0, K depth + B speed)` of depth and speed with that force, on both sides of the surface."""

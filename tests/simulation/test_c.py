@@ -134,16 +134,6 @@ def test_no_bit_differs_of_a_wall_that_only_pushes(kind, compiler, tmp_path):
     check(tmp_path, compiler, "-O2")
 
 
-@compilers
-def test_the_way_out_that_the_refusal_names_is_one(compiler, tmp_path):
-    need(compiler)
-    if "x86_64" not in os.uname().machine:
-        pytest.skip("flags of another processor")
-    files = written(experiment("pmw-lm", local_model__delay=0, lp1_order=4), tmp_path)
-    flags = re.search(r"controller\.c with (-mno-fma .*?)\. On a", files["controller.c"])[1].split()
-    check(tmp_path, compiler, "-O2", "-march=native", *flags)
-
-
 @pytest.mark.parametrize(("stiffness", "fault"), [(1.0, 0), (5e4, 1)])
 def test_a_one_sided_wall_that_is_both_met_and_not_is_told_to_the_host(tmp_path, stiffness, fault):
     need("gcc")

@@ -69,13 +69,3 @@ def test_storage_and_dissipation_make_up_what_is_kept(values, push, kind, option
     scale = total(seen["u_m"])[-1]
     np.testing.assert_allclose(energy.channel[ends], kept[ends], atol=1e-13 * scale)
     assert np.abs(kept[ends]).max() > 1e-3 * scale
-
-
-def test_the_plain_channel_gives_out_nothing_but_what_sampling_adds(values, push):
-    """Without Kp the kept energy is stored or dissipated, neither below zero, but for the sampler's, which may be."""
-    simulation = simulate(values("pmw", K_VE=150.0), push)
-    low, high, stored = first_order(simulation.signals["u_m"], 10.0)
-    assert stored.min() >= 0.0
-    sampled = total(low) - total(np.repeat(low[::20], 20))
-    ends = slice(19, None, 20)
-    assert np.all(simulation.energy.channel[ends] >= (total(high) + sampled)[ends] - 1e-15)

@@ -46,16 +46,6 @@ def test_a_sine_gives_two_tables_and_their_figures(simulate):
     assert "Wrote there/simulate-response.csv, .parquet, .png, .datapackage.json in " in err
 
 
-@pytest.mark.slow
-def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
-    simulate("input=stepped-sine", "frequency_hz=[3, 11]", "settle_s=5", "duration_s=20")
-    columns = results.read("there/simulate-response.csv")
-    assert columns["frequency_hz"].tolist() == [3.0, 11.0]
-    np.testing.assert_allclose(columns["omega_Ts"], 2 * np.pi * 0.02 * columns["frequency_hz"])
-    for name in ("admittance_re", "impedance_abs", "impedance_deg"):
-        np.testing.assert_allclose(columns[name], columns[f"linear_{name}"], rtol=1e-3)
-
-
 def test_equal_runs_give_equal_bytes(simulate):
     settings = ("input=noise", "jitter=0.2", "late=4", "dropped=0.1", "seed=7", "wall=0.0")
     first, again = ([simulate(*settings, out=out, device="omni"), Path(out, "simulate.parquet").read_bytes()] for out in "ab")
@@ -91,23 +81,6 @@ def test_a_loop_that_diverges_slowly_is_compared_with_no_steady_response(simulat
     assert columns["doubt"].tolist() == ["unstable"]
     missing = [name for name, column in columns.items() if column.dtype == float and np.isnan(column).all()]
     assert missing == [name for name in columns if name.startswith("linear_")]
-
-
-def test_at_rates_that_do_not_divide_a_device_has_its_effects_too(simulate):
-    code, _, err = simulate("friction=0.1", "wall=0.001", "late=3", device="omni", **{"rates.slow_hz": 60})
-    assert code == 0
-    assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
-    assert "of 30 slow results " in err
-    columns = results.read("there/simulate.parquet")
-    assert np.isfinite(columns["u_s"]).all()
-    assert set(columns["touching"].tolist()) == {True, False}
-
-
-@pytest.mark.slow
-def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
-    code, _, err = simulate("duration_s=0", plot=True)
-    assert (code, len(results.read("there/simulate.csv")["tick"])) == (0, 0)
-    assert "0 ticks" in err
 
 
 @pytest.mark.sample(3)

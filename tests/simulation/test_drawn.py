@@ -11,7 +11,6 @@ from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine._response.port import Port
 from wavesweep.engine._response.steady import respond
-from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import components
@@ -82,9 +81,3 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     linear = respond(Lifted.of(Port.of(drawn, ports, MarginalModes.of(drawn, drawn, ("m.x", "m.f")))), [frequency])
     assert abs(x / f - linear.admittance[0]) <= 1e-9 * abs(linear.admittance[0])
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
-
-
-def test_a_section_of_less_than_three_frames_is_refused():
-    signals = dict.fromkeys(("f_h", "x", "f_device"), np.ones(100))
-    with pytest.raises(UsageError, match="expected at least 60 ticks, three frames, to tell it from its images, found 59"):
-        components(signals, Tone(3.0, 10, 69), 1000.0, 20)

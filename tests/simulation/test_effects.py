@@ -151,18 +151,3 @@ TWO_MASSES = TWO_RATES.replace('"handle.f" = "push', '"arm.f" = "40*(handle.x - 
 def test_what_a_loop_cannot_have_is_refused_with_what_it_lacks(text, effects, words):
     with pytest.raises(UsageError, match=words):
         run(text, [1.0], **effects)
-
-
-def test_a_hand_between_two_masses_has_the_effects_of_the_one_that_it_pushes():
-    """Its displacement is none of the device alone, so that the last one is read from a tick after the record.
-
-    The force between them is held, since a plant of both has no effects of a single mass.
-    """
-    text = TWO_MASSES.replace('displacement = "handle.x"', 'displacement = "handle.x - 0.5*arm.x"')
-    text = text.replace('"40*(handle.x', '"40*(felt.y').replace(
-        "[wire]", '[block.felt]\ntype = "hold"\n[wire]\n"felt.u" = "handle.x"'
-    )
-    for count in (1, 5, 21):
-        seen = run(text, np.ones(count), late=3, dropped=0.2, friction=0.1, resolution=1e-5)
-        assert len(seen.signals["x"]) == count
-        assert np.isfinite(seen.energy.hand).all()

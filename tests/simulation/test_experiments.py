@@ -1,9 +1,6 @@
 """What runs is what was analysed: a device's own delay stays outside, messages are lost, an engine answers late."""
 
 import csv
-import re
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +9,6 @@ from support.messages import marched_blocks, random_blocks, spec_of_blocks
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.export import exported
 from wavesweep.simulation.from_spec import simulated
 
@@ -145,23 +141,6 @@ def test_an_answer_waits_for_a_length_that_is_proved_and_a_later_one_is_counted(
         '    printf("%d\\n", (int)s.overlong);\n    return 0;\n}\n'
     )
     assert made(tmp_path, "example", "gcc", "-O1") == (0, "0 17 51 111 1\n")
-
-
-def test_the_host_of_the_documents_has_an_engine_that_is_late(tmp_path):
-    need("gcc")
-    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text()
-    tables = tomllib.loads(re.search(r"```toml\n(# late-engine.toml\n.*?)```", page, re.DOTALL)[1])
-    put(exported(wavesweep.load(tables)), tmp_path)
-    check(tmp_path)
-    (tmp_path / "example.c").write_text(re.search(r"```c\n(/\* host.c.*?)```", page, re.DOTALL)[1])
-    code, said = made(tmp_path, "example", "gcc", "-O2")
-    assert code == 0, said
-    assert f"it prints `{said.strip()}`" in page
-
-
-def test_frames_that_are_not_proved_are_no_experiment_of_the_c():
-    with pytest.raises(UsageError, match=r"simulate.frames: expected the lengths of \[for_all\] \(17, 34, 50\), found 20"):
-        exported(wavesweep.load(engine(frames=[17, 20]) | VARIED))
 
 
 DRAWN = {

@@ -14,7 +14,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
 from wavesweep.simulation.experiment import simulation_of
 from wavesweep.simulation.export import exported
-from wavesweep.simulation.export.controller import identifiers
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")
@@ -87,18 +86,6 @@ def test_a_loop_without_a_controller_is_refused():
     tables["wire"] = {"hand.f": "push - 30*(hand.x - arm.x)", "arm.f": "30*(hand.x - arm.x) - 40*arm.x"}
     with pytest.raises(UsageError, match=r"expected a device .* and further blocks, found nothing else"):
         exported(wavesweep.load(tables))
-
-
-def test_a_device_that_responds_within_the_tick_is_refused():
-    tables = tomllib.loads(ARM)
-    tables["block"]["lead"] = {"type": "tf", "num": [1.0, 1.0], "den": [1.0, 100.0]}
-    tables["wire"] |= {"lead.u": "0.5*sum.y", "arm.f": "30*(hand.x - arm.x) - 40*arm.x - lead.y", "sum.u": "arm.x - lead.y"}
-    with pytest.raises(UsageError, match=r"found block\.hand\+arm\+lead with direct terms"):
-        exported(wavesweep.load(tables))
-
-
-def test_two_ports_never_share_a_name_in_c():
-    assert identifiers(["a_b.c", "a.b_c", "0.x"]) == ["ws_a_b_c", "ws_a_b_c_2", "ws_0_x"]
 
 
 @pytest.mark.sample(2)

@@ -9,7 +9,6 @@ from support.specs import INTEGRATIONS
 
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import load
-from wavesweep.program.tables.interval_table import intervals
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded
 
@@ -20,7 +19,6 @@ FIG4 = {
     "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
 }
 WORST = [16, 16, 20, 33, 33]  # of frames of 16, 20, 25 and 33 ticks
-LENGTHS = {"rates.ratio": {"values": [16, 20, 25, 33], "varying": True}}
 
 
 def fig4(frames, **tables):
@@ -93,27 +91,6 @@ def test_frames_of_one_length_are_those_of_the_ratio_to_the_last_bit(kind, ratio
     own, framed = (recorded(simulated(spec, force)) for spec in specs)
     for name in own:
         np.testing.assert_array_equal(framed[name], own[name], err_msg=name)
-
-
-def growth(spec, ticks):
-    """Per pattern of so many ticks, long after a push."""
-    speed = np.abs(np.diff(simulated(spec, [1.0] + [0.0] * (300 * ticks)).signals["x"]))
-    size = speed[150 * ticks :].reshape(-1, ticks).max(1)
-    return np.exp(np.polyfit(np.arange(len(size)), np.log(size), 1)[0])
-
-
-@pytest.mark.asks("for_all")
-@pytest.mark.thorough
-def test_the_counterexample_of_figure_4_grows_and_dies_out_at_the_walls_that_are_proved():
-    found = intervals(
-        load(FIG4 | {"sweep": {"K_VE": {"start": 0, "stop": 2000}}, "for_all": LENGTHS}), jobs=1, along="K_VE"
-    ).columns
-    word, pattern = found["counterexample"][1].split(maxsplit=1)
-    frames = [int(each) for each in pattern.split(",")]
-    walls = found["high"][1], 1.01 * found["fails_from"][1]
-    below, above = (growth(fig4(frames, environment={"K_VE": K}), sum(frames)) for K in walls)
-    assert (word, frames) == ("frames", WORST)
-    assert below < 1 < above
 
 
 def alike(symbol, ticks, delay, following):
@@ -198,14 +175,6 @@ def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
     force, speed = (seen.signals[name][first] for name in ("F_s", "x_dot_s"))
     way = 1e-3 * np.resize([7, 5, 9], first.sum()) * speed
     assert seen.energy.slow[-1] == pytest.approx((force * way).sum(), rel=1e-12)
-
-
-@pytest.mark.parametrize("frames", [[16, {"ticks": 20, "delay": 0}], [{"ticks": 20, "lost": True}]])
-def test_frames_that_are_written_can_be_read_again(frames):
-    spec = fig4(frames).asking("simulate")
-    assert spec.tables()["simulate"]["frames"] == frames
-    assert load(spec.tables()).asking("simulate").sha256 == spec.sha256
-    assert load(FIG4, ["simulate.frames=[16, 16]"]).simulate["frames"] == fig4([16, 16]).simulate["frames"]
 
 
 LIST = 'a list of frames, each a whole number of ticks, "random", or a CSV file'

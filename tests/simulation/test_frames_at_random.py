@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
-from wavesweep.simulation.figure import simulate as drawn
 from wavesweep.simulation.from_spec import effects_of, frames_in_turn, simulated
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.record import recorded
@@ -135,21 +134,3 @@ def test_a_file_of_frames_is_played_back(tmp_path):
     (tmp_path / "times.csv").unlink()
     with pytest.raises(UsageError, match=r"times\.csv"):
         simulated(spec)
-
-
-@pytest.mark.slow
-def test_the_summary_counts_frames_and_the_figure_shows_their_lengths():
-    (table,) = simulate(load({**WALL, "simulate": WALL["simulate"] | {"duration_s": 0.3}}).asking("simulate"))
-    assert sum(table.facts["frames"].values()) == table.columns["frame"][-1] + 1
-    axes = [each for each in drawn(table.columns, table.facts).axes if each.get_ylabel() == "frame (ticks)"]
-    line = axes[0].get_lines()[0].get_ydata()
-    lengths = np.bincount(table.columns["frame"])
-    assert np.nanmax(line) == lengths[:-1].max()
-    assert line[1] == lengths[0]
-
-
-@pytest.mark.parametrize("for_all", [{}, {"rates.ratio": {"values": LENGTHS, "varying": True}}])
-def test_frames_at_random_without_shares_are_refused(for_all):
-    spec = load({**WALL, "for_all": for_all})
-    with pytest.raises(SpecError, match="expected shares of the lengths of frames in"):
-        spec.asking("simulate")

@@ -36,15 +36,6 @@ def test_a_stepped_sine_lasts_as_long_as_it_takes_unless_told():
     assert np.array_equal(long.force, np.append(whole.force, np.zeros(1000)))
 
 
-def test_the_seed_of_a_call_is_that_of_the_noise_too():
-    first, second, named = (
-        simulated(spec(input="noise", **seed), **of).signals["f_h"]
-        for seed, of in (({}, {"seed": 1}), ({}, {"seed": 2}), ({"seed": 1}, {}))
-    )
-    assert np.array_equal(first, named)
-    assert not np.array_equal(first, second)
-
-
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -84,13 +75,6 @@ def test_a_time_between_two_ticks_is_the_later_one_and_said(given, begins, ends,
     assert len(found) == len(said)
     for line, words in zip(found, said, strict=True):
         assert words in line
-
-
-def test_force_and_options_of_a_call_stand_before_the_specs():
-    seen = simulated(spec(max_force=0.5), np.ones(30), max_force=0.01, jitter=0.1).signals
-    assert len(seen["x"]) == 30
-    assert seen["f_device"].max() == 0.01
-    assert np.ptp(np.diff(seen["time_s"])) > 1e-5
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from support.plants import bodies, joint
+from support.plants import bodies
 
 import wavesweep
 from wavesweep.engine._monodromy.periodic import Ticks
@@ -72,11 +72,6 @@ def test_filters_and_static_gains_within_a_plant_are_solved_by_the_simulation_to
     )
 
 
-def test_effects_of_a_single_mass_are_refused_for_a_plant_of_several():
-    with pytest.raises(wavesweep.UsageError, match="option friction: expected a device, the only block of type mass"):
-        wavesweep.compile(joint()).simulate(np.ones(5), friction=0.1)
-
-
 def test_a_wall_that_reads_a_plant_is_what_its_wires_say():
     """Of a plant of several blocks, and of one that a dead time acts on: as the loop whose ports name no wall."""
     force = np.random.default_rng(2).normal(size=300)
@@ -96,10 +91,3 @@ def test_a_wall_that_reads_a_plant_is_what_its_wires_say():
         found = wavesweep.compile(tables | {"ports": ports | {"wall": {"stiffness": "K", "damping": "B"}}}).simulate(force)
         np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-13)
         assert np.abs(found.F_s).max() > 1e-3
-
-
-def test_the_work_of_a_force_that_changes_within_a_tick_is_not_told():
-    late = {"dead_time": 0.0004}
-    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 100.0}}
-    assert np.isfinite(wavesweep.compile(tables).simulate(np.ones(9)).energy_device).all()
-    assert np.isnan(wavesweep.compile(tables | {"device": late}).simulate(np.ones(9)).energy_device).all()

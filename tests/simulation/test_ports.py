@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.drawn import DRIVE, NETWORK, WALL, drive
+from support.drawn import DRIVE, WALL, drive
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
@@ -14,7 +14,6 @@ from wavesweep.program.cli import main
 from wavesweep.program.columns import RUN_COLUMNS
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
-from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.table import simulate
 
 NAMES = ["tick", "frame", "phase", "time_s", "ref", "load", "error", "speed", "angle", "torque", "twice"]
@@ -98,11 +97,6 @@ def test_an_unstable_loop_without_a_hand_runs_up_to_the_last_finite_row():
     assert found.facts["settles_at"] == {}
 
 
-def test_effects_of_a_device_need_a_hand():
-    with pytest.raises(wavesweep.UsageError, match="option friction: expected a device"):
-        wavesweep.simulate(tables(friction=0.1))
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", ["ref", "load"])
@@ -131,21 +125,6 @@ def test_inner_signals_are_those_of_declared_outputs():
     assert (shown.response_re == declared.response_re).all()
     with pytest.raises(wavesweep.UsageError, match=r"did you mean `motor\.v`"):
         loop.response(to="moter.v")
-
-
-def test_a_loop_without_a_hand_has_a_step_of_its_first_input():
-    spec = load(tomllib.loads(DRIVE))
-    assert (spec.simulate["input"], entry_of(spec)) == ("step", "ref")
-    assert entry_of(load(tomllib.loads(DRIVE), ["simulate.from=load", "simulate.input=noise"])) == "load"
-
-
-def test_a_loop_that_nothing_reaches_is_not_simulated():
-    with pytest.raises(SpecError, match=r"ports: expected inputs = .*, found neither"):
-        load(tomllib.loads(NETWORK)).asking("simulate")
-
-
-def test_the_columns_of_a_simulation_are_those_that_are_kept_apart():
-    assert {field.name for field in kind_named("simulate").fields} == RUN_COLUMNS
 
 
 def test_an_output_and_an_input_may_have_any_name():
@@ -178,24 +157,6 @@ def test_a_signal_that_is_asked_for_is_an_output_like_a_declared_one():
             load(tables(show=[name]))
     with pytest.raises(SpecError, match=r"it has none"):
         load({"controller": {"kind": "pmw"}}, ["simulate.show=avatar.out"])
-
-
-def test_a_mass_has_the_units_of_its_number():
-    """It may turn, so that its unit is known only if that of its mass is."""
-    for unit, force in (("kg", "N"), ("kg*m^2", "N*m"), ("", "")):
-        text = WALL.replace("mass = 0.1", 'mass = "M"').replace("n = 3", f'n = 3\nM = {{ value = 0.1, unit = "{unit}" }}')
-        spec = load(tomllib.loads(text), ["bode.to=m.f"])
-        assert spec.drawing.outputs[-1][::2] == ("m.f", force)
-
-
-def test_an_output_may_be_called_time():
-    tables = tomllib.loads(DRIVE)
-    tables["ports"] = tables["ports"] | {"outputs": {"time": "motor.v"}}
-    run = wavesweep.simulate(tables | {"simulate": {"input": "step", "from": "ref", "duration_s": 0.5}})
-    run = run[0] if isinstance(run, (list, tuple)) else run
-    rate = load(tables).tick_hz
-    np.testing.assert_allclose(run.time_s, np.arange(len(run)) / rate, rtol=1e-12)
-    assert not np.allclose(run.time, run.time_s)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,6 @@ from support.held import damping_needed
 from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
-from wavesweep.engine.errors import UsageError
-from wavesweep.for_all import every_hand_proof as every_hand
 from wavesweep.for_all.every_hand_proof import EveryHand
 from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.plan import FRAME
@@ -32,13 +30,6 @@ def test_at_constant_frames_it_is_the_damping_needed(kind, ticks, delay):
     assert found.proved == pytest.approx(exact.damping, rel=1e-6)
     assert found.proved >= exact.damping
     assert (found.refuted, found.omega) == pytest.approx((float(exact.damping), float(exact.omega)), rel=1e-9, abs=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("B_VE", "damping"), [(0.0, 1.79457871), (1.0, 4.39839959)])
-def test_prompt_results_need_no_more_than_the_longest_frame(B_VE, damping):
-    found = needed("dc-slow", FramesInAnyOrder(tuple(range(16, 34))), B_VE=B_VE)
-    assert (found.proved, found.refuted) == pytest.approx((damping, damping), rel=1e-6)
 
 
 def test_a_pattern_may_need_more_than_any_frame_that_is_repeated():
@@ -73,23 +64,6 @@ def test_with_less_damping_a_heavy_mass_is_unstable():
     ]
     assert max(unstable) > 1 + 1e-6
     assert growth((nothing, nothing, nothing), (0.3, found.proved), (100.0, 0.0), [(33, 1)], 1e-3) < 1
-
-
-def test_waves_without_position_feedback_settle_nowhere():
-    assert EveryHand.of(plan_of_controller(values_of("pmw", **WALL), FramesInAnyOrder((4, 5)))) is None
-
-
-@pytest.mark.slow
-def test_energies_for_less_damping_than_a_pattern_needs_are_refused(monkeypatch):
-    search = every_hand.least_damping
-    monkeypatch.setattr(every_hand, "least_damping", lambda *loop: ((forms, 0.99 * d) for forms, d in search(*loop)))
-    found = needed("dc-slow", FramesInAnyOrder((16, 20, 33)))
-    assert found.proved >= found.refuted > 0
-
-
-def test_a_program_that_would_take_long_is_refused():
-    with pytest.raises(UsageError, match="unknown numbers of stored energies"):
-        needed("pmw-lm", FramesInAnyOrder(tuple(range(16, 34))), **{"controller.Kp": 20.0})
 
 
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])

@@ -188,29 +188,6 @@ def test_each_wrong_value_at_a_number_of_a_shipped_spec_is_a_mistake_or_taken(tm
     assert mistakes
 
 
-@pytest.mark.slow
-def test_a_wrong_number_of_a_drawing_is_told_once_at_its_place(tmp_path):
-    texts = {path.stem: path.read_text(encoding="utf-8") for path in SHIPPED}
-    numbers = [(stem, name) for stem, text in texts.items() for name in tomllib.loads(text).get("numbers", {})]
-    counts = [("late-camera", "n"), ("two-channel", "late")]  # so many steps or messages a block has
-    assert set(counts) <= set(numbers)
-    for stem, name in counts + random.Random(4).sample(numbers, min(TRIES or 20, len(numbers))):  # noqa: S311 - a fixed sample
-        text = texts[stem]
-        found = re.search(rf"^{name} = (?:{{ value = )?([-+.\deE]+)", text, re.MULTILINE)
-        if found is None:  # an expression
-            continue
-        (tmp_path / "a.toml").write_text(text[: found.start(1)] + '"nope"' + text[found.end(1) :], encoding="utf-8")
-        with pytest.raises(SpecError) as error:
-            load(tmp_path / "a.toml")
-        # That a sweep cannot go along an expression is a mistake of its own.
-        mistake, *others = (mistake for mistake in error.value.mistakes if not mistake.key.startswith("sweep."))
-        assert not others, str(error.value)
-        assert mistake.key == f"numbers.{name}"
-        line = text.count("\n", 0, found.start(1)) + 1
-        column = found.start(1) - text.rfind("\n", 0, found.start(1))
-        assert mistake.location == f"{tmp_path / 'a.toml'}:{line}:{column + 1}"  # the name within its quotes
-
-
 NUMBERS = [0.0, 5e-324, 1e-60, 1e-30, 1e-12, 1e-3, 0.1, 1.0, 7.0, 25.0, 500.0, 1e6, 1e12, 1e30, 1e60, 1e308]
 
 

@@ -112,13 +112,6 @@ def test_hostile_values_are_refused_for_every_key(key, value):
     assert all(mistake.location == "" for mistake in error.value.mistakes)
 
 
-@pytest.mark.parametrize("tables", [{"controller": 3}, {"sweep": []}, {1: 2}, {"": 2}])
-def test_a_dict_has_mistakes_without_places(tables):
-    with pytest.raises(SpecError) as error:
-        load({"controller": {"kind": "dc"}} | tables)
-    assert error.value.mistakes[0].location == ""
-
-
 @pytest.mark.slow
 def test_any_slip_of_syntax_is_one_line_with_a_place_in_the_text(write):
     """Texts with a character more, less or another."""
@@ -138,11 +131,3 @@ def test_any_slip_of_syntax_is_one_line_with_a_place_in_the_text(write):
             assert str(error.value).isprintable()
             seen += 1
     assert seen > 250
-
-
-def test_a_number_may_have_the_name_of_a_key_of_a_study(write):
-    text = PD.replace("kp", "lost").replace("kd", "require")
-    spec = load(write(text + 'along = "lost"\nlost = { start = 1, stop = 9 }\nrequire = [1, 2]\n'))
-    assert (spec.require, [axis.path for axis in spec.sweep]) == (None, ["numbers.lost", "numbers.require"])
-    spec = load(write(text + "[for_all]\nlost = { start = 1, stop = 9 }\n"))
-    assert [axis.path for axis in spec.for_all.axes] == ["numbers.lost"]

@@ -85,16 +85,6 @@ def test_refusals_are_said_with_exit_code_2_and_write_nothing(run, tmp_path):
     refuse_others("refusals", said)
 
 
-def test_a_summary_is_the_same_wherever_the_table_goes(run):
-    _, _, err = run("zwidth pmw.toml --no-plot")
-    *summary, _ = err.splitlines()
-    for name in ("t.csv", "t.png"):
-        assert run(f"zwidth pmw.toml --out {name}")[2].splitlines() == [*summary, f"Wrote {name} in ... s"]
-    _, out, err = run("zwidth pmw.toml --out -")
-    assert err.splitlines() == summary
-    assert out == settled(Path("t.csv").read_text(encoding="utf-8"))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("spec", ["network.toml", "sweeps/examples/coupling.toml"])
 def test_check_says_what_it_says_with_all_less_the_details(spec, run):

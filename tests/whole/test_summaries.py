@@ -5,12 +5,10 @@ import pytest
 
 from wavesweep.passive.table import passivity
 from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status
-from wavesweep.program.plots.figure_layout import best_of, best_row
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.interval_sentences import Sentences
-from wavesweep.program.tables.interval_summary import Extreme, LoopSummary
-from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.interval_summary import LoopSummary
 from wavesweep.program.tables.response_table import responses
 
 OWN = Claim(STABLE, Scope(), Status.CERTIFIED)
@@ -80,26 +78,6 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     assert Sentences(tally.numbers()).stiffest_felt().startswith(f"{felt}, at an end of an interval: 9 N/m")
 
 
-def test_what_is_proved_or_certified_up_to_a_value_is_rounded_down():
-    columns = {
-        "b": np.array([1.0]),
-        "along": np.array(["K_VE"], object),
-        "intervals": np.array([1]),
-        "interval": np.array([0]),
-        "low": np.array([0.0]),
-        "high": np.array([1000.9999]),
-        "high_omega": np.array([40.0]),
-        "certified": np.array([True]),
-        "doubt": np.array([""], object),
-        "felt_low": np.array([0.0]),
-        "felt_high": np.array([5.0]),
-    } | known(1)
-    tally = LoopSummary(OWN)
-    tally.add(columns)
-    assert "largest stable K_VE: 1000.99 N/m" in Sentences(tally.numbers()).extremes()[0]
-    assert ": 1000.99 N/m" in Sentences(tally.numbers(), "for_all").extremes()[0]
-
-
 @pytest.mark.parametrize(
     ("doubt", "said"),
     [
@@ -124,35 +102,6 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     tally = LoopSummary(OWN)
     tally.add(columns)
     assert Sentences(tally.numbers()).extremes() == [said]
-
-
-@pytest.mark.parametrize("size", [5, 2, 1])
-def test_values_that_differ_by_rounding_are_alike(size):
-    """The first of them has the place, and the others are counted."""
-    felt, place = np.array([3.0, 20000.0, np.nan, 20000.00000001, 19999.99999999]), np.arange(5.0)
-    alike, exact = Extreme(1e-9), Extreme()
-    for start in range(0, 5, size):
-        part = slice(start, start + size)
-        for each in (alike, exact):
-            each.add(felt[part], {"b": place[part], "along": place[part]})
-    assert (alike.place(), alike.ties, alike.value) == ({"b": 1.0}, 3, 20000.0)
-    assert (exact.place(), exact.ties, exact.value) == ({"b": 3.0}, 1, 20000.00000001)
-
-
-def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
-    """Of three walls the last feels stiffer by rounding alone."""
-    spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "b": [10.0, 20.0, 30.0]}}
-    table = intervals(load(spec), "K_VE")
-    columns = table.columns | {"felt_high": 2000 * (1 + np.array([0.0, -1e-14, 1e-14])), "certified": np.ones(3, bool)}
-    tally = kind_named(table.kind).tally(table)
-    tally.add(columns)
-    felt = tally.numbers(table.facts)["stiffest_felt"]
-    assert (felt["at"], felt["equal_rows"]) == ({"b": 10.0}, 3)
-    ends = kind_named(table.kind).tally(table)  # which feel alike at both ends
-    ends.add(columns | {"felt_low": columns["felt_high"]})
-    assert ends.numbers(table.facts)["stiffest_felt"]["equal_rows"] == 3
-    blocks = [{name: column[row : row + 1] for name, column in columns.items()} for row in range(3)]
-    assert best_row(columns)["b"] == best_of(map(best_row, blocks))["b"] == 10.0
 
 
 def test_the_least_stable_value_is_named_where_the_range_begins_below_it():

@@ -6,7 +6,6 @@ import wavesweep
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
-from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.interval_table import intervals
 
 FREE = {  # two masses without friction, held together by a sampled spring and damper alone
@@ -67,12 +66,3 @@ def test_only_loops_that_conserve_are_told_of_bounded_and_the_advice_leads_somew
     assert row.certified
     for tables in (FREE, bounded):
         assert not any("bounded = true" in line for line in summary(tables))
-
-
-def test_rows_of_a_port_are_not_told_of_bounded():
-    """Advice to require that, beside hands, is refused."""
-    ports = {"hand": {"force": "push", "displacement": "x.y"}}
-    tables = SWING | {"ports": ports, "wire": SWING["wire"] | {"v.u": "push - k*x.y"}}
-    lines = summary(tables, hands_of("port"))
-    assert any("port" in line for line in lines)
-    assert [line for line in lines if "bounded = true" in line and "port" in line] == []

@@ -22,17 +22,13 @@ from wavesweep.program.analyses.claims import (
     Scope,
     Status,
     Tick,
-    Verdict,
     answer,
-    beyond_the_ends,
-    known,
     own_scope,
     questions,
-    ranges_of,
     uncovered,
 )
 from wavesweep.program.spec import load
-from wavesweep.program.tables.refuters import LONGEST_REFUTER_TEXT, in_a_sentence, repeated
+from wavesweep.program.tables.refuters import in_a_sentence, repeated
 
 OWN = {"device.mass": 0.1, "rates.ratio": 20.0}
 CONSTANT = Frames(Order.CONSTANT, frozenset({20.0}), frozenset({1.0}))
@@ -90,24 +86,6 @@ def test_one_refuted_loop_refutes_all_and_one_proved_loop_proves_nothing():
     assert answer(asked, [everything, refuted], OWN).status is Status.REFUTED
     assert answer(Question(AT_REST, replace(asked.scope, walls=PUSHES)), [refuted], OWN).status is Status.REFUTED
     assert answer(Question(MEAN_SQUARE, asked.scope), [everything], OWN).status is Status.UNKNOWN
-
-
-def test_the_worst_answer_comes_first_and_is_worded_as_what_it_is():
-    scope = Scope((MASSES,))
-    good = Claim(STABLE, scope, Status.PROVED)
-    unknown = Claim(AT_REST, replace(scope, walls=PUSHES), Status.UNKNOWN, "neither proved nor refuted")
-    bad = Claim(STABLE, scope, Status.REFUTED, "device.mass = 0.08")
-    assert [*Verdict((good,)).lines("x")] == ["x: proved stable for device.mass from 0.08 to 0.125"]
-    first, *others = Verdict((good, unknown)).lines("x")
-    said = f"whether every motion comes to rest for device.mass from 0.08 to 0.125 with {PUSHES}"
-    assert unknown.words() == f"not known {said}: neither proved nor refuted"
-    assert first == "x: not known whether every motion comes to rest"  # whole, since all of that is longer
-    assert others == [f"  {good.words()}", f"  {unknown.words()}"]
-    grows = Claim(MEAN_SQUARE, scope, Status.REFUTED, "second moments that grow in each of the loops of the box")
-    assert [*Verdict((grows,)).lines("x")] == [f"x: {grows.words()}"]  # one answer is said once
-    first, *_ = Verdict((unknown, bad)).lines("x")
-    assert first == "x: not stable for all device.mass from 0.08 to 0.125: device.mass = 0.08"
-    assert [Verdict(each).status.answer for each in ((good,), (good, unknown), (unknown, bad))] == ["yes", "not known", "no"]
 
 
 @pytest.mark.asks("for_all", "require", "contact")
@@ -175,12 +153,6 @@ def test_a_claim_is_read_from_the_facts_of_a_table_as_it_was_written(claim):
     assert fact["said"].endswith(claim.scope.in_words())
 
 
-def test_numbers_are_those_of_the_boxes_that_a_proof_has_covered():
-    boxes = [({"a": (0.5, 1.0)}, {"n": 1}), ({"a": (1.0, 2.0)}, {"n": 3})]
-    assert ranges_of(["a", "n", "unread"], boxes) == (Range("a", 0.5, 2.0), Range("n", 1.0, 3.0, (1.0, 3.0)), Range("unread"))
-    assert Range("numbers.unread").in_words() == "any unread"
-
-
 @pytest.mark.asks("for_all", "contact")
 def test_what_a_spec_asks_beyond_the_claims_of_a_table_is_named():
     varying = {"for_all": {"rates.ratio": {"values": [16, 20], "varying": True}}}
@@ -207,12 +179,6 @@ def test_what_a_spec_asks_beyond_the_claims_of_a_table_is_named():
 def test_a_pattern_is_written_by_its_repetitions(pattern, said):
     assert repeated(pattern.split(", ")) == said
     assert in_a_sentence(f"K = 2, frames {pattern}, a hand") == f"K = 2, frames {said}, a hand"
-
-
-def test_a_long_pattern_has_its_first_frames_and_their_number():
-    said = in_a_sentence("frames " + ", ".join(str(16 + (7 * i) % 17) for i in range(60)))
-    assert said.endswith(", ... (60 in all)")
-    assert len(said) <= LONGEST_REFUTER_TEXT + len("frames ")
 
 
 REFUSED = """
@@ -246,21 +212,3 @@ def test_check_begins_with_the_verdict_and_strict_ends_with_it(settings, code, f
     assert found == code
     assert out.startswith(first)
     assert wavesweep("check", "mine.toml", *told, "--quiet")[0] == 0
-
-
-def test_captions_say_how_each_claim_is_known():
-    """No caption calls proved what was computed, and what a requirement misses is refuted by what is not stable."""
-    modes = Claim(Property("modes", "figures"), Scope(), Status.COMPUTED)
-    proved = Claim(STABLE, Scope(), Status.PROVED)
-    said = known([modes, proved, modes])
-    assert said.startswith("Modes with the spec's own numbers: computed in double precision, and not proved. Stable with")
-    assert said.endswith(": proved, but for what a line says is not.")
-    required = Claim(Property("a damping ratio of 0.1", "requirement"), Scope(), Status.CERTIFIED)
-    assert beyond_the_ends([required, proved]) == "By what each line names: not stable with the spec's own numbers."
-
-
-def test_a_row_that_is_not_certified_is_not_worded_as_proved():
-    proved = Claim(STABLE, Scope(), Status.PROVED)
-    assert proved.of_row(certified=True).value("K") == "proved K"
-    row = proved.of_row(certified=False)
-    assert row.value("K") + row.unless(known=False) == "stable K, not proved"

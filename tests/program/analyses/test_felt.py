@@ -1,7 +1,5 @@
 """The stiffness felt at the ends of intervals, against the static response of the loop there."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from support.responses import loop_of
@@ -9,7 +7,6 @@ from support.specs import nested, values_of
 
 import wavesweep
 from wavesweep.engine._response.steady import static_response
-from wavesweep.program.analyses.feel import outweighed_in_words
 from wavesweep.program.tables.interval_table import intervals
 
 KEYS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "b": "controller.b"}
@@ -32,14 +29,6 @@ def test_it_is_the_static_impedance_at_that_end(along, span):
         place = {name: row[name] for name in others}
         for end in ("low", "high"):
             assert row[f"felt_{end}"] == pytest.approx(felt_at(values, **(place | {along: row[end]})), rel=1e-9)
-
-
-def test_direct_coupling_feels_the_wall_itself():
-    table = wavesweep.compile({"controller": {"kind": "dc-slow"}}).stable_intervals(B_VE=[0.0, 1.0])
-    stable = table["intervals"] > 0
-    assert table["felt_high"][stable].to_numpy() == pytest.approx(table["high"][stable].to_numpy(), rel=1e-9)
-    assert (table["felt_low"][stable] == 0).all()
-    assert table["felt_high"][~stable].isna().all()
 
 
 def test_a_wave_line_is_ranked_otherwise_than_its_walls():
@@ -94,17 +83,6 @@ def test_of_rates_that_do_not_divide_it_is_the_impedance_towards_0_hz(slow_hz):
     assert list(responses.doubt) == ["", ""]
 
 
-def test_a_drawn_controller_feels_what_the_built_in_one_feels():
-    drawn = wavesweep.compile(Path(__file__).parents[3] / "sweeps" / "recipes" / "controllers" / "pmw-lm.toml")
-    built_in = wavesweep.compile({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "implicit"}})
-    for changes in ({}, {"b": [10.0, 40.0]}, {"K_LM": [0.0, 900.0]}, {"Kp": [0.0]}):
-        tables = drawn.stable_intervals("K", (0, 20000), **changes), built_in.stable_intervals("K_VE", (0, 20000), **changes)
-        for name in ("low", "high", "felt_low", "felt_high"):
-            one, other = (table[name].to_numpy() for table in tables)
-            assert one == pytest.approx(other, rel=1e-9, nan_ok=True)
-        assert (tables[0].felt_high > 0).all()
-
-
 @pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.whole
@@ -131,20 +109,6 @@ def test_what_is_felt_over_a_band_is_what_the_wall_adds_to_free_motion(kind, b):
         assert above < 0 < below
 
 
-@pytest.mark.whole
-def test_every_band_is_named_in_which_free_motion_outweighs_the_wall():
-    """A wall of 100 N/m wins only about the resonance of a stage on a spring of 500 N/m, where |500 - m w w + j w c| < 100."""
-    felt = wavesweep.verdict(braked(0.0, stiffness=500.0))["felt"]
-    hertz = np.geomspace(1.0, 100.0, 200_001)
-    w = 2 * np.pi * hertz
-    wins = hertz[np.abs(500.0 - 0.2 * w**2 + 1j * w) < 100.0]
-    (low, first), (second, high) = felt["over_band"]["outweighed_bands_hz"]
-    assert (low, high) == (1e-4, None)
-    assert (first, second) == (pytest.approx(wins[0], rel=5e-3), pytest.approx(wins[-1], rel=5e-3))
-    said = outweighed_in_words(felt["over_band"])
-    assert said == f"free motion outweighs it up to {first:.3g} Hz and from {second:.3g} Hz on"
-
-
 def braked(brake, stiffness=0.0, **design):
     """A mass whose controller has a wall and a brake, all forces held over a tick."""
     return {
@@ -169,10 +133,3 @@ def test_neither_a_brake_nor_a_mass_is_felt_as_a_wall(brake):
     velocity = (1 - decay) / d / (z - decay + brake * (1 - decay) / d)
     moved = m / d * (1 - decay) * velocity + (T - m / d * (1 - decay)) / d * (1 - brake * velocity)
     assert band["free"] == pytest.approx(np.abs((z - 1) / moved), rel=1e-8)
-
-
-@pytest.mark.whole
-def test_what_is_felt_without_a_wall_in_ports_has_no_band():
-    tables = braked(1.0, 5.0)
-    del tables["ports"]["wall"]
-    assert wavesweep.verdict(tables)["felt"]["over_band"] is None

@@ -84,20 +84,3 @@ def test_a_spectral_radius_is_right_or_missing():
     assert known[:-1][1:][USUAL].all()
     truth, hidden = (wavesweep.compile(line(b, 1e-6)).spectral_radius() for b in (1.0, 1e15))
     assert np.isnan(hidden) or hidden == pytest.approx(truth, rel=1e-9)
-
-
-@pytest.mark.thorough
-@pytest.mark.whole
-def test_a_margin_at_the_port_is_right_or_missing():
-    def margin(b):
-        tables = line(b, integration="explicit")
-        tables["numbers"] |= {"K": 3000.0}
-        found = wavesweep.passivity(tables)
-        assert found["port_omega"].isna().equals(found["port_margin"].isna())
-        return found["port_margin"][0]
-
-    truth, margins = margin(1.0), np.array([margin(b) for b in IMPEDANCES])
-    known = np.isfinite(margins)
-    assert known[USUAL].all()
-    assert not known.all()
-    np.testing.assert_allclose(margins[known], truth, rtol=1e-9)

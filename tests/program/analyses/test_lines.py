@@ -122,13 +122,6 @@ def test_shares_of_lines_are_means_over_states_in_any_units(ticks):
     assert lines_of(mixed[None, None], s, np.array([0.02]))[0] == pytest.approx([second, np.nan], nan_ok=True)
 
 
-@pytest.mark.parametrize(("theta", "turns", "hz"), [(0.0, 2, 100.0), (np.pi, 2, 125.0), (np.pi, 0, 25.0), (0.0, 0, 0.0)])
-def test_both_lines_of_a_real_eigenvalue_are_one(theta, turns, hz):
-    moved = np.cos((theta + 2 * np.pi * turns) * np.arange(8) / 8 + 0.3)
-    found = lines_of(moved[None, None], np.array([1j * theta]), np.array([0.02]))[0]
-    assert found == pytest.approx([hz, np.nan], nan_ok=True)
-
-
 @pytest.mark.whole
 @pytest.mark.slow
 def test_two_lines_are_told_of_a_mode_that_position_and_velocity_show_at_different_ones():

@@ -57,12 +57,6 @@ def test_beyond_its_range_a_rate_goes_half_way_to_where_a_loop_ends():
     assert Loops(spec.drawing, spec.values).domain("numbers.q", (0.0, 40.0))[1] == pytest.approx(45.0, rel=0.01)
 
 
-@pytest.mark.parametrize(("along", "unit"), [("rates.fast_hz", "Hz"), ("device.mass", "kg"), ("K_VE", "N/m")])
-def test_the_ends_have_the_unit_of_their_axis(along, unit):
-    loop = wavesweep.compile({"controller": {"kind": "dc"}})
-    assert loop.stable_intervals(along, (500.0, 600.0)).attrs["units"]["low"] == unit
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "own", "K"),

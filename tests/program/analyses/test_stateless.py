@@ -55,12 +55,3 @@ def test_nothing_is_certified_over_a_value_without_a_solution(blocks, stop):
     np.testing.assert_allclose(table[["open_low", "open_high"]], [[1.0, 1.0]], atol=1e-8)
     assert table["open_low"][0] < 1
     assert table["open_high"][0] >= min(stop, 1)
-
-
-def test_a_wall_of_gains_has_a_width():
-    spec = around("-K", 0.0, 1.0)
-    spec["numbers"] = {"K": 0.5, "B": 0.1}
-    spec |= {"wire": {"a.u": "-K*a.y - B*a.y"}, "ports": {"wall": {"stiffness": "K", "damping": "B"}}}
-    spec["sweep"] = {"K": {"start": 0.0, "stop": 10.0}, "B": [0.0, 0.5]}
-    table = wavesweep.zwidth(spec)
-    assert table[["low", "high", "certified"]].to_numpy().tolist() == [[0.0, 10.0, True]] * 2

@@ -64,16 +64,6 @@ def test_a_part_in_doubt_leaves_no_doubt_where_others_are_never_stable():
         assert ends is None or (found.low[0], found.high[0]) == ends
 
 
-def test_a_delay_between_two_loops_hides_no_radius():
-    """Its states are twenty eigenvalues 0, and all but one are known to the twentieth root of a rounding."""
-    tables = joints(second=(0.2, 0.5, 4))
-    tables["block"] |= {"line": {"type": "delay", "steps": 20}}
-    tables["wire"] |= {"line.u": "a.x", "b.f": "line.y - p*hb.y"}
-    without = wavesweep.compile(joints(second=(0.2, 0.5, 4))).spectral_radius(p=[50.0, 100.0, 400.0])
-    assert wavesweep.compile(tables).spectral_radius(p=[50.0, 100.0, 400.0]) == pytest.approx(without, rel=1e-12)
-    assert not np.isnan(without).any()
-
-
 def test_values_at_which_nothing_leads_from_part_to_part_are_refused():
     tables = joints()
     tables["wire"]["b.f"] += " + a.v/(p - 100)"

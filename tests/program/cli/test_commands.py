@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import re
 import shlex
 from pathlib import Path
 
@@ -10,18 +9,10 @@ import pytest
 
 from wavesweep import load
 from wavesweep.program.cli.entry import COMMANDS, command_of, group
-from wavesweep.program.cli.file_places import own_folder
 
 ROOT = Path(__file__).parents[3]
 
 SWEEPS = ("zwidth", "stability-region", "bode")  # whose fixture answers at once
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_short_help_is_the_first_sentence_of_the_commands_own(name):
-    command = command_of(name)
-    assert command.name == name
-    assert command.help.split("\n\n")[0] == COMMANDS[name]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -83,22 +74,6 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
     assert out == (tmp_path / f"results/wall/{name}.csv").read_text()
     assert "Wrote" not in err
     assert len(sweep.seen) == 2
-
-
-@pytest.mark.slow
-def test_workers_are_passed_on(wavesweep, sweep, spec):
-    wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
-    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None}
-    ((name, given),) = sweep.seen
-    expected |= {"checkpoint": given["checkpoint"], "force": False}
-    assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.sqlite", str(given["checkpoint"]))
-    assert (name, {key: value for key, value in given.items() if key != "progress"}) == ("intervals", expected)
-    assert callable(given["progress"])
-
-
-def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
-    wavesweep("stability-region", spec, "--no-plot")
-    assert sweep.seen[0][1]["along"] is None
 
 
 @pytest.mark.whole
@@ -164,17 +139,6 @@ def test_results_with_set_stand_beside_the_specs_own_in_a_folder_that_says_so(se
     assert {path: path.read_bytes() for path in Path("results/wall").iterdir()} == own
 
 
-def test_results_with_set_are_found_by_the_name_of_their_folder(wavesweep, spec):
-    wavesweep("zwidth", spec, "--no-plot", "--quiet", "--set", "sweep.B_VE=[2, 4]")
-    assert Path("results/wall,sweep.B_VE=_2,_4_-9c0f6a65").is_dir()
-
-
-def test_a_folder_for_long_settings_has_a_short_name():
-    one, other = (own_folder(["a", "b"], [f"wire.x={'1+' * 300}{end}"]) for end in "12")
-    assert one != other
-    assert {len(one.name), len(other.name)} == {len("a+b,-12345678") + 80}
-
-
 def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wavesweep, sweep, spec):
     """Each version has a file of its own; one that was left behind is named, and nothing is thrown away."""
     for _ in range(2):
@@ -200,15 +164,3 @@ def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wa
     monkeypatch.chdir(tmp_path / "two")
     assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")[0] == 0
     assert len(sweep.seen) == 2
-
-
-@pytest.mark.parametrize("wait", [False, True])
-def test_a_command_waits_for_another_run_if_it_is_told_to(wavesweep, tmp_path, monkeypatch, wait):
-    from wavesweep.program import results
-
-    asked, at_work = [], results.at_work
-    monkeypatch.setattr(results, "at_work", lambda kinds, to, wait, say: asked.append(wait) or at_work(kinds, to, wait, say))
-    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1]\n')
-    options = ["--wait"] if wait else []
-    assert wavesweep("zwidth", str(tmp_path / "mine.toml"), "--no-plot", "--out", str(tmp_path / "there"), *options)[0] == 0
-    assert asked == [wait]

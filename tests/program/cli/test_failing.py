@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -42,19 +41,6 @@ def test_a_failing_run_says_one_line_and_its_code(error, code, line, wavesweep, 
     assert found == code
     assert "Traceback" in err
     assert err.strip().endswith(line)
-
-
-def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
-    def terminated(*_, **__):
-        os.kill(os.getpid(), signal.SIGTERM)
-        # The handler runs at the next bytecode; this line is not reached.
-        signal.pause()
-
-    before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("wavesweep.program.tables.interval_table.intervals", terminated)
-    assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
-    assert signal.getsignal(signal.SIGTERM) is before
-    assert sweep.seen == []
 
 
 def run_as_program(before, cwd, *words):
@@ -224,55 +210,6 @@ def test_a_figure_of_a_table_with_a_damaged_package_is_refused_in_a_line(resourc
     assert (code, out) == (2, "")
     assert err.startswith("Error: here/zwidth")
     assert "fault of wavesweep" not in err
-
-
-@pytest.mark.whole
-def test_the_largest_number_of_a_spec_is_judged(wavesweep, spec):
-    code, out, _ = wavesweep("check", spec, "--set", "K_VE=1e60", "--set", "controller.kind=dc", "--json")
-    assert code == 0
-    assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
-
-
-@pytest.mark.whole
-def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
-    code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e60", "--no-plot", "--out", "here")
-    assert (code, "fault of wavesweep" in err) == (0, False)
-    assert (tmp_path / "here" / "simulate-response.csv").exists()
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize(
-    ("command", "kind", "work"), [("bench", "bench", "bench.measure"), ("paper", "statements", "reproduce.tables")]
-)
-def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wavesweep, monkeypatch):
-    monkeypatch.setattr(work, None)
-    with results.at_work([kind], "here"):
-        code, _, err = wavesweep(command, "--out", "here")
-    assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
-def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):
-    assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
-    held, waiting, released = (threading.Event() for _ in range(3))
-    monkeypatch.setattr("wavesweep.program.results.lock._name_in", lambda _: waiting.set() or "")
-
-    def hold():
-        with results.at_work(["zwidth"], "here"):
-            held.set()
-            waiting.wait(300)
-        released.set()
-
-    other = threading.Thread(target=hold)
-    other.start()
-    held.wait()
-    code, _, err = wavesweep("plot", "here/zwidth.csv", *quiet)
-    assert (code, released.is_set()) == (0, True)
-    other.join()
-    assert err.count("another run is at work on zwidth here") == said
-    assert not results.verify("here").differences
 
 
 @pytest.mark.usefixtures("sweep")

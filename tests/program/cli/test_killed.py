@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from wavesweep.program.atomic_files import SCRATCH, random_part, scratch
+from wavesweep.program.atomic_files import SCRATCH, put, random_part, scratch
 from wavesweep.program.cli import main
 
 SOURCE = """
@@ -90,3 +90,18 @@ def test_a_folder_that_is_in_use_or_of_another_name_stays(tmp_path):
         assert first.is_dir()
         assert second.is_dir()
     assert list(tmp_path.iterdir()) == [other]
+
+
+def test_a_file_of_the_same_bytes_keeps_its_time_and_a_link_gives_way_to_a_file(tmp_path):
+    place, new, other = tmp_path / "place", tmp_path / "new", tmp_path / "other"
+    place.write_text("a")
+    os.utime(place, ns=(10**18, 10**18))
+    for text, stays in (("a", True), ("b", False)):
+        new.write_text(text)
+        put(new, place)
+        assert (place.read_text(), place.stat().st_mtime_ns == 10**18, new.exists()) == (text, stays, False)
+    place.rename(other)
+    place.symlink_to(other)
+    new.write_text("b")
+    put(new, place)
+    assert (place.is_symlink(), place.read_text(), other.read_text()) == (False, "b", "b")

@@ -6,9 +6,6 @@ import shutil
 
 import pyarrow.parquet
 import pytest
-from PIL import Image
-
-from wavesweep.program.tables.response_table import responses
 
 pytestmark = pytest.mark.slow
 
@@ -79,25 +76,6 @@ def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec
     assert package["resources"][-1]["bytes"] == (tmp_path / "zwidth.svg").stat().st_size
     assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg", "--quiet")[0] == 0
     assert json.loads((tmp_path / "zwidth.datapackage.json").read_text()) == package
-
-
-@pytest.mark.whole
-@pytest.mark.thorough
-def test_figures_say_what_made_them(wavesweep, spec, tmp_path):
-    import wavesweep as package
-
-    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path)
-    wavesweep("plot", tmp_path / "zwidth.csv", *FORMATS)
-    digest = package.load(spec).sha256
-    told = Image.open(tmp_path / "zwidth.png").text
-    assert told["Title"] == "zwidth of small"
-    assert told["Software"] == f"wavesweep {package.__version__}"
-    assert (told["Spec"], told["Spec SHA-256"], told["Command"]) == ("small", digest, "wavesweep zwidth")
-    svg, pdf = (tmp_path / "zwidth.svg").read_text(), (tmp_path / "zwidth.pdf").read_bytes()
-    assert digest in svg
-    assert "<dc:date>" not in svg
-    assert digest.encode() in pdf
-    assert b"CreationDate" not in pdf
 
 
 def spoilt(made, case):
@@ -198,26 +176,6 @@ def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, 
 
 
 @pytest.mark.whole
-def test_a_page_does_not_replace_its_spec(wavesweep, spec):
-    before = spec.read_text()
-    code, _, err = wavesweep("explore", spec, "--save", spec, "--overwrite")
-    assert (code, spec.read_text()) == (2, before)
-    assert "which is read" in err
-
-
-@pytest.mark.whole
-def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
-    from reproduce.figures import _named
-    from wavesweep.program import results
-    from wavesweep.program.spec import load
-
-    results.publish(_named("fig2", responses([load(spec)]), None), tmp_path)
-    code, _, err = wavesweep("plot", tmp_path / "fig2.csv")
-    assert code == 2
-    assert "found one of wavesweep paper, which draws it" in err
-
-
-@pytest.mark.whole
 def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
     assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
     table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
@@ -236,14 +194,3 @@ def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
     code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
     assert code == 2
     assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")
-
-
-@pytest.mark.whole
-def test_a_figure_goes_into_the_file_that_is_named(wavesweep, spec, tmp_path):
-    assert wavesweep("zwidth", str(spec), "--out", str(tmp_path), "--no-plot", "--quiet")[0] == 0
-    table = str(tmp_path / "zwidth.csv")
-    assert wavesweep("plot", table, "--out", str(tmp_path / "mine.pdf"))[0] == 0
-    assert (tmp_path / "mine.pdf").read_bytes().startswith(b"%PDF")
-    code, _, said = wavesweep("plot", table, "--out", str(tmp_path / "mine.svg"), "--format", "png")
-    assert code == 2
-    assert "whose name says its format" in said

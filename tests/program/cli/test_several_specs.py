@@ -36,8 +36,6 @@ frequency_hz = [1, 2, 3]
 """
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
-OF_WALLS = "low, high, felt_low, felt_high, open_low, open_high"
-
 
 @pytest.fixture
 def compare(wavesweep, tmp_path, monkeypatch):
@@ -71,13 +69,6 @@ def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(compare, monk
     assert not list(Path().glob("results/**/.*"))
 
 
-def test_the_old_name_of_both_commands_names_them(wavesweep):
-    code, _, err = wavesweep("compare", "waves.toml", "direct.toml")
-    assert code == 2
-    assert "Compare specs with `wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses.\n" in err
-    assert "inspect is no longer a command. pandas.read_parquet shows a table" in wavesweep("inspect", "results/waves")[2]
-
-
 @pytest.mark.slow
 def test_it_writes_a_table_and_its_figure_with_what_each_spec_assumes(compare, figures):
     code, out, err = compare()
@@ -109,15 +100,6 @@ def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
         assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
 
 
-def test_the_facts_name_all_specs_and_units(compare):
-    compare("--no-plot", "--quiet")
-    package = json.loads(Path("results/waves+direct/zwidth-specs.datapackage.json").read_text())
-    units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
-    assert (units["spec"], units["b"], units["rates.slow_hz"], units["high"]) == ("", "N*s/m", "Hz", "N/m")
-    assert list(package["wavesweep"]["specs"]) == ["waves", "direct"]
-    assert package["wavesweep"]["slices"]["computed"] == 6 + 4
-
-
 def test_an_edited_spec_is_named_with_its_change(compare):
     compare("--no-plot", "--quiet")
     Path("direct.toml").write_text(DIRECT.replace("delay = 3", "delay = 5"))
@@ -142,22 +124,6 @@ def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
     assert specs["direct"]["largest"]["at"].keys() == {"B_VE", "rates.slow_hz"}
 
 
-def limits_of(figure):
-    """The vertices of stable regions and of their boundaries, `(x, y)`, of all panels."""
-    paths = [path for axes in figure.axes for each in axes.collections for path in each.get_paths()]
-    return {tuple(vertex) for path in paths for vertex in path.vertices.tolist()}
-
-
-@pytest.mark.thorough
-def test_the_boundaries_of_the_figure_go_through_the_ends(compare, figures):
-    assert compare("--quiet")[0] == 0
-    table = results.read("results/waves+direct/zwidth-specs.csv")
-    shown = (table["intervals"] > 0) & ~((table["spec"] == "direct") & (table["rates.slow_hz"] == 100.0))
-    ends = set(zip(table["B_VE"][shown].tolist(), table["high"][shown].tolist(), strict=True))
-    assert ends
-    assert any(ends <= limits_of(figure) for figure in figures)
-
-
 @pytest.mark.slow
 def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -168,57 +134,3 @@ def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(waveswee
     table = results.read(tmp_path / "both/zwidth-specs.csv")
     assert np.isnan(table["n"][table["spec"] == "plain"]).all()
     assert np.isfinite(table["n"][table["spec"] != "plain"]).all()
-
-
-def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
-    """The ranges begin at 0, at 100 and at 2; the wheel's wall turns."""
-    Path("late.toml").write_text('[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 100, stop = 6000 }\nB_VE = [1]\n')
-    wheel = (Path(library.__file__).parents[1] / "sweeps" / "recipes" / "wheel.toml").read_text().partition("[sweep]\n")[0]
-    wall = 'wall = { stiffness = "K", damping = "B" }'
-    Path("wheel.toml").write_text(f"{wheel}{wall}\n[sweep]\nK = {{ start = 2, stop = 20 }}\nB = [0.1]\n")
-    code, _, err = compare("--no-plot", specs=("waves.toml", "late.toml", "wheel.toml"))
-    assert code == 0
-    units = f"{OF_WALLS}: N/m in waves and late, N*m/rad in wheel; each row has the unit of its spec\n"
-    assert units in err
-    said = dict(re.findall(r"^(waves|late|wheel):\n((?:  .*\n)+)", err, re.MULTILINE))
-    assert said.keys() == {"waves", "late", "wheel"}
-    assert "stable from" not in said["late"] + said["wheel"]
-    assert said["late"].startswith("  largest stable K_VE: 5012.53 N/m at B_VE = 1 N*s/m\n")
-    assert said["wheel"].startswith("  largest stable K: 20 N*m/rad at B = 0.1 N*m*s/rad, where the swept range ends\n")
-    assert "at rest: 20 N*m/rad with K = 20 N*m/rad at B = 0.1 N*m*s/rad\n" in said["wheel"]
-
-
-RECIPES = Path(library.__file__).parents[1] / "sweeps" / "recipes"
-WALL = 'wall = { stiffness = "K", damping = "B" }'
-AXES = "[sweep]\nK = { start = 2, stop = 20 }\nB = [0.1, 0.2]\n[bode]\nB = [0.1, 0.2]\nfrequency_hz = [1, 2]\n"
-
-
-@pytest.fixture
-def both(tmp_path):
-    """A loop that turns and one that slides, whose walls have the same names and other units."""
-    for name, wall in (("wheel", WALL), ("long-delay", "")):
-        drawing = (RECIPES / f"{name}.toml").read_text().partition("[sweep]\n")[0]
-        (tmp_path / f"{name}.toml").write_text(f"{drawing}{wall}\n{AXES}")
-    return "wheel.toml", "long-delay.toml"
-
-
-def units_of(package):
-    found = json.loads(Path(package).read_text())
-    return {field["name"]: field["unit"] for field in found["resources"][0]["schema"]["fields"]}, found["wavesweep"]
-
-
-def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compare, both, wavesweep):
-    code, _, err = compare("--no-plot", specs=both)
-    assert code == 0
-    assert wavesweep("bode", *both, "--no-plot")[0] == 0
-    dampings = "B: N*m*s/rad in wheel, N*s/m in long-delay; each row has the unit of its spec\n"
-    assert err.startswith(f"{dampings}{OF_WALLS}: N*m/rad in wheel, N/m in long-delay; each row")
-    units, facts = units_of("results/wheel+long-delay/zwidth-specs.datapackage.json")
-    assert [units[name] for name in ("B", *OF_WALLS.split(", "), "low_omega")] == [""] * 7 + ["rad/s"]
-    assert facts["unlike_units"]["B"] == {"N*m*s/rad": ["wheel"], "N*s/m": ["long-delay"]}
-    units, facts = units_of("results/wheel+long-delay/bode.datapackage.json")
-    assert (units["B"], units["admittance_abs"], units["admittance_deg"]) == ("", "", "deg")
-    admittance = "admittance_re, admittance_im, admittance_abs, worst_gain: rad/(N*m) in wheel, m/N in long-delay; each row"
-    assert facts["notices"][0] == dampings.strip()
-    assert facts["notices"][1].startswith(admittance)
-    assert library.bode(*both).attrs["units"]["B"] == ""

@@ -86,10 +86,3 @@ def test_a_terminal_that_goes_away(tmp_path, ignored):
     assert (code, left) == (
         (0, FILES) if ignored else (129, [path.name for path in (tmp_path / "out").glob(".zwidth-*.sqlite")])
     )
-
-
-def test_a_command_keeps_freed_memory_for_its_work(wavesweep, spec, monkeypatch):
-    kept = []
-    monkeypatch.setattr("wavesweep.program.platform_compat.keep_memory", lambda: kept.append(True))
-    assert wavesweep("zwidth", spec)[0] == 0
-    assert kept == [True]

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from wavesweep.program import plots
-from wavesweep.program.analyses.interval_jobs import Way
 from wavesweep.program.analyses.plane_columns import (
     KNOWN,
-    MOST_PROVED,
     NARROW,
     Interval,
     PlaneCurve,
@@ -70,24 +68,6 @@ def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
     assert region_of(PlaneCurve(curve.columns), VIEW).unknown == []  # bars alone
 
 
-def test_what_is_straight_on_a_scale_of_factors_is_not_on_an_even_one():
-    one, middle, other = column((1, 10)), column((1, 100)), column((1, 1000))
-    assert _is_straight(one, middle, other, View("K_VE", False, 500, 400, by_factors=True), tolerance=1e-3)
-    assert not _is_straight(one, middle, other, VIEW, tolerance=1.0)
-
-
-def test_bars_at_the_first_or_the_last_value_are_known_as_such():
-    columns = {x: column((0, 1)) for x in (0.0, 1.0, 2.0)}
-    for gaps, found in (
-        ({}, True),
-        ({(0.0, 1.0): NARROW}, True),
-        ({(1.0, 2.0): NARROW}, True),
-        ({(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}, False),
-    ):
-        assert PlaneCurve(columns, gaps).open_at_ends == found
-    assert not PlaneCurve({0.0: column((0, 1))}).open_at_ends
-
-
 def test_a_boundary_is_one_line_where_a_hole_begins():
     """The hole ends in the middle of the gap; its line has the unstable side at the left, as those of the outer ends have."""
     one, two = column((100, 1200)), column((101, 600), (700, 1201))
@@ -97,25 +77,6 @@ def test_a_boundary_is_one_line_where_a_hole_begins():
     hole = [(2.0, 700), (1.5, 650), (2.0, 600)]
     assert sorted(region.certain) == sorted([outer, lower, hole])
     assert region.doubtful == []
-
-
-def test_a_closed_boundary_is_a_line_too():
-    island = PlaneCurve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
-    (line,) = region_of(island, VIEW).certain
-    assert (line[0], len(line), area(line)) == (line[-1], 5, 0.5)
-
-
-def test_a_boundary_has_no_steps_in_gaps_that_are_narrow():
-    """A line joins the ends of intervals that go on, also where another one ends."""
-    columns = {0.0: column((0, 1), (5, 6)), 1.0: column((0, 2), (5, 6)), 2.0: column((0, 3))}
-    region = region_of(PlaneCurve(columns, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}), VIEW)
-    assert [(0.0, 1), (0.5, 1.5), (1.0, 2), (1.5, 2.5), (2.0, 3)] in region.certain
-    assert [(0.0, 6), (0.5, 6), (1.0, 6), (1.5, 5.5), (1.0, 5), (0.5, 5), (0.0, 5)] in region.certain
-
-
-def test_nothing_joins_an_interval_that_ends_with_another_that_begins():
-    curve = PlaneCurve({0.0: column((0, 1)), 1.0: column((5, 6))}, {(0.0, 1.0): NARROW})
-    assert sum(map(area, region_of(curve, VIEW).areas)) == 1.0
 
 
 def test_what_is_stable_and_not_certified_is_not_filled():
@@ -158,22 +119,6 @@ def test_nothing_is_filled_between_values_that_are_not_joined():
     assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
 
 
-@pytest.mark.slow
-def test_an_axis_ends_soon_after_the_last_interval():
-    """If there is none in 40 % of it, which the note says, and all of that is known."""
-    walls = {"controller": {"kind": "dc-slow"}}
-    walls["sweep"] = {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 1.0, 200.0, 400.0]}
-    columns = dict(intervals(load(walls)).columns)
-    figure = plots.zwidth(columns, {})
-    low, high = figure.axes[0].get_xlim()
-    assert (low < 0, 200 < high < 250) == (True, True)
-    assert "Beyond the axis no swept value has an interval." in " ".join(figure.get_supxlabel().split())
-    columns["doubt"] = np.where(columns["B_VE"] == 400, "search", columns["doubt"].astype(str))
-    figure = plots.zwidth(columns, {})
-    assert figure.axes[0].get_xlim()[1] > 400
-    assert "Beyond" not in figure.get_supxlabel()
-
-
 def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(monkeypatch):
     """Batches share polynomials, which a design of a tiny number may spoil; a column that stays in doubt is not joined."""
     asked = []
@@ -202,53 +147,3 @@ def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(m
         assert not [x for x in curve.columns if 1.4 < x < 1.6]
         (cut,) = [gap for gap in pairwise(sorted(curve.columns)) if gap[0] < 1.5 < gap[1]]
         assert cut not in curve.gaps
-
-
-@pytest.fixture
-def dear_columns(monkeypatch):
-    """A design that takes long, stable up to a bent curve; what is asked of it, with ball arithmetic or without."""
-    asked = {"doubles": [], "balls": []}
-
-    def at_points(spec, axis, points, require, prover=None):  # noqa: ARG001 - as the function that it stands for
-        x = points["environment.B_VE"]
-        asked["balls" if prover else "doubles"] += x.tolist()
-        certified = (x < 109) | bool(prover)
-        rows = {"slice": np.arange(x.size), "intervals": np.ones(x.size, int), "interval": np.zeros(x.size, int)}
-        rows |= {"low": np.zeros(x.size), "high": bent(x), "low_omega": np.zeros(x.size), "high_omega": np.ones(x.size)}
-        return rows | {"certified": certified, "doubt": np.where(certified, "", "rounding").astype(object)}
-
-    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.at_points", at_points)
-    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.cost_of", lambda *_: (1e-3, Way.DOMINANCE))
-    return asked
-
-
-def bent(x):
-    """A line that turns at 105, within a few units."""
-    return 1000 + 300 * np.sqrt(2 + (x - 105) ** 2)
-
-
-def curve_of_design(values):
-    sweep = {"K_VE": {"start": 0, "stop": 4000}, "B_VE": values}
-    spec = load({"controller": {"kind": "pmw"}, "sweep": sweep})
-    table = table_of_intervals(["B_VE"], "K_VE", [((x,), [(0.0, bent(x), 0.0, 1.0, True)]) for x in values])
-    (curve,) = curves_of([table], VIEW, {"spec": spec.tables()})
-    return curve
-
-
-def test_dear_columns_are_computed_where_a_curve_bends(dear_columns):
-    curve = curve_of_design(np.linspace(0, 108.0, 100).tolist())
-    assert all(gap in curve.gaps for gap in pairwise(sorted(curve.columns)))
-    assert dear_columns["doubles"]
-    assert min(dear_columns["doubles"]) > 95
-    few = curve_of_design([0.0, 50.0, 100.0, 105.0])  # of which nothing between is known
-    assert all(gap in few.gaps for gap in pairwise(sorted(few.columns)))
-    assert min(dear_columns["doubles"]) < 50
-
-
-def test_a_few_dear_columns_in_doubt_are_asked_of_ball_arithmetic(dear_columns):
-    curve = curve_of_design(np.linspace(100, 112, 60).tolist())
-    assert 0 < len(dear_columns["balls"]) <= MOST_PROVED
-    assert min(dear_columns["balls"]) > 109
-    assert set(dear_columns["balls"]) <= set(curve.columns)
-    others = {x for x in dear_columns["doubles"] if x > 109} - {*dear_columns["balls"]}
-    assert not others & set(curve.columns)

@@ -4,10 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from wavesweep.program.plots import figure_of
 from wavesweep.program.plots.style import TWO_COLUMNS, as_asked, figure
-from wavesweep.program.spec import load
-from wavesweep.program.tables.interval_table import intervals
 
 LONG = "a title that says at length what is in the panel below"
 WIDTHS = [89 / 25.4, TWO_COLUMNS]
@@ -33,18 +30,6 @@ def test_titles_of_four_panels_do_not_overlap(width):
     assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
     assert all(box.x0 >= 0 and box.x1 <= width * canvas.dpi + 1 for box in boxes)
     assert (max(len(axes.get_title().splitlines()) for axes in panels) > 1) == (width < TWO_COLUMNS)
-
-
-def test_panels_of_bars_with_long_names_are_wide_enough_in_a_column():
-    axes = {"environment.delay": [0, 20], "filters.lp1.cutoff_hz": [5.0, 10.0], "device.damping": [0.5, 1.0]}
-    spec = load({"controller": {"kind": "pmw"}, "sweep": {"along": "b", "b": {"start": 1, "stop": 200}, **axes}})
-    table = intervals(spec, jobs=1)
-    with as_asked(WIDTHS[0]):
-        canvas = figure_of(table.kind)(table.columns, table.facts)
-    panels, boxes = texts_of(canvas)
-    names = [text.get_window_extent() for axes in panels for text in axes.get_yticklabels()]
-    assert min(axes.bbox.width for axes in panels) > 0.4 * canvas.bbox.width
-    assert not any(one.overlaps(other) for one, other in combinations([*boxes, *names], 2))
 
 
 def test_lines_and_marks_are_seen_on_a_dark_ground():

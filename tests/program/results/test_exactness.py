@@ -1,19 +1,16 @@
 """What is written reads back to the same bits, from both files and with the tools that users have."""
 
 import csv
-import os
 import struct
-from pathlib import Path
 
 import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
 
-from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.engine.errors import UsageError
 from wavesweep.program import results
 from wavesweep.program.results import publish
-from wavesweep.program.results import table_files as files
 from wavesweep.program.tables.table import Table
 
 
@@ -21,16 +18,6 @@ from wavesweep.program.tables.table import Table
 def test_both_files_read_back_to_the_same_bits(columns, facts, same, tmp_path, suffix):
     publish(Table.of("zwidth", columns, facts), tmp_path)
     same(results.read(tmp_path / f"zwidth.{suffix}"), columns)
-
-
-@pytest.mark.parametrize("name", ["s3:", os.fsdecode(b"d\xff")])
-def test_a_folder_may_have_any_name(name, columns, facts, same, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    publish(Table.of("zwidth", columns, facts), name)
-    for suffix in ("csv", "parquet"):
-        found = results.read(f"{name}/zwidth.{suffix}")
-        same(found, columns)
-    assert files.read_rows(Path(name) / "zwidth.parquet", 1, 3)["low"].size == 2
 
 
 def test_any_finite_double_survives_the_csv(columns, facts, tmp_path):
@@ -88,14 +75,6 @@ def test_a_spec_with_an_awkward_name_reads_back(stem, tmp_path, facts):
         assert [row["spec"] for row in csv.DictReader(file)] == [stem, stem]
 
 
-def test_a_name_that_is_no_unicode_is_refused(columns, facts, tmp_path):
-    columns["along"][2] = "\udc80"
-    fields = results.fields_of("zwidth", {**columns, "along": ["K_VE"]})
-    with pytest.raises(WavesweepError, match="cannot be written as UTF-8"):
-        publish(Table.of("zwidth", columns, facts, fields=fields), tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_table_of_its_own_kind_reads_back_by_the_package_beside_it(facts, same, tmp_path):
     fields = tuple(results.Field(name, kind, "1", name) for name, kind in (("slope", "number"), ("island", "boolean")))
     columns = {"slope": np.array([1.0, 2.0, -0.0]), "island": np.array([True, False, True])}
@@ -103,26 +82,6 @@ def test_a_table_of_its_own_kind_reads_back_by_the_package_beside_it(facts, same
     same(results.read(tmp_path / "own.csv"), columns)
     (tmp_path / "own.datapackage.json").write_text("torn")
     assert results.read(tmp_path / "own.csv")["island"].tolist() == [1, 0, 1]
-
-
-def test_columns_in_chunks_and_slices_read_as_arrow_gives_them():
-    numbers = [1.5, None, float("nan"), -0.0, 5e-324] * 5
-    flags, whole = [True, False, False, True, True] * 5, [2**62, 0, -1, 3, 4] * 5
-    for values, kind in ((numbers, pyarrow.float64()), (flags, pyarrow.bool_()), (whole, pyarrow.int64())):
-        column = pyarrow.chunked_array([pyarrow.array(values, kind).slice(first, 6) for first in (0, 3, 9, 25)])
-        found = files._numpy(column)
-        expected = column.to_numpy()
-        assert found.dtype == expected.dtype
-        assert found.tobytes() == expected.tobytes() or np.array_equal(found, expected, equal_nan=True)
-        assert files._numpy(pyarrow.chunked_array([], kind)).size == 0
-    lacking = files._numpy(pyarrow.chunked_array([pyarrow.array([1, None, 3], pyarrow.int64())]))
-    assert np.array_equal(lacking, [1, np.nan, 3], equal_nan=True)
-    assert files._numpy(pyarrow.chunked_array([pyarrow.array([1.5], pyarrow.float32())])).tolist() == [1.5]
-
-
-def test_a_file_of_another_kind_is_refused(tmp_path):
-    with pytest.raises(UsageError, match=r"found the suffix '\.txt', expected \.csv or \.parquet"):
-        results.read(tmp_path / "zwidth.txt")
 
 
 def test_a_table_in_another_encoding_is_refused_in_a_sentence(tmp_path):

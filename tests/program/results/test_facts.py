@@ -7,7 +7,6 @@ import re
 import pyarrow.parquet
 import pytest
 
-from wavesweep.program import results
 from wavesweep.program.results import publish
 from wavesweep.program.results.folder import changes
 from wavesweep.program.tables.table import Table
@@ -49,13 +48,6 @@ def test_the_facts_are_in_both_places_but_what_differs_between_equal_runs_only_i
     assert stored == {name: fact for name, fact in facts.items() if name not in of_the_run}
 
 
-def test_the_order_of_the_facts_is_kept_since_axes_and_wishes_have_one(columns, facts, tmp_path):
-    ordered = facts | {"spec": {"sweep": {"along": "K_VE", "b": [1.0], "B_VE": [2.0]}}}
-    publish(Table.of("zwidth", columns, ordered), tmp_path)
-    for table in ("zwidth.csv", "zwidth.parquet"):
-        assert list(results.read_table(tmp_path / table)[2]["spec"]["sweep"]) == ["along", "b", "B_VE"]
-
-
 def test_every_parquet_field_has_its_unit(package, tmp_path):
     schema = pyarrow.parquet.read_schema(tmp_path / "zwidth.parquet")
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
@@ -64,11 +56,6 @@ def test_every_parquet_field_has_its_unit(package, tmp_path):
     assert units["environment.delay"] == "tick"
     described = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
     assert described == units
-
-
-def test_the_ends_have_the_unit_of_their_axis():
-    units = {field.name: field.unit for field in results.fields("stability-region", ["B_VE"], along="b")}
-    assert units["low"] == units["high"] == "N*s/m"
 
 
 @pytest.mark.parametrize(
@@ -91,8 +78,3 @@ def test_a_changed_axis_is_one_change(before, now, text):
     assert changes(*facts) == text
     several = [{"specs": {"mine": each["spec"]}} for each in facts]
     assert changes(*several) == [f"mine: {each}" for each in text]
-
-
-def test_a_key_that_only_one_run_has_is_said_to_be_not_given():
-    facts = [{"spec": {"filters": filters}} for filters in ({}, {"lp1": {"order": 1}})]
-    assert changes(*facts) == ["filters.lp1.order not given -> 1"]

@@ -39,10 +39,6 @@ def run(*arguments):
     assert main([*arguments, "--quiet"]) == 0
 
 
-def names(folder):
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["zwidth", "stability-region", "bode", "passivity"])
@@ -68,18 +64,6 @@ def test_parts_read_as_the_single_file_does(home, same, command):
     (home / f"parts/{command}.png").unlink()
     assert main(["plot", f"parts/{command}.parquet/"]) == 0
     assert (home / f"parts/{command}.png").read_bytes() == (home / f"one/{command}.png").read_bytes()
-
-
-def test_parts_of_another_spec_are_protected(home, capfd):
-    run("bode", "mine.toml", "--out", "o", "--no-plot", "--partition", "4")
-    before = names(home / "o")
-    (home / "other.toml").write_text(SPEC.replace("80.0", "90.0"))
-    for more in ([], ["--partition", "4"]):
-        assert main(["bode", "other.toml", "--out", "o", "--no-plot", *more]) == 2
-        assert "found results of another spec" in capfd.readouterr().err
-    assert names(home / "o") == before
-    run("bode", "other.toml", "--out", "o", "--no-plot", "--overwrite")
-    assert names(home / "o") == ["bode.csv", "bode.datapackage.json", "bode.parquet"]
 
 
 def test_a_folder_with_files_of_somebody_else_is_no_table_in_parts(home, capfd):

@@ -169,22 +169,6 @@ def test_what_stands_in_the_place_of_a_file_of_results_is_not_replaced_unasked(t
         refuse_other_spec("zwidth", tmp_path, "0" * 64)
 
 
-def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(columns, facts, tmp_path):
-    (tmp_path / "zwidth.csv").mkdir()
-    with pytest.raises(UsageError, match=r"zwidth\.csv: expected a file of results or none, found a folder"):
-        publish(Table.of("zwidth", columns, facts), tmp_path)
-    assert names(tmp_path) == ["zwidth.csv"]
-
-
-def test_the_folder_of_results_may_be_a_link(columns, facts, tmp_path):
-    (tmp_path / "real").mkdir()
-    link = tmp_path / "link"
-    link.symlink_to("real")
-    for _ in range(2):
-        publish(Table.of("zwidth", columns, facts), link)
-        assert names(tmp_path / "real") == FILES
-
-
 def test_the_specs_of_designs_appear_with_their_table_and_take_the_place_of_older_ones(tmp_path):
     for texts in (("a", "b"), ("c",)):
         folder = tmp_path / ".design.new"
@@ -260,9 +244,3 @@ def test_where_locks_are_refused_the_file_of_a_process_that_has_ended_is_no_lock
         with at_work(["zwidth"], tmp_path):
             assert str(os.getpid()) in holder.read_text()
         assert names(tmp_path) == []
-
-
-@pytest.mark.usefixtures("no_locks")
-def test_where_locks_are_refused_a_table_is_written(columns, facts, tmp_path):
-    publish(Table.of("zwidth", columns, facts), tmp_path)
-    assert names(tmp_path) == FILES

@@ -79,14 +79,6 @@ def test_every_table_is_read_right_without_an_option(kind, reader, facts, tmp_pa
     assert_same(reader(tmp_path / f"{kind}.csv"), read(tmp_path / f"{kind}.parquet"))
 
 
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("reader", READERS[:3])
-def test_so_is_one_that_is_longer_than_what_readers_guess_types_from(reader, facts, tmp_path):
-    publish(Table.of("zwidth", made("zwidth", 40_000), facts), tmp_path)
-    assert_same(reader(tmp_path / "zwidth.csv"), read(tmp_path / "zwidth.parquet"))
-
-
 def test_no_name_of_a_column_is_a_word_of_sql():
     import sqlite3
 

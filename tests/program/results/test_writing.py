@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program import results
 from wavesweep.program.results import publish, read_table, stream
 from wavesweep.program.results.table_files import GROUP_ROWS
 from wavesweep.program.tables.table import Table
@@ -70,14 +69,6 @@ def test_numbers_that_hardly_repeat_have_no_dictionary(columns, facts, tmp_path)
     assert coded.isdisjoint({"high", "low", "B_VE", "high_omega"})
 
 
-def test_a_table_without_rows_is_a_table(columns, facts, same, tmp_path):
-    empty = {name: column[:0] for name, column in columns.items()}
-    publish(Table.of("zwidth", empty, facts), tmp_path)
-    assert (tmp_path / "zwidth.csv").read_text() == ",".join(columns) + "\n"
-    same(results.read(tmp_path / "zwidth.csv"), empty)
-    same(results.read(tmp_path / "zwidth.parquet"), empty)
-
-
 @pytest.mark.parametrize("value", [np.inf, -np.inf])
 def test_an_infinity_is_refused_by_column_and_row_and_nothing_is_written(columns, facts, tmp_path, value):
     columns["high"][2] = value
@@ -124,15 +115,6 @@ def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_pat
     assert contents(tmp_path) == before
 
 
-def test_without_the_files_beside_it_a_table_does_not_appear(columns, facts, tmp_path):
-    def full(directory):
-        raise OSError(28, "No space left on device", str(directory / "best"))
-
-    with pytest.raises(OSError, match="No space left"):
-        publish(Table.of("zwidth", columns, facts, extra_files=full), tmp_path)
-    assert contents(tmp_path) == {}
-
-
 def test_results_of_another_spec_stay_without_overwrite(columns, facts, tmp_path):
     publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
     before, other = contents(tmp_path), {**facts, "spec_sha256": "cd" * 32}
@@ -142,13 +124,6 @@ def test_results_of_another_spec_stay_without_overwrite(columns, facts, tmp_path
     publish(Table.of("zwidth", columns, other), tmp_path, overwrite=True)
     # The old figure shows the other spec's results: it must not stand beside these.
     assert not (tmp_path / "zwidth.png").exists()
-
-
-def test_results_of_the_same_spec_are_replaced_and_the_figure_stays(columns, facts, tmp_path):
-    publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
-    paths = publish(Table.of("zwidth", columns, facts), tmp_path)
-    assert [path.name for path in paths] == ["zwidth.csv", "zwidth.parquet", "zwidth.datapackage.json"]
-    assert (tmp_path / "zwidth.png").exists()
 
 
 @pytest.mark.parametrize("package", [None, "{ torn", "[]", '{"wavesweep": {}}'])

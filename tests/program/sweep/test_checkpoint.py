@@ -13,7 +13,6 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.felt import RECORD
 from wavesweep.program.store import checkpoint
 from wavesweep.program.store.checkpoint import CheckpointError
-from wavesweep.program.sweep import running
 from wavesweep.program.tables.interval_table import intervals
 
 
@@ -131,13 +130,6 @@ def test_a_chunk_of_another_run_is_not_read(stopped, long):
     assert other.load(2).tobytes() == records.tobytes()
 
 
-@pytest.mark.parametrize("damage", ["UPDATE runs SET digest = zeroblob(32)", "UPDATE runs SET identity = '{'"])
-def test_damaged_words_cost_nothing(stopped, long, damage):
-    changed(stopped, damage)
-    run = intervals(long, jobs=1, checkpoint=stopped)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
-
-
 @pytest.mark.parametrize("key", ["tool_version", "numpy_version", "layout"])
 def test_a_checkpoint_of_another_version_is_refused_and_stays_as_it_is(stopped, long, key):
     changed(stopped, "UPDATE runs SET digest = zeroblob(32), identity = json_set(identity, ?, '0.0.1')", f"$.{key}")
@@ -248,15 +240,6 @@ def test_a_file_that_another_program_has_open_is_named_and_restart_begins_anew(f
     other.close()
 
 
-def test_a_file_that_is_damaged_during_the_run_is_made_anew(stopped, long, long_table, same):
-    run = intervals(long, jobs=1, checkpoint=stopped)
-    some_text(stopped)
-    stopped.with_name(f"{stopped.name}-wal").write_bytes(b"")
-    same(run.columns, long_table)
-    run.forget()
-    assert not stopped.exists()
-
-
 @pytest.mark.parametrize("suffix", checkpoint.BESIDE)
 @pytest.mark.parametrize("force", [True, False])
 def test_a_link_a_folder_or_a_pipe_in_place_of_the_file_is_refused(stopped, long, tmp_path, suffix, force):
@@ -266,29 +249,6 @@ def test_a_link_a_folder_or_a_pipe_in_place_of_the_file_is_refused(stopped, long
         with pytest.raises(CheckpointError, match="expected a file of finished chunks, found something else; move it away"):
             intervals(long, jobs=1, checkpoint=place, force=force)
     assert finished_in(stopped) == [0, 2]
-
-
-def test_what_a_removed_checkpoint_left_beside_it_does_not_disturb_the_next_one(stopped, long, tmp_path):
-    """A kill between the removal of the file and that of its log."""
-    stopped.rename(tmp_path / "away")
-    for suffix in checkpoint.BESIDE[1:]:
-        (tmp_path / f"{stopped.name}{suffix}").write_bytes((tmp_path / "away").read_bytes())
-    run = intervals(long, jobs=1, checkpoint=stopped)
-    assert (run.facts["timings"]["slices_from_checkpoint"], run.facts["warnings"]) == (0, [])
-    run.forget()
-    assert [path.name for path in tmp_path.iterdir()] == ["away"]
-
-
-def test_a_table_that_is_large_needs_no_memory_for_its_chunks(long, long_table, same, monkeypatch):
-    monkeypatch.setattr(running, "IN_MEMORY", 1000)
-    run = intervals(long, jobs=1)
-    same(run.columns, long_table)
-    run.forget()
-
-
-def test_a_single_chunk_needs_no_file(mixed, tmp_path):
-    intervals(mixed, checkpoint=tmp_path / "kept.sqlite")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_removal_that_fails_is_a_warning_and_is_finished_by_the_next_run(stopped, long, tmp_path, monkeypatch):

@@ -10,7 +10,6 @@ from wavesweep.program.sweep import running
 from wavesweep.program.sweep.job import MOST, Chunks, cut_otherwise, cut_up
 from wavesweep.program.sweep.running import compute
 from wavesweep.program.sweep.workers import Workers
-from wavesweep.program.tables.interval_table import intervals
 
 HERE = Workers(1, None, None, "a test")
 SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
@@ -43,12 +42,6 @@ def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
         same(joined(running.blocks(job, store)), whole)
 
 
-def test_what_is_not_read_is_computed_once(mixed):
-    run = intervals(mixed)
-    assert run.facts["slices"] == {"computed": 84, "skipped": 84, "certified": 84}
-    assert run.facts["notices"] == ["K_LM is not read by pmw: evaluated once, its rows repeated"]
-
-
 @pytest.mark.parametrize(("loops", "points"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096), (500_000, 1)])
 def test_chunks_cover_every_column_once(loops, points):
     chunks = cut_up(loops, points, cost=1e-6)
@@ -73,16 +66,3 @@ def _columns(chunks: Chunks, number):
     found = [loop * chunks.points + point for loop in chunk.loops for point in chunk.points]
     assert (found[0], len(found)) == (chunk.first, chunk.slices)
     return found
-
-
-def test_progress_counts_slices_up_to_all_of_them(long):
-    told = []
-    intervals(long, jobs=1, progress=lambda *counts: told.append(counts))
-    assert len(told) > 2
-    assert told[-1] == (16200, 16200, 16200)
-    assert told == sorted(told)
-
-
-def test_a_table_knows_how_many_rows_it_has_before_they_are_read(mixed):
-    table = intervals(mixed)
-    assert table.rows == len(table.columns["low"])

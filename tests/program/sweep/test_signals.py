@@ -172,23 +172,6 @@ def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp
     assert all(line.startswith(STOPPED[number]) for line in said.split("\n") if line)
 
 
-def test_a_hangup_that_is_ignored_stays_so(tmp_path):
-    program = "import os, signal\nfrom wavesweep.program.cli import stopping\n"
-    program += "signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup\n"
-    program += "with stopping.signals_unwind(False):\n    os.kill(os.getpid(), signal.SIGHUP)\nprint('there')"
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
-    assert run.stdout == "there\n"
-
-
-def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path):
-    program = "import os, signal, time\nfrom wavesweep.program.cli import stopping\n"
-    program += "class Last:\n    def __del__(self): os.kill(os.getpid(), signal.SIGTERM); time.sleep(0.1)\n"
-    program += "try:\n    with stopping.signals_unwind(True):\n        Last()\n        time.sleep(5)\n"
-    program += "except stopping.Stopped as error:\n    print(error.exit_code)"
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
-    assert run.stdout == "143\n"  # at once or, on a busy machine, at the end
-
-
 @pytest.mark.parametrize("after", ["pass", "raise ImportError('initialization failed')"])
 def test_a_signal_whose_exception_a_library_drops_or_changes_counts(tmp_path, after):
     program = "import os, signal\nfrom wavesweep.program.cli import stopping\n"

@@ -13,8 +13,6 @@ import pytest
 from support.chunks import finished
 from support.program import started
 
-from wavesweep.program.sweep import workers
-
 pytestmark = pytest.mark.slow
 
 KILLS = int(os.environ.get("WAVESWEEP_KILLS", "1"))
@@ -110,45 +108,3 @@ def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, un
     assert f"slices are kept in {kept}; the same command goes on from there." in said
     assert finish(start(out, "--jobs", "1"))[0] == 0
     assert contents(out) == undisturbed
-
-
-LONG = """
-[controller]
-kind = "pmw"
-[sweep]
-b = { start = 5, stop = 100, num = 40 }
-"filters.lp1.cutoff_hz" = [5.0, 10.0, 20.0]
-K_VE = { start = 0, stop = 20000 }
-[bode]
-frequency_hz = { start = 0.1, stop = 40, num = 300 }
-K_VE = { start = 0, stop = 2000, num = 10 }
-b = { start = 5, stop = 100, num = 20 }
-"""
-
-
-@pytest.mark.thorough
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("command", ["bode", "passivity"])
-def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(command, tmp_path):
-    (tmp_path / "long.toml").write_text(LONG)
-
-    def begin(out, *options):
-        return started(tmp_path, command, "long.toml", "--out", out, *options)
-
-    def files(out):
-        return [(tmp_path / out / f"{command}.{form}").read_bytes() for form in ("csv", "parquet")]
-
-    assert finish(begin("whole", "--jobs", "1"))[0] == 0
-    process, patience = begin("killed", "--jobs", "1"), time.monotonic() + PATIENCE
-    while not finished(tmp_path / "killed"):
-        assert time.monotonic() < patience, f"no finished chunk in {PATIENCE} s"
-        time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGKILL)
-    finish(process)
-    code, said = finish(begin("killed", "--jobs", "2", "--backend", "loky"))
-    assert (code, said.count("Error")) == (0, 0)
-    assert files("killed") == files("whole")
-    timings = json.loads((tmp_path / "killed" / f"{command}.datapackage.json").read_text())["wavesweep"]["timings"]
-    assert timings["slices_from_checkpoint"] > 0
-    assert timings["workers"] == min(2, workers.processors())
-    assert len(list((tmp_path / "killed").iterdir())) == 3

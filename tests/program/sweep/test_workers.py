@@ -2,11 +2,11 @@
 
 import contextlib
 import logging
-import platform
 import subprocess
 import sys
 import warnings
 from concurrent.futures import Future
+from types import SimpleNamespace
 
 import pytest
 from support.chunks import DieOnce, finished_in, meet
@@ -39,18 +39,6 @@ def cluster():
         warnings.simplefilter("ignore")
         with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **here) as running:
             yield running.scheduler_address
-
-
-@pytest.mark.thorough
-def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
-    """A pool of ours that joblib takes for its own has none of its attributes."""
-    import joblib
-
-    calls = [joblib.delayed(abs)(-number) for number in range(3)]
-    before = joblib.Parallel(n_jobs=2)(calls)
-    intervals(long, jobs=2, backend="loky")
-    assert joblib.Parallel(n_jobs=2)(calls) == before == [0, 1, 2]
-    assert joblib.Parallel(n_jobs=2, return_as="list")(calls) == before
 
 
 @pytest.mark.slow
@@ -86,13 +74,6 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
     same(run.columns, long_table)
 
 
-@pytest.mark.thorough
-def test_a_dask_worker_that_dies_has_its_chunks_done_again(long, long_table, same, cluster, monkeypatch, tmp_path):
-    monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
-    same(intervals(long, backend="dask", scheduler=cluster).columns, long_table)
-    assert (tmp_path / "died").exists()
-
-
 @pytest.mark.slow
 def test_what_fails_in_the_threads_of_dask_is_no_traceback_on_the_terminal(cluster, caplog):
     """A scheduler that is lost makes callbacks of its client fail, which tornado would show."""
@@ -117,21 +98,6 @@ def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long,
     assert getattr(refused.value, "__notes__", []) == list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("address", ["foo", "tcp://", "inproc://x", "", "tcp://host:port", "tcp://127.0.0.1:99999999"])
-def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd):
-    with pytest.raises(UsageError, match=r"^scheduler .*: (expected an address such as tcp://host:8786|no dask scheduler)"):
-        intervals(mixed, backend="dask", scheduler=address)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
-    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, fork, loky"):
-        intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
-    with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
-        intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
-    assert not list(tmp_path.iterdir())
-
-
 def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
     monkeypatch.setattr(workers, "PROCESSES", 2)
     monkeypatch.setattr(workers, "processors", lambda: 3)
@@ -142,21 +108,6 @@ def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
     monkeypatch.setattr(workers, "processors", lambda: 1)
     assert workers.choose(2, None, None, 1000, lambda: 10.0).backend is None
     assert workers.excess(2, None) == ""  # the default is no wish
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_nothing_of_the_current_folder_is_run(tmp_path):
-    for name in ("joblib", "multiprocessing", "numpy", "random"):
-        (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
-    program = (
-        "import sys; sys.path[:] = [p for p in sys.path if p]\n"
-        "from wavesweep.program.sweep.pools import in_parallel\n"
-        "print(sorted(found for found, _ in in_parallel(2, [(len, 'a' * n) for n in range(4)])))"
-    )
-    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (run.stdout, run.stderr) == ("[0, 1, 2, 3]\n", "")
-    assert not list(tmp_path.glob("run-*"))
 
 
 def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeypatch):
@@ -242,29 +193,22 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
     assert max(sizes) == together
 
 
-FAULTS = """
-import resource
-import numpy as np
-from wavesweep.program.platform_compat import keep_memory
-
-if {keep}:
-    keep_memory()
-arrays = [np.ones(2**17) for _ in range(20)]  # of 1 MiB
-del arrays
-before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-for _ in range(4):
-    arrays = [np.ones(2**17) for _ in range(20)]
-    del arrays
-print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators are left as they are")
-def test_freed_memory_is_not_given_back_and_cleared_between_steps():
-    def faults(keep):
-        program = [sys.executable, "-c", FAULTS.format(keep=keep)]
-        return int(subprocess.run(program, capture_output=True, text=True, check=True).stdout)
-
-    assert faults(keep=True) < 1000
-    assert faults(keep=False) > 10_000  # pages of 4 KiB, 20,480 in all
+def test_a_cluster_is_lost_when_it_has_been_without_workers_for_long_and_never_while_it_has_some(monkeypatch):
+    now, there = [0.0], {"tcp://one": 2}
+    executor = SimpleNamespace(submit=None, shutdown=lambda **_: None)
+    scheduler = SimpleNamespace(address="tcp://here", ncores=None)
+    client = SimpleNamespace(
+        scheduler=scheduler, status="running", get_executor=lambda **_: executor, sync=lambda *_, **__: there
+    )
+    monkeypatch.setattr(clusters, "imported", lambda: SimpleNamespace(KilledWorker=ZeroDivisionError))
+    monkeypatch.setattr(clusters, "_client", lambda *_: client)
+    monkeypatch.setattr(clusters, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    with clusters.dask(SimpleNamespace(scheduler=None, count=1)) as pool:
+        for now[0] in (15.0, 30.0, 45.0):
+            assert pool.look().startswith("1 workers of the dask scheduler tcp://here")
+        there.clear()
+        now[0] = 64.0
+        assert pool.look().startswith("0 workers")
+        now[0] = 66.0
+        with pytest.raises(WavesweepError, match="has had no workers for 20 s"):
+            pool.look()

@@ -5,12 +5,10 @@ import pytest
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep import SpecError, UsageError
 from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine.loop import Loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.simulation.export.source import exported
 
 T = 1e-3
 
@@ -148,45 +146,6 @@ def test_a_simulation_goes_from_instant_to_instant_of_a_tick(tau):
         x = x + each.E @ x + each.B[:, 0] * f
     seen = wavesweep.compile(ARM).with_(tau=tau).simulate(force)
     np.testing.assert_allclose(seen.x, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-
-
-def test_only_delays_of_steps_are_exported():
-    with pytest.raises(UsageError, match="dead time"):
-        exported(load(ARM))
-
-
-@pytest.mark.parametrize(
-    ("keys", "expected"),
-    [
-        ({"seconds": 0.001, "steps": 3}, "expected either steps or seconds"),
-        ({"seconds": -1.0}, ">= 0"),
-        ({"seconds": 2.0}, "expected at most 1000 ticks of the loop, 1 s"),
-        ({"seconds": 0.001, "every": 2}, "expected 1, since a dead time runs in every tick"),
-    ],
-)
-def test_a_dead_time_that_is_none_is_said(keys, expected):
-    spec = ARM | {"block": ARM["block"] | {"net": {"type": "delay"} | keys}}
-    with pytest.raises(SpecError, match=expected):
-        wavesweep.compile(spec)
-
-
-def test_dt_is_the_own_period_of_the_block():
-    """In every expression of a block and of its wires."""
-    lag, wires = {"type": "ss", "discrete": True, "C": [[1]], "every": 4}, {"f.u": "-p.y", "p.u": "k*f.y"}
-    rates, plant = {"tick_hz": 1000}, {"type": "tf", "num": [1], "den": [1, 1, 0]}
-    ends = []
-    for A, B, into in (("1 - 30*dt", "30*dt", "-p.y*dt*250"), ("0.88", "0.12", "-p.y")):
-        blocks = {"p": plant, "f": lag | {"A": [[A]], "B": [[B]]}}
-        spec = {"rates": rates, "numbers": {"k": 1.0}, "block": blocks, "wire": wires | {"f.u": into}}
-        ends.append(wavesweep.compile(spec | {"sweep": {"k": {"start": 0, "stop": 1e4}}}).stable_intervals().high[0])
-    assert ends[0] == pytest.approx(ends[1], rel=1e-12)
-    own = {"numbers": {"k": 1.0, "dt": 0.1}, "wire": wires | {"f.u": "-p.y*dt*10"}}
-    spec = {"rates": rates, "block": {"p": plant, "f": lag | {"A": [[0.88]], "B": [[0.12]]}}} | own
-    assert wavesweep.compile(spec | {"sweep": {"k": {"start": 0, "stop": 1e4}}}).stable_intervals().high[0] == pytest.approx(
-        ends[1], rel=1e-12
-    )
-    with pytest.raises(SpecError, match='unknown name "dt"'):
-        wavesweep.compile(spec | {"numbers": {"k": 1.0, "w": "2*dt"}})
 
 
 @pytest.mark.parametrize("read", [{"seconds": 0.002}, {"steps": 2}])

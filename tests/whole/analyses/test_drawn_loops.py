@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.drawn import ARM, NETWORK, PD, WALL, as_blocks
+from support.drawn import ARM, PD, WALL, as_blocks
 from support.specs import KINDS, nested
 
 import wavesweep
@@ -15,16 +15,9 @@ from wavesweep.check.planning import plan
 from wavesweep.engine._loops import blocks
 from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.loop import Loops
-from wavesweep.program.analyses.interval_jobs import Way, job_of, job_over
-from wavesweep.program.columns import joined
-from wavesweep.program.spec import load, sweep_axes
-from wavesweep.program.sweep.grid import make_grid
-from wavesweep.program.sweep.job import cut_otherwise
-from wavesweep.program.sweep.running import blocks as rows_of
-from wavesweep.program.sweep.running import checkpoint_of, compute, in_memory
-from wavesweep.program.sweep.workers import Workers
-from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.analyses.interval_jobs import Way, job_of
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.running import in_memory
 
 T = 1e-3
 
@@ -105,18 +98,6 @@ def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
     gives_the_reference(wavesweep.compile(tomllib.loads(text)), case, "K", "B")
 
 
-@pytest.mark.parametrize("kind", ["dc-vc", "dc-vc-lm"])
-def test_the_drawn_virtual_couplings_are_the_built_in_ones(kind):
-    text = (CONTROLLERS / f"{kind}.toml").read_text(encoding="utf-8")
-    assert f"\n#     wavesweep zwidth sweeps/recipes/controllers/{kind}.toml\n" in text
-    drawn = wavesweep.compile(tomllib.loads(text))
-    built = wavesweep.compile({"controller": {"kind": kind}, "environment": {"delay": 1}, "local_model": {"K_LM": 400.0}})
-    rows, own = drawn.stable_intervals("K", (0, 20000), B=[0, 1, 5]), built.stable_intervals("K_VE", (0, 20000), B_VE=[0, 1, 5])
-    np.testing.assert_allclose(rows[["low", "high"]], own[["low", "high"]], rtol=1e-10)
-    assert rows.certified.all()
-    assert float(drawn.spectral_radius()) == pytest.approx(float(built.spectral_radius()), rel=1e-10)
-
-
 def gives_the_reference(loop, case, stiffness, damping):
     """All numbers of the case to 1e-10; the wall's numbers have these names."""
     for value, wanted in case["intervals"].items():
@@ -144,51 +125,6 @@ def test_a_number_that_is_one_scalar_gain_and_others_agree():
     for table in tables[1:]:
         np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
         np.testing.assert_allclose(table["high"], tables[0]["high"], rtol=1e-9)
-
-
-def test_a_gain_that_runs_once_a_frame_is_cut_out():
-    held = NETWORK.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
-    held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
-    jobs = [job_of(load(tomllib.loads(text))) for text in (NETWORK, held)]
-    assert [job.asked.way for job in jobs] == [Way.CUT, Way.CUT]
-    np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
-
-
-SWEEPS = [
-    WALL.replace("num = 5 }", "num = 41 }\nalong = 'K'\nK = { start = 0, stop = 20000 }\nn = [0, 2]"),
-    ARM.replace("kp = [60, 120, 240]", "kp = { start = 0, stop = 300, num = 31 }"),
-]
-
-
-def bytes_of(job, workers=None, folder=None):
-    store = checkpoint_of(job, folder, force=False, warnings=[])
-    compute(job, store, workers or Workers(1, None, None, ""))
-    table = joined(rows_of(job, store))
-    return {name: column.tobytes() if column.dtype.kind != "O" else column.tolist() for name, column in table.items()}
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("text", SWEEPS)
-def test_results_do_not_depend_on_the_cuts(text, tmp_path):
-    job = job_of(load(tomllib.loads(text)))
-    whole = bytes_of(job)
-    assert bytes_of(cut_otherwise(job, deep=1)) == whole
-    assert bytes_of(cut_otherwise(job, deep=7), folder=tmp_path / "parts") == whole
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"rates.tick_hz": np.array([1000.0, -5.0])}, r"rates\.tick_hz: expected a number > 0, found -5"),
-        ({"numbers.m": -0.2, "numbers.kp": np.array([1.0, 2.0])}, r"block\.m\.mass: expected a number > 0, found -0\.2"),
-        ({"numbers.m": np.array([0.2, -0.2])}, r"block\.m\.mass: expected a number > 0, found -0\.2"),
-    ],
-)
-def test_numbers_of_a_batch_are_refused_whether_they_vary_or_not(changes, said):
-    spec = load(tomllib.loads(PD))
-    with pytest.raises(UsageError, match=said):
-        Loops(spec.drawing, dict(spec.values) | changes).refuse_unsuitable()
 
 
 def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():
@@ -228,36 +164,6 @@ def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
             ask(compiled(text))
 
 
-@pytest.mark.slow
-def test_a_range_without_a_loop_in_it_is_refused():
-    refused = (
-        r"between 0 and 90 there is a value without a loop, or at which it is not smooth, since wire\.m\.f divides by zero"
-    )
-    for divisor in ("(1 - kp/50)", "(1 - kp/50)**2", "(kp/50*(kp/50 - 2) + 1)"):  # the others keep their sign
-        loop = compiled(PD, ("kd*m.v", f"kd/{divisor}*m.v"))
-        with pytest.raises(UsageError, match=refused):
-            loop.stable_intervals("kp", (0, 90), kd=[1.0, 2.0])
-        assert loop.stable_intervals("kp", (0, 40)).certified.all()
-    loop = compiled(PD, ("kd*m.v", "kd/((1 - kp/50)**2 + m/1e6)*m.v"))
-    assert len(loop.stable_intervals("kp", (0, 90), m=[0.1, 0.3])) >= 2
-
-
-def test_a_structural_number_is_no_axis_of_intervals():
-    with pytest.raises(UsageError, match="sweep it as values"):
-        compiled(WALL).stable_intervals("n", (0, 10))
-
-
-def test_a_singular_loop_of_direct_terms_is_refused_with_its_blocks():
-    text = PD.replace(
-        "[wire]", '[block.a]\ntype = "gain"\n[block.b]\ntype = "gain"\nk = "kd"\n[wire]\n"a.u" = "b.y/3 + m.x"\n"b.u" = "a.y"'
-    )
-    with pytest.raises(
-        SpecError, match=r"block\.a: expected loops of direct terms that have a solution, found one without, .* through a, b"
-    ):
-        wavesweep.compile(tomllib.loads(text))
-    assert wavesweep.compile(tomllib.loads(text.replace("b.y/3", "b.y/4"))).spectral_radius().shape == ()
-
-
 def test_drift_is_named_and_set_aside():
     """A mass whose position nothing reads, and waves without position feedback."""
     loop = compiled(PD, ("kp*m.x", "0.01*kp*m.v"))
@@ -265,29 +171,6 @@ def test_drift_is_named_and_set_aside():
     lines = "\n".join(plan(load(as_blocks(load({"controller": {"kind": "pmw"}}).values))))
     assert "drift set aside: m position" in lines
     assert "zwidth: stable intervals along K_VE in (0, 20000)" in lines
-
-
-def test_check_names_schedule_methods_and_refusals():
-    lines = "\n".join(plan(load(tomllib.loads(ARM))))
-    for text in (
-        "valid, a drawn loop of 2 blocks",
-        "frame of 20 ticks of 0.1 ms, 2 ms",
-        "runs in every tick: arm (mass)",
-        "runs every 20 ticks from tick 10: net (delay)",
-        "intervals along kp: fast method, because each is one gain, once a frame",
-        "intervals along kd, c: slower method",
-        "passivity: hand's port of 3 loops",
-    ):
-        assert text in lines
-    lines = "\n".join(plan(load(tomllib.loads(NETWORK))))
-    assert "bode, passivity, simulate: not possible, [ports] names neither a hand nor inputs" in lines
-
-
-def test_a_response_at_rest_is_that_of_the_springs():
-    low = compiled(ARM).response([1e-3])
-    assert low.admittance_re[0] == pytest.approx(1 / 240, rel=1e-6)
-    assert low.doubt[0] == ""
-    assert low.worst_gain[0] == pytest.approx(1 / 240, rel=1e-5)
 
 
 def test_a_drawing_made_in_python_is_compiled_as_it_is():
@@ -313,14 +196,6 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
         wavesweep.compile(single).simulate({"hand": [1.0]}, ["m.y"])
 
 
-def test_what_needs_a_controller_is_refused_in_a_sentence():
-    loop = compiled(ARM)
-    with pytest.raises(UsageError, match="option wall: expected a wall in \\[ports\\] whose numbers only multiply signals"):
-        loop.simulate(friction=0.1, wall=0.0)
-    with pytest.raises(UsageError, match="found a drawn loop"):
-        wavesweep.filter_choices(tomllib.loads(ARM))
-
-
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
@@ -341,29 +216,6 @@ def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
     assert drawn["frame"].tolist() == own["frame"].tolist()
 
 
-@pytest.mark.slow
-def test_a_run_and_its_response_as_tables():
-    tables = tomllib.loads(ARM) | {"simulate": {"settle_s": 4.5, "frequency_hz": [3.0, 20.0], "input": "stepped-sine"}}
-    run, response = wavesweep.simulate(tables)
-    assert (run.frame.max(), run.phase.max(), len(run)) == (len(run) // 20, 19, 116_667)
-    assert response.controller.tolist() == ["drawn"] * 2
-    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
-        assert response[name].to_numpy() == pytest.approx(response[f"linear_{name}"].to_numpy(), rel=1e-9)
-    assert (response.linear_admittance_error < 1e-9).all()
-    assert response.attrs["facts"]["notices"] == []
-
-
-def test_a_sine_that_is_its_own_image_is_noticed():
-    tables = tomllib.loads(ARM) | {"simulate": {"frequency_hz": 250.0, "duration_s": 3.0}}
-    response = wavesweep.simulate(tables)[1]
-    (notice,) = response.attrs["facts"]["notices"]
-    assert notice.startswith("at 250 Hz, a multiple of half the frame's rate, a sine is its own image")
-    found = response.admittance_re[0] + 1j * response.admittance_im[0]
-    assert abs(found) == pytest.approx(response.linear_admittance_abs[0], rel=0.01)
-    own = wavesweep.simulate({"controller": {"kind": "pmw"}, "simulate": {"frequency_hz": 50.0, "duration_s": 3.0}})[1]
-    assert own.attrs["facts"]["notices"][0].startswith("at 50 Hz, a multiple of half the frame's rate")
-
-
 def test_a_loop_that_diverges_stops_and_says_so():
     facts = wavesweep.simulate(tomllib.loads(ARM.replace("value = 0.0", "value = 20.0")))[0].attrs["facts"]
     assert facts["ticks"]["simulated"] < 5000
@@ -374,30 +226,6 @@ def test_a_loop_that_diverges_stops_and_says_so():
     )
     facts = wavesweep.simulate(tomllib.loads(turning))[0].attrs["facts"]
     assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 rad"
-
-
-def test_every_axis_of_a_grid_is_read():
-    spec = load(tomllib.loads(ARM))
-    axis, others = sweep_axes(spec)
-    grid = make_grid(spec, others, axis.path)
-    assert (grid.loops, grid.ignored, job_over(grid, axis).asked.way) == (3, (), Way.DOMINANCE)
-
-
-def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
-    axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
-    jobs = [job_of(load(tomllib.loads(text))) for text in axes]
-    assert [job.asked.way for job in jobs] == [Way.CUT, Way.DOMINANCE]
-    highs = [in_memory(job)["high"] for job in jobs]
-    assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)
-
-
-@pytest.mark.parametrize(("text", "stiffness"), [(ARM, 240.0), (WALL, 100.0)])
-def test_the_static_limit_is_that_of_the_springs(text, stiffness):
-    table = compiled(text).response([0.0, 1e-3])
-    assert (table.doubt == "").all()
-    np.testing.assert_allclose(table.impedance_re, stiffness, rtol=1e-6)
-    assert table.impedance_re[0] == pytest.approx(stiffness, rel=1e-11)
-    assert table.impedance_im[0] == 0
 
 
 def arm(read, damping=0.0, lp=None):
@@ -528,25 +356,6 @@ def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
         assert found[["low", "high"]].to_numpy() == pytest.approx(np.array([[span[0], limit]]), rel=1e-6)
         end = found.high[0]
         assert loop.spectral_radius(c=end * (1 - 1e-6)) < 1 < loop.spectral_radius(c=end * (1 + 1e-6))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("fast", "ways"), [([10, 20], "panels"), ([1], "polynomial"), ([10, 1], "both"), ([1, 10, 20], "both")]
-)
-def test_the_method_is_that_of_all_loops_of_a_sweep(fast, ways):
-    """Every tick reads the stiffness, which a frame of one tick does once."""
-    recipes = pathlib.Path(__file__).parents[3] / "sweeps" / "recipes"
-    spec = load(recipes / "two-rate-wall.toml", [f"sweep.n={fast}", "sweep.B=[1]"])
-    said = intervals(spec, "K").facts["methods"]["intervals"]
-    assert ("one real polynomial" in said, "Chebyshev panels" in said) == (ways != "panels", ways != "polynomial")
-
-
-def test_values_of_the_axis_of_intervals_are_said_to_be_a_range():
-    spec = load({"controller": {"kind": "pmw"}, "sweep": {"K_VE": [2000, 100], "B_VE": [1]}})
-    assert (
-        "K_VE has values in [sweep]: searched between their ends, from 100 to 2000" in intervals(spec, "K_VE").facts["notices"]
-    )
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.analyses.hardware_limits import (
     ROUNDING,
     cycle_of_encoder,
-    deciding,
     hardware_of,
     limits_of_walls,
     peak_of_encoder,
@@ -111,23 +110,6 @@ def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
             assert np.abs(with_encoder - without).max() <= peak.gain * STEP / 2 * (1 + 1e-9) + 1e-12
 
 
-@pytest.mark.slow
-def test_no_run_with_an_encoder_moves_the_device_beyond_the_bound():
-    """Position and velocity of the device, with its encoder and without, under pushes at random."""
-    rng, known = np.random.default_rng(40), 0
-    for _ in range(12):
-        spec = random_spec(rng)
-        tables = spec.tables() | {"simulate": {"resolution": STEP}}
-        found = hardware_of(wavesweep.load(tables))
-        force = np.cumsum(rng.normal(0, 0.1, 800))
-        both = [simulate(spec.values, force, Effects(resolution=step)).signals for step in (STEP, 0.0)]
-        for name, signal in (("moves", "x"), ("speed", "v")):
-            if found[name] is not None:
-                known += 1
-                assert np.abs(both[0][signal] - both[1][signal]).max() <= found[name] * (1 + 1e-9) + 1e-12
-    assert known > 6
-
-
 def cycles(rng, rubs):
     """A wall that direct coupling renders, with an encoder and what its device does between two steps; rubs: with friction."""
     mass, damping, stiffness = 10 ** rng.uniform(-1.3, 0), rng.uniform(0.2, 4), 10 ** rng.uniform(1.5, 3)
@@ -205,11 +187,6 @@ def test_the_worst_hand_comes_near_the_bound(kind):
     assert bound / 3 < np.abs(with_encoder - without).max() <= bound
 
 
-def test_an_exact_velocity_and_no_kp_do_not_see_the_encoder():
-    spec = wavesweep.load(nested(values_of("pmw", velocity="exact")))
-    assert peak_of_encoder(own_loop(spec)).gain == 0
-
-
 @pytest.mark.slow
 def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
     """With a spring in the hand, sampled waves leave an offset between hand and avatar that no wave takes away."""
@@ -218,25 +195,6 @@ def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
     assert peak_of_encoder(own_loop(spec)) is None
     after = forces_of_errors(spec, 4000)[:, 0]
     assert np.abs(after[-20:]).max() > 1e-4 * np.abs(after).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "ratio", "delay"), [("dc", 1, 0), ("dc-slow", 20, 0), ("dc-slow", 5, 5)])
-def test_direct_coupling_is_passive_up_to_its_limit(kind, ratio, delay):
-    tables = nested(values_of(kind, ratio=ratio, delay=delay, B_VE=0.0))
-    limit = limits_of_walls(wavesweep.load(tables))["passive_to"]
-    for factor, passive in ((0.999, True), (1.001, False)):
-        walls = {**tables, "environment": {**tables["environment"], "K_VE": factor * limit}}
-        assert bool(wavesweep.compile(walls).passivity()["port_passive"][0]) is passive
-
-
-def test_a_limit_is_that_of_whole_frames_and_of_the_keys_that_decide_it():
-    """Nothing is said of a delay within a frame, nor of a device of which nothing is given."""
-    loops = {delay: wavesweep.load(nested(values_of("dc-slow", ratio=5, delay=delay, B_VE=0.0))) for delay in (0, 3, 5)}
-    assert [set(limits_of_walls(spec)) for spec in loops.values()] == [{"passive_to"}, set(), {"passive_to"}]
-    assert hardware_of(loops[0]) == {}
-    paths = ("device.damping", "environment.delay", "controller.kind", "rates.fast_hz", "rates.ratio", "device.mass", "b")
-    assert [deciding(path) for path in paths] == [True] * 5 + [False] * 2
 
 
 @pytest.mark.slow
@@ -288,51 +246,3 @@ def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests
     assert (rest_s is not None) == (moving < 1900) == rests
     if rests:
         assert rest_s == pytest.approx(moving * 1e-3, abs=2e-3)
-
-
-def test_an_encoder_that_the_loop_does_not_read_is_said_to_move_no_force():
-    """Waves read the velocity alone, direct coupling the position as well."""
-    from wavesweep.check.on_check import lines
-
-    for kind, said in (
-        ("pmw", "moves no force, since the velocity is taken as exact"),
-        ("dc", "velocity is taken as exact, without"),
-    ):
-        tables = {"controller": {"kind": kind}, "simulate": {"resolution": 1e-5}, "environment": {"K_VE": 50.0}}
-        spec = wavesweep.load(tables)
-        assert any(said in line for _, line in lines(spec, wavesweep.verdict(tables)) if line.startswith("encoder:"))
-
-
-def test_the_limit_of_friction_stands_whether_the_linear_loop_is_stable_or_not():
-    for stiffness, stable in ((50.0, True), (300.0, False)):
-        tables = {"device": {"preset": "touch"}, "controller": {"kind": "dc-slow"}, "environment": {"K_VE": stiffness}}
-        found = wavesweep.verdict(tables)
-        assert found["stable"] is stable
-        assert found["hardware"]["holds_to"] == pytest.approx(2 * 0.26 / 5.5e-5)
-        assert ("chatter" in found["hardware"], "depth" in found["hardware"]) == (stable, stable)
-
-
-def test_the_verdict_and_the_wishes_say_the_same():
-    tables = {
-        "device": {"preset": "touch", "velocity": "difference"},
-        "controller": {"kind": "dc"},
-        "environment": {"K_VE": 300.0, "B_VE": 1.0},
-        "design": {"vary": {"operator.damping": {"start": 0.0, "stop": 1.0}}, "wish": {"chatter": {}, "depth": {}}},
-    }
-    spec = wavesweep.load(tables)
-    found, own = wavesweep.verdict(tables)["hardware"], hardware_of(spec)
-    assert own["step_force"] == pytest.approx((300 + 1000) * 0.055e-3)
-    assert found["depth"] == pytest.approx(3.3 / 300)
-    assert {name: found[name] for name in own} == own
-    from wavesweep.designs.family import scenarios_of
-    from wavesweep.designs.wishes import evaluate
-
-    wishes = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"operator.damping": np.zeros(1)}, 2000.0)
-    assert wishes["chatter"].value[0] == pytest.approx(own["chatter"])
-    assert wishes["depth"].value[0] == pytest.approx(found["depth"])
-
-
-def test_a_wish_without_its_device_says_what_it_needs():
-    design = {"vary": {"b": {"start": 5.0, "stop": 50.0}}, "wish": {"chatter": {}, "depth": {}}}
-    with pytest.raises(wavesweep.SpecError, match=r"(?s)chatter: expected resolution > 0 here.*depth: expected max_force > 0"):
-        wavesweep.load({"controller": {"kind": "pmw"}, "design": design})

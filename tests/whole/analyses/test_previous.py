@@ -5,7 +5,6 @@ import pytest
 from support.exports import LEVELS, made, present, written
 
 import wavesweep
-from wavesweep.check.planning import within_ticks
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.loop import Loops
 
@@ -107,13 +106,6 @@ def test_registers_run_as_seldom_as_all_that_reads_them():
     assert runs == [3, 1, 1, 1]
 
 
-def test_a_resolved_spec_is_the_same_loop():
-    spec = wavesweep.load(tables("0.5*prev(limit.y) + prev(prev(m.x))"))
-    again = wavesweep.load(spec.tables())
-    assert again.drawing == spec.drawing
-    assert again.sha256 == spec.sha256
-
-
 @pytest.mark.parametrize(
     ("wire", "found"),
     [
@@ -127,38 +119,3 @@ def test_a_resolved_spec_is_the_same_loop():
 def test_what_is_no_signal_is_refused_where_it_stands(wire, found):
     with pytest.raises(SpecError, match=found):
         wavesweep.load(tables(wire))
-
-
-def test_an_input_of_a_class_that_is_at_rest_was_so_before():
-    joint = {
-        "block": {"v": {"type": "integrator", "every": 2}},
-        "wire": {"v.u": "prev(target) - prev(v.y)"},
-        "ports": {"inputs": ["target"], "outputs": {"angle": "v.y"}},
-    }
-    given = {"rates": {"tick_hz": 10}, "type": {"joint": joint}, "wire": {"one.target": "0", "two.target": "one.angle"}}
-    drawing = wavesweep.load(given | {"block": {name: {"type": "joint"} for name in ("one", "two")}}).drawing
-    assert dict(drawing.wires)["one.v.u"][0][0] == "prev(one.v.y).y"
-    assert [signal for signal, _ in dict(drawing.wires)["two.v.u"]] == ["prev(one.v.y).y", "prev(two.v.y).y"]
-
-
-def test_a_number_may_still_have_the_name():
-    given = tables("prev*m.x")
-    given["numbers"]["prev"] = 2.0
-    assert "numbers.prev" in wavesweep.load(given).values
-
-
-@pytest.mark.parametrize(
-    ("given", "factor", "implicit"),
-    [
-        (tables("0.5*limit.y + m.x"), 1 / (1 - 0.5 * A), []),
-        (joint("-kp*x.y - kd*v.y"), 1 / (1 + 0.5 * T / I), ["-kd*v.y"]),
-        (joint("-kp*x.y - kd*prev(v.y)"), None, []),
-    ],
-    ids=["filter", "joint", "before"],
-)
-def test_check_says_what_a_loop_within_a_tick_does_to_a_gain(given, factor, implicit):
-    lines = list(within_ticks(wavesweep.load(given)))
-    assert len(lines) == (2 if factor else 0)
-    assert all(f" {factor:.4g} times" in line for line in lines[:1])
-    assert all(term in line for term in implicit for line in lines[1:])
-    assert all(f"prev({name})" in line for name in (("v.y",) if implicit else ("limit.y",)) for line in lines[1:])

@@ -8,7 +8,6 @@ import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses import response_jobs as analysis
 from wavesweep.program.tables.response_table import responses
-from wavesweep.simulation.table import simulate
 
 
 def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
@@ -24,20 +23,6 @@ def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
     assert columns["frequency_hz"].tolist() == [0, 1] * 4
     assert np.isfinite(columns["impedance_abs"]).all()
     assert columns["impedance_re"][4] == pytest.approx(500.0, rel=1e-14)
-
-
-def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
-    one = {
-        "controller": {"kind": "pmw"},
-        "bode": {"frequency_hz": [1.0], "environment.delay": [1, 2], "rates.slow_hz": [100.0]},
-    }
-    other = {"controller": {"kind": "pmw"}, "environment": {"delay": 3}, "bode": {"frequency_hz": [1.0]}}
-    ideal = {"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}}
-    columns = wavesweep.bode(one, other, ideal)
-    assert columns["environment.delay"].tolist()[:3] == [1, 2, 3]
-    assert columns["environment.delay"].dtype == np.int64
-    assert columns["rates.slow_hz"].tolist()[:3] == [100.0, 100.0, 50.0]
-    assert np.isnan(columns["rates.slow_hz"].iloc[3])
 
 
 @pytest.mark.slow
@@ -71,19 +56,6 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
         )
 
 
-def test_many_frequencies_are_cut_into_chunks_of_one_curve(monkeypatch):
-    bode = {"frequency_hz": {"start": 0, "stop": 20, "num": 21}, "K_VE": [0.0, 100.0]}
-    spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": bode})
-    whole = responses([spec]).columns
-    monkeypatch.setattr(analysis, "FREQUENCIES_OF_CHUNK", 8)
-    cut = responses([spec]).columns
-    same(
-        {name: cut[name] for name in ("K_VE", "frequency_hz", "spec")},
-        {name: whole[name] for name in ("K_VE", "frequency_hz", "spec")},
-    )
-    assert np.allclose(cut["admittance_re"], whole["admittance_re"], rtol=1e-12, atol=0, equal_nan=True)
-
-
 @pytest.mark.parametrize("slow_hz", [50.0, 60.0])  # 60 Hz: assembled tick by tick
 def test_a_response_that_is_not_known_has_no_part(slow_hz):
     free = {"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 0.0, "B_VE": 0.0}}
@@ -91,30 +63,6 @@ def test_a_response_that_is_not_known_has_no_part(slow_hz):
     parts = columns[[f"admittance_{part}" for part in ("re", "im", "abs", "deg")]].to_numpy()
     assert np.isnan(parts).tolist() == [[True] * 4, [False] * 4]
     assert np.isfinite(columns["impedance_im"]).all()
-
-
-def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
-    still = {"controller": {"kind": "dc"}, "simulate": {"input": "sine", "amplitude": 0.0, "frequency_hz": 5.0}}
-    response = simulate(wavesweep.load(still))[1].columns
-    assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))
-
-
-def test_a_whole_number_that_only_the_first_spec_has_is_missing_in_the_others():
-    counted = LOOP | {"numbers": {"n": 2, "k": 5.0}, "bode": {"n": [1, 2], "frequency_hz": [1.0, 2.0]}}
-    table = responses(
-        [wavesweep.load(counted), wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})]
-    )
-    blocks = list(table.blocks())
-    assert {block["n"].dtype for block in blocks} == {np.dtype(float)}
-    np.testing.assert_array_equal(np.concatenate([block["n"] for block in blocks]), [1, 1, 2, 2, np.nan])
-
-
-LOOP = {
-    "rates": {"tick_hz": 1000},
-    "block": {"m": {"type": "mass", "mass": 1, "damping": 1}, "d": {"type": "delay", "steps": "n"}},
-    "wire": {"d.u": "m.x", "m.f": "h - k*d.y"},
-    "ports": {"hand": {"force": "h", "displacement": "m.x"}},
-}
 
 
 def free_mass(every=20, **changes):
@@ -143,18 +91,6 @@ def test_a_mass_in_free_space_is_no_damper(alone):
     assert loop.spectral_radius() == 1
     assert not found.stable.any()
     assert np.isnan(loop.passivity().port_margin[0])  # the map has a pole on the circle
-
-
-def test_a_velocity_that_grows_in_free_space_is_unstable():
-    loop = wavesweep.compile(free_mass(d=-0.5))
-    assert loop.spectral_radius() == pytest.approx(np.exp(0.02 * 0.5 / 0.1), rel=1e-12)
-
-
-def test_the_margin_of_a_drawn_loop_that_grows_too_much_is_missing():
-    tables = free_mass(d=1.0)
-    tables["wire"]["arm.f"], tables["numbers"]["kd"] = "hand - wall.y - kd*arm.v", 100.0
-    found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 1e6)]
-    assert [np.isnan(each.port_margin[0]) for each in found] == [False, True]
 
 
 def test_a_long_frame_that_contracts_keeps_its_digits():
@@ -189,17 +125,6 @@ def test_a_long_frame_that_contracts_keeps_its_digits():
             state[:2] = own @ state[:2] + np.outer(forced, force)
         start = np.linalg.solve(z**count * np.eye(4) - state[:, :4], state[:, 4])
         assert np.mean(shown, axis=0) @ np.append(start, 1) == pytest.approx(given, rel=1e-9)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("slow_hz", [60.1, 59.94])
-def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
-    tables = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}}
-    found = wavesweep.compile(tables | {"rates": {"slow_hz": slow_hz}}).response([0.0, 1.0, 20.0])
-    near = wavesweep.compile(tables | {"rates": {"slow_hz": 60}}).response([0.0, 1.0, 20.0])
-    assert set(found.doubt) == {""}
-    assert found.admittance_error.max() < 1e-6
-    assert found.admittance_abs.to_numpy() == pytest.approx(near.admittance_abs.to_numpy(), rel=0.05)
 
 
 def with_integral(leak=0.0, ki=500.0):

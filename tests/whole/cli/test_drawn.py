@@ -2,19 +2,12 @@
 
 import json
 import re
-import tomllib
-from pathlib import Path
 
-import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
-from wavesweep.check import on_check as verdict
 from wavesweep.program.cli import main
-from wavesweep.program.plots import figure_of
 from wavesweep.program.results import read
-from wavesweep.program.spec import load
-from wavesweep.program.tables.response_table import BodeTally, bode_lines
 
 
 @pytest.fixture
@@ -74,46 +67,6 @@ def test_the_plane_of_a_drawn_wall(run):
     assert (code, "arm.toml:24:2: ports: expected wall = {" in text) == (2, True)
 
 
-def test_responses_and_the_port_of_a_drawn_loop(run):
-    code, _, results = run("bode", "arm.toml", "--set", "bode.frequency_hz=[0.5, 10]", "--set", "bode.c=[0, 1]")
-    rows = read(results / "arm" / "bode.csv")
-    assert (code, rows["controller"].tolist(), rows["c"].tolist()) == (0, ["drawn"] * 4, [0, 0, 1, 1])
-    assert rows["stable"].all()
-    code, text, results = run("passivity", "arm.toml")
-    assert (code, "hand's port, its force held over a tick: passive in 3 of 3 rows" in text) == (0, True)
-    code, text, _ = run("bode", "arm.toml", "--out", "beyond", "--set", "bode.frequency_hz=[6000]")
-    assert (code, "bode.frequency_hz: expected numbers <= 5000 (half of rates.tick_hz), found 6000" in text) == (2, True)
-
-
-@pytest.mark.parametrize(("hz", "stop"), [(20, 10.0), (0.05, 0.025), (100, 50.0), (4000, 50.0)])
-def test_frequencies_that_nobody_gives_end_at_half_the_rate_of_the_ticks(hz, stop):
-    blocks = {"plant": {"type": "tf", "num": [2], "den": [1, 3]}}
-    tables = {"rates": {"tick_hz": hz}, "numbers": {"k": 1.0}, "block": blocks, "wire": {"plant.u": "r - k*plant.y"}}
-    spec = load(tables | {"ports": {"hand": {"force": "r", "displacement": "plant.y"}}})
-    found = spec.frequency_hz
-    assert (len(found), found[0], found[-1]) == (400, pytest.approx(stop / 500), stop)
-    assert load(spec.tables()).frequency_hz == found
-    slower = spec.with_values({"rates.tick_hz": hz / 4})
-    assert load(slower.tables()).frequency_hz[-1] == min(stop, hz / 8)
-
-
-@pytest.mark.slow
-def test_check_draws_the_loop_and_says_where(run):
-    code, text, _ = run("check", "arm.toml", "--plot", "--out", "loop.svg")
-    assert (code, "Wrote loop.svg" in text) == (0, True)
-    assert "<dc:title>diagram of arm</dc:title>" in Path("loop.svg").read_text(encoding="utf-8")
-    code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
-    assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png", "there/timing.png"])
-
-
-def test_what_is_not_known_is_not_called_unstable():
-    limit = {"name": "c", "value": 5.0, "stable": False, "certified": False, "doubt": "counts"}
-    limit |= {"intervals": [], "from": 0, "to": 50, "low": None, "high": None, "stopped": False}
-    spec = load(tomllib.loads(ARM))
-    assert verdict._limit(spec, limit).endswith(": no stable value known in 0 to 50 N*s/m (counts)")
-    assert verdict._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")
-
-
 DIVIDED = """
 rates.tick_hz = 1000
 numbers = { p = 1.0, q = 0.5, k = 10.0 }
@@ -145,34 +98,3 @@ def test_two_numbers_that_make_no_loop_together_are_found_before_the_work(run, t
     assert (code, text, results.exists()) == (2, f"Error: {said}", False)
     code, text, _ = run("check", "divided.toml", "--all")
     assert (code, f"  {command}: not possible with this spec: {said}" in text) == (0, True)
-
-
-@pytest.mark.parametrize(
-    ("doubt", "error", "said"),
-    [
-        ("rounding", 1e-9, "2 rows without a reliable worst gain, the rest of them reliable"),
-        ("rounding", 1e-3, "2 rows without a reliable value (rounding)"),
-        ("overflow", 1e-9, "2 rows without a reliable value (overflow)"),
-    ],
-)
-def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, said):
-    """If the ticks cancel to rounding, the loop's stability is not known, whatever the bounds are."""
-    tally = BodeTally()
-    columns = {name: np.full(2, value) for name, value in (("admittance_error", error), ("impedance_error", 1e-9))}
-    words = {"spec": "one", "controller": "drawn", "doubt": doubt}
-    columns |= {"frequency_hz": np.array([1.0, 2.0]), "stable": np.ones(2, bool)}
-    tally.add({name: np.full(2, word, object) for name, word in words.items()} | columns)
-    assert [line for line, _ in bode_lines(tally.numbers({}))][1:] == [said]
-
-
-def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):
-    text = '[rates]\ntick_hz = 1000\n[numbers]\nk = 0.5\n[block.a]\ntype = "gain"\n[block.d]\ntype = "delay"\nsteps = 1\n'
-    text += '[wire]\n"a.u" = "k*a.y"\n"d.u" = "-0.5*k*d.y"\n'  # stable where |k| < 2, without a solution at k = 1
-    text += '[sweep]\nalong = "k"\nk = { start = -3, stop = 3 }\n'
-    (tmp_path / "m.toml").write_text(text, encoding="utf-8")
-    code, text, results = run("why", "m.toml")
-    assert (code, "not certified (search)" in text) == (0, True)
-    assert "k: stable from -2 to 2, not known at 1" in text
-    _, facts = described(results / "m" / "why.datapackage.json")
-    said = figure_of("why")(read(results / "m" / "why.csv"), facts).get_supxlabel()
-    assert "high end, k = 2: no bars, since they are not known (search)." in said

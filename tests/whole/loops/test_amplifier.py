@@ -50,16 +50,6 @@ def test_a_simulation_is_the_march_of_these_equations(kind, seconds):
         np.testing.assert_allclose(signals[name], expected[name], rtol=0, atol=1e-10 * np.abs(expected[name]).max())
 
 
-def test_in_series_with_the_delay_of_a_held_force_only_the_sum_counts():
-    one, other = (values("dc-slow", late, delay=delay) for late, delay in ((0, 5), (3, 2)))
-    ends = [wavesweep.compile(nested(each)).stable_intervals("K_VE", SPAN).high[0] for each in (one, other)]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-12)
-    swept = wavesweep.stability_region(
-        nested(other) | {"sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 3000}, "device.delay": [0, 3]}}
-    )
-    assert swept["high"][1] == pytest.approx(ends[1], rel=1e-12)
-
-
 @pytest.mark.parametrize(("late", "seconds"), [(0, 0.0), (2, 0.0), (1, 0.0003), (0, 0.0016)])
 def test_the_passive_wall_is_that_of_its_sampling_and_its_delay(late, seconds):
     """`d/(T/2 + delay)`, on both sides of it."""
@@ -70,19 +60,6 @@ def test_the_passive_wall_is_that_of_its_sampling_and_its_delay(late, seconds):
     for share, passive in ((1 - 1e-6, True), (1 + 1e-6, False)):
         table = wavesweep.compile(nested(own)).passivity(K_VE=share * own["environment.K_VE"])
         assert bool(table.port_passive[0]) is passive
-
-
-@pytest.mark.slow
-def test_intervals_lie_along_a_dead_time_of_any_part_of_a_tick():
-    """An end is where the equations at that dead time have an end along the wall."""
-    own = values("dc-lm", 1, K_VE=300.0)
-    found = wavesweep.compile(nested(own)).stable_intervals("device.dead_time", (0.0, 0.004))
-    assert found.certified.all()
-    (end,) = found.high
-    at = [wavesweep.compile(nested(own | {"device.dead_time": end * (1 + side)})).spectral_radius() for side in (-1e-6, 1e-6)]
-    assert at[0] < 1 < at[1]
-    truth = Witness(own | {"device.dead_time": round(end, 9)}).regions("K_VE", (250.0, 350.0), own["environment.B_VE"])
-    assert float(truth[0].high.mid()) == pytest.approx(300, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -129,14 +106,3 @@ def test_a_dead_time_is_part_of_a_device_with_friction_encoder_and_limited_motor
     found = simulated(given, force).signals["x"]
     assert np.any(np.diff(places) == 0), "it rests now and then"
     np.testing.assert_allclose(found, places, rtol=0, atol=1e-12)
-
-
-def test_what_cannot_be_had_beside_a_dead_time_says_so():
-    with pytest.raises(
-        wavesweep.UsageError, match="option jitter: expected forces that change at ticks, found the dead time amp"
-    ):
-        wavesweep.simulate(nested(values("dc-slow", 0, 0.0004)) | {"simulate": {"jitter": 0.1}})
-    frames = {"rates.ratio": {"start": 5, "stop": 7, "varying": True}}
-    own = nested(values("dc-slow", 0, 0.0004) | {"device.velocity": "difference"})
-    with pytest.raises(wavesweep.UsageError, match=r"expected device\.delay in place of device\.dead_time, found"):
-        wavesweep.zwidth(own | {"for_all": frames, "sweep": {"K_VE": {"start": 0, "stop": 900}}}, for_hands="passive")

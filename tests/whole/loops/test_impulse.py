@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from flint import arb
 from support.exports import made, present, put
 
 import wavesweep
@@ -186,16 +185,6 @@ def test_what_runs_in_other_ticks_reads_what_an_impulse_gave_in_the_tick_before(
         assert found.high[0] == pytest.approx(alone.stable_intervals().high[0], rel=1e-9)
     run = wavesweep.compile(LAST | {"simulate": {"show": ["i.y"]}}).simulate(np.ones(40))
     assert (run["i.y"] != 0).tolist() == [k > 0 and k % 4 == 0 for k in range(40)]
-
-
-def test_balls_have_the_same_frame():
-    spec = load(observer(4))
-    ticks = pytest.importorskip("wavesweep.prove.ticks")
-    frame, _ = ticks.BallLoop(spec.drawing, spec.values, "numbers.l").frame(arb(0.5))
-    A = np.array([[float(entry.mid()) for entry in row] for row in frame.tolist()])
-    sizes = np.sort(np.abs(np.linalg.eigvals(A)))[::-1]
-    assert sizes[0] == pytest.approx(1, abs=1e-12)  # the sum of all corrections, which nothing holds
-    assert sizes[1] == pytest.approx(radius(4, 0, 60.0, 0.5), rel=1e-9)
 
 
 @pytest.mark.slow

@@ -43,14 +43,6 @@ def test_a_feedback_of_taps_is_that_of_a_filter(n):
     assert found[["low", "high"]].to_numpy() == pytest.approx(expected[["low", "high"]].to_numpy(), rel=1e-11)
 
 
-def test_taps_at_numbers_are_swept_as_values():
-    sweep = {"along": "K", "K": {"start": 0, "stop": 500}, "n": [2, 5, 7]}
-    found = wavesweep.compile(tables_of(TAPPED, SUM, sweep=sweep)).stable_intervals(n=[2, 5, 7])
-    expected = [wavesweep.compile(tables_of(plain(n), "d.y + 0*n", n)).stable_intervals().high[0] for n in (2, 5, 7)]
-    assert found.certified.all()
-    assert found.high.to_numpy() == pytest.approx(np.array(expected), rel=1e-11)
-
-
 def test_each_tap_shows_the_input_of_so_many_runs_ago():
     shown = {"input": "noise", "duration_s": 0.5, "show": ["d.u"]}
     outputs = {"inputs": {"push": "push"}, "outputs": {f"tap{i}": f"d.y{i}" for i in (1, 2, 3, 4)}}
@@ -58,24 +50,6 @@ def test_each_tap_shows_the_input_of_so_many_runs_ago():
     runs, u = table[1::3], table["d.u"].to_numpy()[1::3]
     for i, ago in enumerate((0, 2, 5, 7), 1):
         assert runs[f"tap{i}"].to_numpy() == pytest.approx(np.append(np.zeros(ago), u)[: len(u)], abs=0)
-
-
-def test_a_class_may_have_a_delay_with_taps():
-    joint = {
-        "numbers": {"u": 2},  # a name that the parts of a delay do not mistake for their input
-        "block": {"line": {"type": "delay", "taps": ["u", "2*u"], "every": 3, "phase": 1}},
-        "wire": {"line.u": "place"},
-        "ports": {"inputs": ["place"], "outputs": {"force": "line.y1 + 0.2*line.y2"}},
-    }
-    whole = tables_of({"type": "fir", "coefficients": [0, 0, 1, 0, 0.2]}, "d.y + 0*n")
-    expected = wavesweep.compile(whole).stable_intervals()
-    whole["block"]["d"], whole["type"] = {"type": "joint"}, {"joint": joint}
-    whole["wire"] = {"d.place": "m.x", "m.f": "push - K*(d.force + 0*n)"}
-    spec = load(whole)
-    assert [block.name for block in spec.drawing.blocks] == ["m", "d.line.tap1", "d.line.tap2"]
-    assert load(spec.tables()).sha256 == spec.sha256
-    found = wavesweep.compile(spec).stable_intervals()
-    assert found[["low", "high"]].to_numpy() == pytest.approx(expected[["low", "high"]].to_numpy(), rel=1e-11)
 
 
 @pytest.mark.asks("prove")
@@ -88,16 +62,6 @@ def test_taps_have_the_frame_of_a_filter_in_balls():
         found.append([(frame**power).trace() for power in (1, 2, 9)])
     for one, other in zip(*found, strict=True):
         assert float(one) == pytest.approx(float(other), rel=1e-14)
-
-
-@pytest.mark.slow
-@pytest.mark.asks("margins")
-def test_a_margin_at_a_tap_is_of_that_output_alone():
-    number = {"g": 1.0, "K": 1.0, "n": 5}
-    scaled = tables_of(TAPPED, "d.y1 + 0.5*g*d.y2 - 0.3*d.y3 + d.y4", numbers=number)
-    found = wavesweep.compile(tables_of(TAPPED, SUM)).margins("d.y2").set_index("margin")
-    ends = wavesweep.compile(scaled).stable_intervals("g", (0, 1000))
-    assert found.value["gain_up"] == pytest.approx(ends.high[0], rel=1e-8)
 
 
 @pytest.mark.slow

@@ -210,16 +210,6 @@ def test_a_word_at_rest_is_known_without_rounding(name, gain):
     assert float(rest.outputs["w.y"]["w.u"]) == pytest.approx(gain)
 
 
-def test_a_slow_notch_keeps_its_digits():
-    """1 mHz at 400 Hz: next to z = 1 the response to the tenth digit, where coefficients in z have six."""
-    spec = spec_of({"type": "notch", "frequency_hz": 1e-3, "q": 2})
-    block, w = word_of(spec), 2 * np.pi * 0.9e-3 * T
-    delta = np.expm1(1j * w)
-    found = block.D + block.C @ np.linalg.solve(delta * np.eye(2) - block.E, block.B)
-    s, K = 1j * np.tan(w / 2), np.tan(np.pi * 1e-3 * T)
-    assert found[0, 0] == pytest.approx((s**2 + K**2) / (s**2 + s * K / 2 + K**2), rel=1e-10)
-
-
 def intervals(along, span, block, numbers, plant=None):
     plant = plant or {"type": "integrator"}  # x += T u
     found = wavesweep.compile(
@@ -332,15 +322,6 @@ def test_a_slow_controller_has_the_limits_that_its_frames_have(along):
     assert ends
     sides = loop.spectral_radius(**{along: [end * (1 + side) for end in ends for side in (-1e-7, 1e-7)]}) > 1
     assert (sides[::2] != sides[1::2]).all()
-
-
-def test_gains_of_a_word_are_one_scalar_of_the_frame_and_others_are_not():
-    def place(**keys):
-        spec = spec_of({"type": "pid", "kp": 1.0} | keys, numbers={"g": 1.0})
-        return spec.drawing.scalar_place("g")
-
-    assert [place(ki="g"), place(kd="2*g"), place(kp="g", ki="g/3")] == ["block.w.y"] * 3
-    assert [place(tau="g"), place(kp="g**2"), place(kp="1/g")] == [""] * 3
 
 
 @pytest.mark.parametrize(

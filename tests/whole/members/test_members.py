@@ -43,13 +43,3 @@ def test_members_of_a_set_keep_what_is_claimed_for_the_set(name, seed):
 def test_a_row_that_is_missing_is_found(name, seed):
     claim, rng = drawn(name, seed)
     assert claim.missing(rng, claim.stated[1:])
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("ten", range(2))
-@pytest.mark.parametrize("name", KINDS)
-def test_members_of_more_sets_keep_what_is_claimed(name, ten):
-    for seed in range(10 * ten, 10 * ten + 10):
-        claim, rng = drawn(name, seed)
-        found = claim.contradicted(rng, TRIES)
-        assert not found, (seed, claim.kind, found, claim.tables)

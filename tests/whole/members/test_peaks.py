@@ -24,22 +24,8 @@ def test_intervals_along_an_expression_hold_between_their_ends(ten):
     assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("seed", [48, 206])  # samples of rims miss these peaks
-def test_intervals_for_all_of_a_range_hold_where_an_expression_peaks(seed):
-    assert not contradictions(mean_members.mean_range, [seed])
-
-
 @pytest.mark.slow
 @pytest.mark.asks("passive")
 @pytest.mark.parametrize("seed", [15, 24])
 def test_intervals_for_every_passive_hand_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_hands, [seed])
-
-
-@pytest.mark.thorough
-@pytest.mark.asks("passive", "margins")
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("make", [mean_members.mean_range, mean_members.mean_hands, mean_members.mean_margins])
-def test_claims_about_more_expressions_hold_where_these_are_narrow(make, seed):
-    assert not contradictions(make, [seed])

@@ -49,21 +49,3 @@ def test_claims_give_way_where_numbers_are_unstable_only_together(name):
     found = together.judged(loop)
     assert not found["wrong"], (found, loop.tables)
     assert found["said"] == "refuted", (found, loop.tables)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("ten", range(4))
-@pytest.mark.parametrize("name", together.KINDS)
-def test_claims_give_way_in_many_loops(name, ten):
-    for seed in range(10 * ten, 10 * ten + 10):
-        loop = together.drawn(name, seed)
-        found = together.judged(loop)
-        assert not found["wrong"], (seed, found, loop.tables)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", together.KINDS)
-def test_intervals_of_an_amplitude_hold_where_numbers_matter_together(name, seed):
-    loop = together.drawn(name, seed)
-    assert not together.rows_held(loop), loop.tables

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from reproduce.paper_loops import BASE
 from reproduce.passive_bank import (
     AS_DRAWN,
     BEHIND,
-    DESIGNS,
-    FIELDS,
     IN_PLACE,
     PLAIN,
     SCALED,
@@ -22,7 +19,6 @@ from reproduce.specs import load_paper
 from wavesweep.engine._monodromy.interconnect import connect
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import drawing_of_page
-from wavesweep.haptics.pmw import pmw_lm
 
 
 def lifted_gain(page, values, theta):
@@ -69,22 +65,6 @@ def test_complementary_filters_make_the_way_in_exactly_passive(design, order, cu
     assert inward_norm(drawn, values) == pytest.approx(1, abs=1e-12)
 
 
-@pytest.mark.parametrize(("order", "cutoff"), [(1, 1.0), (2, 20.0), (8, 160.0)])
-def test_every_low_pass_in_lp2s_place_gives_the_root_of_two(order, cutoff, paper):
-    values = loop(**{"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff})
-    assert lifted_gain(pmw_lm(values), values, [1e-6]) == pytest.approx(np.sqrt(2), rel=1e-6)
-    assert inward_norm(pmw_lm(values), values) == pytest.approx(np.sqrt(2), rel=1e-12)
-    change = {"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}
-    assert paper.channels("fig6", BASE, change)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
-
-
-def test_waves_over_the_root_of_two_are_exactly_passive():
-    scaled = page(Design(SCALED, 0, 0.0, 1), loop())
-    assert lifted_gain(scaled, loop(), np.linspace(0.01, np.pi, 100)).max() <= 1 + 1e-12
-    assert lifted_gain(scaled, loop(), [1e-7]) == pytest.approx(1, abs=1e-12)
-    assert inward_norm(scaled, loop()) == pytest.approx(1, abs=1e-12)
-
-
 def test_waves_marched_through_the_filters_gain_no_energy():
     """The filters are scipy's and share no code with the drawing's: random and constant waves, energies added up."""
     rng, M, frames = np.random.default_rng(3), 20, 400
@@ -110,16 +90,6 @@ def marched_gain(slow, local, M, as_drawn):
 @pytest.fixture(scope="module")
 def banks():
     return passive_bank().columns
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_the_table_has_every_design_and_its_norm(banks):
-    assert list(banks) == [field.name for field in FIELDS]
-    assert len(banks["design"]) == len(DESIGNS) == len(set(DESIGNS))
-    drawn_as_they_are = banks["design"] == AS_DRAWN
-    assert np.abs(banks["inward_norm"][~drawn_as_they_are] - 1).max() < 1e-12
-    assert banks["inward_norm"][drawn_as_they_are] == pytest.approx(np.sqrt(2), rel=1e-12)
 
 
 @pytest.mark.slow

@@ -42,13 +42,6 @@ def test_rise_overshoot_and_settling_are_those_of_python_control():
         assert getattr(downwards, number) == getattr(step, number)
 
 
-def test_a_response_that_goes_back_to_0_has_no_shares_of_its_final_value():
-    step = step_between(MOTOR, ("load", "speed"))
-    assert step.final == 0
-    assert np.isnan([step.settling_s, step.overshoot, *step.rise_s]).all()
-    assert step.value_at(step.peak_s) == step.value.min()
-
-
 def test_a_step_that_is_added_to_a_signal_comes_back_as_the_closed_loop():
     """Of `y[k+1] = a y[k] + (k_p/c)(s[k] - y[k])` with a delay of a sample: the same sums, written out."""
     spec = wavesweep.load(

@@ -1,20 +1,14 @@
 """Stable intervals along numbers that enter the loop in any way, held against eigenvalues and against the exact way."""
 
-from pathlib import Path
-
 import mpmath
 import numpy as np
-import pandas
 import pytest
-from support.specs import values_of
 
 import wavesweep
-from wavesweep.engine._stability.along_any import BENT, stable_along_any
+from wavesweep.engine._stability.along_any import stable_along_any
 from wavesweep.engine._stability.sampled_frames import ParametricFrames
-from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 
-RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
 SPANS = {
     "K_LM": (0, 5000),
@@ -101,31 +95,6 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     np.testing.assert_allclose(found.high_omega, exact.high_omega, rtol=1e-6)
 
 
-@pytest.mark.parametrize("integration", ["explicit", "trapezoidal"])
-@pytest.mark.parametrize("low", [0.0, 3.0])
-def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
-    """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
-    from wavesweep.engine._monodromy.cut import FIRST
-    from wavesweep.haptics.controller_page import wall_cut
-
-    values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
-    cut, span = wall_cut(values), (low, 20000.0)
-    exact = stable_intervals(cut, FIRST, span, np.ones((12, 1)))
-
-    def evaluate(column, K):
-        return cut.at(column).closed(np.where(K == 0, 1e-300, K), 1.0)
-
-    def errors(column, K):
-        return evaluate(column, K), cut.at(column).errors_of_closed(K, 1.0)
-
-    found = stable_along_any(ParametricFrames(evaluate, np.full(12, 0.02), errors=errors), span, variable=BENT)
-    assert found.certified.all() or low == 0  # next to which doubles alone do not tell what leaves z = 1
-    assert (exact.low[exact.count > 0] == low).any()
-    assert integration == "trapezoidal" or (exact.high < span[1]).all()
-    for name in ("low", "high"):
-        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=1e-9)
-
-
 def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
 
@@ -157,51 +126,6 @@ def test_two_close_crossings_are_both_found():
         np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
         np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)
     assert found.count[0] == 2 or not found.certified.any()
-
-
-def test_states_that_only_some_values_have_are_no_crossings():
-    """Below 0 the frame has a second state; a batch in which it is seen has it for all its values."""
-
-    def evaluate(_, p):
-        order = 2 if np.any(np.real(p) < 0) else 1
-        E = np.zeros((*p.shape, order, order), p.dtype)
-        E[..., 0, 0] = p - 1.5
-        if order == 2:
-            E[..., 1, 1] = -0.7
-        return E
-
-    found = stable_along_any(ParametricFrames(evaluate, np.ones(1)), (0.0, 3.0))
-    assert found.certified.all()
-    np.testing.assert_allclose([found.low, found.high], [[0.0], [1.5]], rtol=1e-12)
-
-
-CHAIN = {  # (g - 3) vanishes in some slices: then a held value is read by nobody
-    "rates": {"tick_hz": 1000.0},
-    "numbers": {"m0": 0.5, "d": 1.0, "k": 50.0, "g0": 2.0, "g1": 1.0},
-    "block": {
-        "m": {"type": "mass", "mass": "m0", "damping": 0.25},
-        "h0": {"type": "delay", "steps": 2, "every": 4},
-        "h1": {"type": "hold", "every": 5, "phase": 2},
-    },
-    "wire": {"h0.u": "m.v", "h1.u": "h0.y + m.x", "m.f": "-d*m.v - k*m.x - (g0 - 3)*h0.y - (g1 - 3)*h1.y"},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("along", "span"), [("k", (0, 1e5)), ("k", (-10, 10)), ("d", (-2, 400))])
-def test_slices_that_forget_other_states_do_not_change_each_other(along, span):
-    loop = wavesweep.compile(CHAIN)
-    together = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0, 5.0])
-    alone = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0])
-    pandas.testing.assert_frame_equal(together[together.g1 == 3.0].reset_index(drop=True), alone)
-
-
-def test_a_span_with_zero_in_its_middle_is_no_overflow():
-    """A zero of the number leaves states of tiny sizes, which say nothing of the units elsewhere."""
-    loop = wavesweep.compile(RECIPES / "teleoperation.toml")
-    rows = [loop.stable_intervals("c", span).iloc[0] for span in ((-4, 4), (-4, 4.1))]
-    assert all(row.certified for row in rows)
-    assert rows[0].high == pytest.approx(rows[1].high, rel=1e-9)
 
 
 def late_spring(hz, mass, k, every):
@@ -297,56 +221,6 @@ def test_ends_are_those_that_were_put_there(seed):
         assert found.high.tolist() == [pytest.approx(high, rel=1e-11)]
     else:
         assert found.count.tolist() == [0]
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize("form", ["(p-0.3)**2/(p+0.1)", "(p-0.3)**2*(1+3*p)"])
-def test_ends_next_to_each_other_keep_their_digits(form):
-    """A hole of a millionth: det A = s (1 - form), so its ends solve `form = 1 - 1/s`; a slope over its width is wrong."""
-    A = [["0.4", "0.9"], [f"(0.4*1.1-s*(1-{form}))/0.9", "1.1"]]
-    block = {"type": "ss", "discrete": True, "A": A, "B": [[0], [0]], "C": [[1, 0]], "outputs": ["y"]}
-    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.5, "s": 1.0}, "block": {"a": block}, "wire": {"a.u": 0}}
-    s = 1 + np.geomspace(1e-6, 1e-4, 160) ** 2
-    found = wavesweep.compile(tables).stable_intervals("p", (0, 1), s=s)
-    known = found[found.certified]
-    assert known.s.nunique() > 100
-    for value, rows in known.groupby("s"):
-        level = (value - 1) / value
-        for side in (-1, 1):
-            end = 0.3
-            for _ in range(50):  # (p - 0.3)^2 is the level over the other factor, which varies slowly
-                factor = 1 / (end + 0.1) if "/" in form else 1 + 3 * end
-                end = 0.3 + side * np.sqrt(level / factor)
-            ends = rows[["low", "high"]].to_numpy().ravel()
-            assert np.abs(ends - end).min() <= 1e-9 * (end + 1e-5)
-
-
-def test_a_pair_that_crosses_at_a_small_angle_is_no_meeting():
-    """Next to z = 1, where nothing else is."""
-    angle = 5e-4
-    pair = f"{float(-2 * np.cos(angle))!r} * (1 + p)"
-    tables = {
-        "rates": {"tick_hz": 1000},
-        "numbers": {"p": 0.1},
-        "block": {"a": {"type": "tf", "discrete": True, "num": [1], "den": [1, pair, "(1 + p)**2"]}},
-        "wire": {"a.u": 0},
-    }
-    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.3, 0.2)).itertuples()
-    assert row.certified
-    assert row.low == -0.3
-    assert row.high == pytest.approx(0, abs=1e-14)
-    assert row.high_omega == pytest.approx(1000 * angle, rel=1e-6)
-
-
-def test_an_end_next_to_another_eigenvalue_keeps_its_digits():
-    """At z = 1 with a second eigenvalue 0.951; the end solves a quadratic."""
-    rows = [["0", "-(0.94105 + p + p*p)"], ["1", 1.951]]
-    block = {"type": "ss", "discrete": True, "A": rows, "B": [[1.0], [0.0]], "C": [[0.0, 1.0]], "outputs": ["y"]}
-    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.3}, "block": {"a": block}, "wire": {"a.u": 0}}
-    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.4, 1.6)).itertuples()
-    assert row.certified
-    assert row.low == pytest.approx(0.009852919968102188, rel=1e-13)
 
 
 @pytest.mark.sample(2)

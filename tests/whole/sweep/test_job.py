@@ -1,21 +1,16 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
-import re
-from dataclasses import replace
 from itertools import islice
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.check.planning import plan
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
 from wavesweep.program.store.checkpoint import MemoryCheckpoint
-from wavesweep.program.sweep import estimates, job, running, workers
-from wavesweep.program.sweep.estimates import _samples, expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.program.sweep import estimates, running, workers
+from wavesweep.program.sweep.estimates import expected_bytes, refuse_full_disk
 from wavesweep.program.sweep.job import cut_otherwise
 from wavesweep.program.sweep.running import RunCounts
 from wavesweep.program.sweep.workers import WORTH, choose
@@ -44,12 +39,6 @@ def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
         wavesweep.compile(spec).stable_intervals(name, span=span)
 
 
-def test_a_combination_that_makes_no_loop_is_named():
-    spec = spec_of(**{"rates.ratio": [20, 10], "environment.delay": [0, 15]})
-    with pytest.raises(UsageError, match=r"rates.ratio = 10, environment.delay = 15 makes no loop: .*<= 10"):
-        intervals(spec)
-
-
 IN_A_RING = {
     "rates": {"tick_hz": 1000},
     "numbers": {"g": 0.5, "d": 2.0, "K": 100.0},
@@ -67,20 +56,6 @@ def test_values_whose_loop_has_no_solution_are_named(table, backend):
     spec = IN_A_RING | {"sweep": sweep, "bode": values | {"frequency_hz": [1.0]}}
     with pytest.raises(wavesweep.IllPosedLoopError, match=r"^d = 1.0, g = 1.0: the loop of direct terms through amp has no"):
         table(spec, backend=backend)
-
-
-def test_whole_numbers_and_derived_keys_are_swept_as_values():
-    axes = {"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}
-    run = intervals(spec_of(**axes))
-    assert run.facts["slices"] == {"computed": 8, "skipped": 0, "certified": 8}
-    assert run.columns["environment.delay"].dtype.kind == "i"
-
-
-def test_the_first_and_the_last_of_very_many_loops_are_checked(monkeypatch):
-    monkeypatch.setattr(job, "CHECKED", 10)
-    index = job.some_loops(SimpleNamespace(loops=1000))
-    assert (index[0], index[-1], index.size) == (0, 999, 10)
-    assert job.some_loops(SimpleNamespace(loops=7)).tolist() == list(range(7))
 
 
 @pytest.mark.parametrize(
@@ -106,45 +81,6 @@ def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, 
     assert choose(2, None, None, 9, lambda: seconds).backend == anew
     with pytest.raises(UsageError, match=r"^backend fork: expected Linux.*; use loky"):
         choose(jobs, "fork", None, chunks, lambda: seconds)
-
-
-def test_an_error_for_want_of_memory_names_the_loops_that_take_it(long):
-    with pytest.raises(MemoryError) as caught, job.naming_values(job_of(long)):
-        raise MemoryError
-    (note,) = caught.value.__notes__
-    assert re.fullmatch(r"It is taken by loops of \d+ states and \d+ ticks a frame, of which up to \d+ are .*", note)
-
-
-def test_samples_of_a_run_come_from_its_ends_and_from_between(long):
-    small, samples = _samples(job_of(long))
-    places = np.array([chunk.number for chunk in samples]) / (len(small.chunks) - 1)
-    np.testing.assert_allclose(places, [0.6, 0, 1, 0.2, 0.8, 0.4], atol=0.51 / (len(small.chunks) - 1))
-
-
-def test_the_expectation_is_of_the_whole(long):
-    assert 0.01 < expected_seconds(job_of(long)) < 30
-
-
-@pytest.mark.slow
-def test_check_says_slices_chunks_workers_and_why(mixed, long, monkeypatch):
-    monkeypatch.setattr(workers, "PROCESSES", 2)
-    lines = "\n".join(plan(mixed))
-    assert "84 slices, 84 more are repeats" in lines
-    assert "1 chunk, about" in lines
-    assert "no workers (a single chunk of work)" in lines
-    assert "4 chunks, about" in "\n".join(plan(long))
-    refused = "\n".join(plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
-    assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused
-
-
-def test_work_that_is_surely_worth_workers_is_not_measured(long, monkeypatch):
-    long, measured = job_of(long), []
-    monkeypatch.setattr(running, "expected_seconds", lambda each: measured.append(each) or 5.0)
-    begun = MemoryCheckpoint(), RunCounts(), None
-    assert running._expected(long, *begun) == 5.0
-    many = replace(long, chunks=replace(long.chunks, loops=10_000_000))
-    assert running._expected(many, *begun) > WORTH
-    assert measured == [long]
 
 
 def test_chunks_of_one_slice_that_are_measured_are_kept_and_those_of_an_earlier_run_tell_nothing(long):
