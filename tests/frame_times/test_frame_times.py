@@ -62,6 +62,11 @@ PROGRAMS = {
         "Application,ProcessID,SwapChainAddress,CPUStartTime,FrameTime,CPUBusy",
         [f'"a, b.exe",7,0xA,{100 + k},{ms},NA' for k, ms in enumerate(SEEN)],
     ),
+    "a header at the end again, and another unit": (
+        "frame,realtime_ms,used",
+        [*(f"{k},{t!r},1" for k, t in enumerate(np.cumsum([0, *SEEN]).tolist())), "frame,realtime_ms,used", ""],
+    ),
+    "microseconds by their name": ("Time (us)", [f"{round(1e3 * t)}" for t in np.cumsum([0, *SEEN])]),
     "PlotJuggler": ("__time,/statistics/period", [f"{1.7e9 + t:.6f}," for t in np.cumsum([0, *SEEN]) / 1e3]),
     "rostopic": ("%time,field.data", [f"{1_700_000_000_000_000_000 + round(1e6 * t)},0" for t in np.cumsum([0, *SEEN])]),
     "ROS 2": (

@@ -208,3 +208,13 @@ wish = { z_width = { at_least = 0.3 }, felt = { at_least = 300 } }
     assert f"felt there: {1e3 * end:.6g} N/m" in out + err
     _, out, err = wavesweep("design", "mine.toml", "--no-plot")
     assert f"z_width {math.floor(1e5 * end) / 1e5:g} N/mm, felt {math.floor(1e5 * end) / 1e2:g} N/m" in out + err
+
+
+def test_a_spec_to_begin_with_has_the_number_in_its_own_unit():
+    from wavesweep.program.cli.init import _filled as filled
+    from wavesweep.program.cli.init import drawn_loops, starter
+
+    assert "\nmass = 0.045" in starter("pmw", None, "mine.toml", ["device.mass=45g"])
+    assert "J  = { value = 1e-05," in filled(drawn_loops()["drive"], "mine.toml", ["J=100 g*cm^2"])
+    with pytest.raises(SpecError, match=r'device.mass: expected a number > 0, found "45N"'):
+        starter("pmw", None, "mine.toml", ["device.mass=45N"])

@@ -117,7 +117,7 @@ def within(
     certain to be among them; first: of the first one, its number from 1, when it begins (s), and
     its measured length in ticks. every: if all these lengths are multiples of a number of ticks,
     and all frames are among them for a loop that looks for results in every so many ticks, this
-    number; otherwise 1. columns, scales: see `times.read_run`. Errors: UsageError.
+    number; otherwise 1. taken: what is said of another unit. columns, scales: see `times.read_run`. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)
     run = read_run(path, spec.tick_hz, columns or {}, scales or {})
@@ -142,6 +142,7 @@ def within(
         "varying": varying,
         "left": len(left),
         "first": first,
+        "taken": run.taken,
         "every": every if coarse else 1,
     }
 
@@ -166,6 +167,8 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     else:
         order = f"a constant length of {words} ticks"
     start = f"  measured frames ({found['file']}):"
+    if found["taken"]:
+        yield 1, f"  {found['taken']}"
     if not found["left"]:
         yield 1, f"{start} all {frames} are within {order}"
         return

@@ -155,7 +155,9 @@ def read_csv(path: str | Path, most: int) -> Csv:
     except csv.Error as error:
         raise _beyond_limit(path, error) from None
     *over, rest = text.split("\n", above)
-    body = rest.partition("\n")[2]
+    line, _, body = rest.partition("\n")
+    if line.strip() and body.rstrip("\n").endswith(f"\n{line}"):  # some write it at the end again
+        body = body.rstrip("\n").removesuffix(line)
     if (columns := header.count(mark) + 1) > MOST_COLUMNS:
         expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
         raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")

@@ -10,7 +10,7 @@ from textwrap import wrap
 
 import click
 
-from wavesweep.engine.drawing import RATE
+from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key, nearest, show
 from wavesweep.haptics.controllers import CONTROLLERS
@@ -20,6 +20,7 @@ from wavesweep.program.cli.options import PATH, overwriting
 from wavesweep.program.reading.keys import DEVICES, KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
 from wavesweep.program.reading.reading import read_override, scan
 from wavesweep.program.reading.tables import SpecTable, missing, tables
+from wavesweep.program.reading.units import has_unit, number_in
 from wavesweep.program.spec import load
 from wavesweep.program.spec.describing import described, meaning_of
 from wavesweep.program.spec.studies import DEFAULT_FREQUENCIES
@@ -258,10 +259,11 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
     chosen = {typed.partition("=")[0].strip().removeprefix("numbers."): typed for typed in settings}
     for name in chosen:
         _known(name, numbers, f"number or word of {path.stem}")
-    load(tomllib.loads(text), settings)  # refuses values that a spec refuses
+    loaded = load(tomllib.loads(text), settings)  # refuses values that a spec refuses
     for name, typed in chosen.items():
         at = scan(text)[numbers[name]][1]
-        value = json.dumps(read_override(typed)[1])
+        given = read_override(typed)[1]
+        value = json.dumps(loaded.own(path_of(name)) if has_unit(given) else given)
         rest = re.sub(r'^(?:"[^"]*"|[^,}\]\s]+)', "", text[at:], count=1)
         text = text[:at] + value + rest
     return text
@@ -285,6 +287,9 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
         _known(
             name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all"
         )
+    for name, value in settings_by_path.items():
+        if has_unit(value):  # one that cannot be converted is refused with the others
+            settings_by_path[name] = number_in(value, KEYS[name].unit) or value
     text = (
         "\n".join(
             (

@@ -118,6 +118,19 @@ def named_unit(text: str) -> str:
     return text
 
 
+def has_unit(value: object) -> bool:
+    """Whether a value is a text like `45g`, a number with a unit."""
+    return isinstance(value, str) and _QUANTITY.fullmatch(value.strip()) is not None
+
+
+def number_in(text: str, expected: str) -> float | None:
+    """The number of a text like `45g` in the expected unit, rounded once; None if it cannot be
+    converted."""
+    number, unit_text = _QUANTITY.fullmatch(text.strip()).groups()
+    unit = unit_of(unit_text, expected)
+    return unit and float(Fraction(number) * unit.factor)
+
+
 def converted(
     values: Any,
     place: tuple[str, str],

@@ -13,7 +13,7 @@ from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import joined_path, normal_path, sort_leaves
 from wavesweep.program.reading.tables import flat_keys, missing, section_of, study_keys
-from wavesweep.program.reading.units import named_unit, quantity, unit_of
+from wavesweep.program.reading.units import has_unit, named_unit, number_in
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
@@ -185,16 +185,14 @@ def _overridden(
                 mistakes.refuse(
                     where, ".".join(path), "a value, or a key of the spec to leave out", "neither"
                 )
-            amount = quantity(value) if isinstance(value, str) else None
-            unit = _unit_at(path, source, symbols) if amount else None
+            unit = _unit_at(path, source, symbols) if has_unit(value) else None
             if unit is not None:
-                found = unit_of(amount[1], unit)
-                if found:
-                    value = float(amount[0] * found.factor)
-                else:
+                number = number_in(value, unit)
+                if number is None:
                     expected = f"a number in {unit}" if unit else "a number without a unit"
                     mistakes.refuse(where, ".".join(path), expected, named_unit(value))
                     continue
+                value = number
             leaves = _override(leaves, path, value, where)
             twin = tuple(TWINS.get(".".join(path), "").split("."))
             if value != "" and twin in source and leaves.get(twin) is source[twin]:
