@@ -19,13 +19,11 @@ REACH_BEYOND_END = 1e-14  # of an end: how far a proof reaches into what is know
 BallProver = Callable[[int, float, float], list[tuple[float, float, float, float]] | None]
 
 
-def ball_prover(
-    loops: Loops, along: str, period: np.ndarray, operations: float = OPERATIONS_IN_DOUBT
-) -> BallProver:
+def ball_prover(loops: Loops, along: str, period: np.ndarray) -> BallProver:
     """Return what `covering.proved_by_balls` asks about a stretch, for loops of a batch along one
     of their numbers.
 
-    period: of the frames, s, `(loops,)`. operations: of ball arithmetic for each loop, at most.
+    period: of the frames, s, `(loops,)`.
     """
     budgets = {}
 
@@ -36,7 +34,7 @@ def ball_prover(
         loop = loops.one(column).in_whole_ticks(along)
         if loop is None:
             return None
-        budget = budgets.setdefault(column, Budget(operations))
+        budget = budgets.setdefault(column, Budget(OPERATIONS_IN_DOUBT))
         span = (low - REACH_BEYOND_END * abs(low), high + REACH_BEYOND_END * abs(high))
         proof = None
         with suppress(IllPosedLoopError):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep.program import plots
+from wavesweep.program.analyses.interval_jobs import Way
 from wavesweep.program.analyses.plane_columns import (
     KNOWN,
     NARROW,
@@ -147,3 +148,55 @@ def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(m
         assert not [x for x in curve.columns if 1.4 < x < 1.6]
         (cut,) = [gap for gap in pairwise(sorted(curve.columns)) if gap[0] < 1.5 < gap[1]]
         assert cut not in curve.gaps
+
+
+@pytest.fixture
+def dear_columns(monkeypatch):
+    """A design that takes long, stable up to a bent curve; the values that are asked of it."""
+    asked = []
+
+    def at_points(spec, axis, points, require):  # noqa: ARG001 - as the function that it stands for
+        x = points["environment.B_VE"]
+        asked.extend(x.tolist())
+        certified = x < 109
+        rows = {"slice": np.arange(x.size), "intervals": np.ones(x.size, int), "interval": np.zeros(x.size, int)}
+        rows |= {"low": np.zeros(x.size), "high": bent(x), "low_omega": np.zeros(x.size), "high_omega": np.ones(x.size)}
+        return rows | {"certified": certified, "doubt": np.where(certified, "", "rounding").astype(object)}
+
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.at_points", at_points)
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.cost_of", lambda *_: (1e-3, Way.DOMINANCE))
+    return asked
+
+
+def bent(x):
+    """A line that turns at 105, within a few units."""
+    return 1000 + 300 * np.sqrt(2 + (x - 105) ** 2)
+
+
+def curve_of_design(values):
+    sweep = {"K_VE": {"start": 0, "stop": 4000}, "B_VE": values}
+    spec = load({"controller": {"kind": "pmw"}, "sweep": sweep})
+    table = table_of_intervals(["B_VE"], "K_VE", [((x,), [(0.0, bent(x), 0.0, 1.0, True)]) for x in values])
+    (curve,) = curves_of([table], VIEW, {"spec": spec.tables()})
+    return curve
+
+
+def test_dear_columns_are_computed_where_a_curve_bends(dear_columns):
+    curve = curve_of_design(np.linspace(0, 108.0, 100).tolist())
+    assert all(gap in curve.gaps for gap in pairwise(sorted(curve.columns)))
+    assert dear_columns
+    assert min(dear_columns) > 95
+
+
+@pytest.mark.parametrize("count", [4, 20, 60])
+def test_dear_columns_are_no_more_than_those_of_the_table(dear_columns, count):
+    curve = curve_of_design(np.linspace(60, 108, count).tolist())
+    assert len(dear_columns) <= count
+    assert bool(dear_columns) == (count > 4)  # of so few nothing between is known
+    assert set(dear_columns) <= set(curve.columns)
+
+
+def test_dear_columns_in_doubt_are_left_out_between_certified_ones(dear_columns):
+    values = np.linspace(100, 112, 60).tolist()
+    curve = curve_of_design(values)
+    assert not {x for x in dear_columns if x > 109} - set(values) & set(curve.columns)

@@ -167,13 +167,12 @@ def searches_of(job: Job, chunk: Chunk, *, felt: bool = True) -> Searches:
 
 
 def ball_prover(
-    loops: Loops, along: str, period: np.ndarray, **limits: float
+    loops: Loops, along: str, period: np.ndarray
 ) -> Callable[[int, float, float], Any] | None:
-    """The prover in ball arithmetic, if the capability is there; limits: `operations` for each
-    loop."""
+    """The prover in ball arithmetic, if the capability is there."""
     module = offered("prover")
     if module:
-        return module.ball_prover(loops, along, period, **limits)
+        return module.ball_prover(loops, along, period)
     return None
 
 

@@ -16,9 +16,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
-from math import isnan
+from math import isnan, prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,15 +27,12 @@ from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
 # hears which share of the further columns is computed
 CURVES_LOGGER = logging.getLogger("wavesweep.figure.curves")
-# s that the further columns may take; by an estimate, so that equal tables give equal pictures
+# s that the further columns along a wall's number may take, by an estimate, so that equal tables give
+# equal pictures; along other numbers columns are dear, and no more of them than the table has
 BUDGET = 1.5
-# cells along a picture that are examined, however few values the table has; fewer if columns are
-# dear
-FEWEST_CELLS = 64
-DEAR = 6e-3  # s of a column along other numbers than the wall's
-ROUND = 0.1  # s of a batch of these for a design, at least
-MOST_PROVED = 6  # dear columns in doubt that are asked of ball arithmetic
-OPERATIONS = 2e6  # of ball arithmetic for each of these at most
+# cells along a picture that are examined, however few values the table has: of cheap columns, as far
+# as these are affordable, and of dear ones
+FEWEST_CELLS, FEWEST_DEAR = 64, 16
 LOOSE = 2  # pixels of a cell that is not decided, up to which it is drawn as if it were one
 KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
@@ -160,13 +156,12 @@ def seconds_of_curves(spec: Any, axis: Any, axes: Sequence[Any], slice_seconds: 
     from wavesweep.program.analyses.interval_jobs import Way, cost_of
     from wavesweep.program.sweep.grid import is_plain
 
-    cost, method = cost_of(spec, axis)
+    _, method = cost_of(spec, axis)
     if method is Way.CUT or not any(
         len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes
     ):
         return 0.0
-    most_columns = BUDGET / max(cost, DEAR)
-    return most_columns * slice_seconds
+    return prod(len(swept.values) for swept in axes) * slice_seconds
 
 
 def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
@@ -220,12 +215,11 @@ class _Round(NamedTuple):
     """Cells that are examined together.
 
     points: of each cell, the number of its curve and the values of x with those of its ends.
-    wanted: the columns that are computed. seconds: what they take.
+    wanted: the columns that are computed.
     """
 
     points: list[tuple[int, list[float]]]
     wanted: list[tuple[int, float]]
-    seconds: float
 
 
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
@@ -233,11 +227,12 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     places = [view.position(x) for curve in curves for x in curve.columns]
     width_of_all = float(max(places) - min(places))
     pixel = width_of_all / view.wide
-    # A batch of dear columns costs much by itself, so that a few more of them save time.
-    halves = 4 if source.batch else 2
-    affordable_cells = max(1, int(BUDGET / source.cost / len(curves) / 4))
-    widest = width_of_all / min(FEWEST_CELLS, affordable_cells)  # cell that its middle may decide
-    if source.batch:
+    cells_examined = FEWEST_DEAR
+    if not source.dear:
+        affordable = max(1, int(BUDGET / source.cost / len(curves) / 4))
+        cells_examined = min(FEWEST_CELLS, affordable)
+    widest = width_of_all / cells_examined  # of a cell that its middle may decide
+    if source.dear:
         for curve in curves:
             curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, widest)
     cells = []
@@ -245,18 +240,15 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
         cells += _undecided(number, curve, sorted(curve.columns))
     cells.sort(key=lambda cell: cell.width(view), reverse=True)
     seconds_left = BUDGET
-    proofs_left = MOST_PROVED
     skipped = []
-    fewest_parts = 2  # of a cell in the first round
     while cells:
         CURVES_LOGGER.info("%f", 1 - seconds_left / BUDGET)
-        examined = _examined(cells, view, source, (widest, fewest_parts), seconds_left)
+        examined = _examined(cells, view, source, widest, seconds_left)
         skipped += cells[len(examined.points) :]
         if not examined.wanted:
             break
-        seconds_left -= examined.seconds
-        columns, asked = source.ask(examined.wanted, proofs_left)
-        proofs_left -= asked
+        seconds_left -= source.cost * len(examined.wanted)
+        columns = source.ask(examined.wanted)
         for (number, x), column in zip(examined.wanted, columns, strict=True):
             curves[number].columns[x] = column
         cells = []
@@ -268,7 +260,6 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
             wide = [cell for cell in undecided if cell.width(view) > pixel]
             _call_narrow(curve, {*undecided} - {*wide})
             cells += wide
-        fewest_parts = halves
     for cell in skipped:
         if cell.width(view) <= LOOSE * pixel:
             _call_narrow(curves[cell.number], [cell])
@@ -285,28 +276,20 @@ def _call_narrow(curve: PlaneCurve, cells: Iterable[_Cell]) -> None:
 
 
 def _examined(
-    cells: Sequence[_Cell], view: View, source: _Source, parts: tuple[float, int], seconds: float
+    cells: Sequence[_Cell], view: View, source: _Source, widest: float, seconds: float
 ) -> _Round:
-    """The first cells whose columns take no more than some seconds.
-
-    parts: the width of the widest one, and how many of them a cell has at least.
-    """
-    widest, fewest = parts
+    """The first cells whose columns take no more than some seconds. widest: the width of a cell that
+    its middle may decide."""
     points: list[tuple[int, list[float]]] = []
     wanted: list[tuple[int, float]] = []
-    designs: set[int] = set()
-    needed = 0.0
     for cell in cells:
-        count = max(fewest, 2 * int(np.ceil(cell.width(view) / widest / 2)))
+        count = 2 * max(1, int(np.ceil(cell.width(view) / widest / 2)))
         inside = view.between(cell.start, cell.stop, count)
-        designs.add(cell.number)
-        with_it = source.seconds(len(wanted) + len(inside), len(designs))
-        if with_it > seconds:
+        if source.cost * (len(wanted) + len(inside)) > seconds:
             break
-        needed = with_it
         points.append((cell.number, [cell.start, *inside, cell.stop]))
         wanted += [(cell.number, x) for x in inside]
-    return _Round(points, wanted, needed)
+    return _Round(points, wanted)
 
 
 def _gaps_of_neighbours(columns, view, tolerance, widest):
@@ -411,9 +394,9 @@ Design = tuple[
 class _Source:
     """A source of further columns.
 
-    axis: that of the intervals. x: the path of the other one if it is read. cost, batch: s of a
-    column, and of a batch of them for a design, at least. keys: the design of each member. designs:
-    the different ones among them, by which `ask` numbers them.
+    axis: that of the intervals. x: the path of the other one if it is read. keys: the design of each
+    member. designs: the different ones among them, by which `ask` numbers them. cost: s of a column;
+    of a dear one its share of BUDGET.
     """
 
     spec: Any
@@ -422,25 +405,15 @@ class _Source:
     keys: list[Design]
     designs: list[Design]
     cost: float
-    batch: float
+    dear: bool
 
-    def seconds(self, columns: int, designs: int) -> float:
-        """About how long `ask` takes for so many columns of so many designs."""
-        return max(self.cost * columns, self.batch * designs)
-
-    def ask(self, wanted: list[tuple[int, float]], proofs: int) -> tuple[list[Column], int]:
-        """The intervals at (number of a design, x), and how many of the proofs that may be asked
-        for were asked for."""
+    def ask(self, wanted: list[tuple[int, float]]) -> list[Column]:
+        """The intervals at (number of a design, x)."""
         places = [(number, x if self.x else 0.0) for number, x in wanted]
-        columns, asked = self._columns_at(list(dict.fromkeys(places))), 0
+        columns = self._columns_at(list(dict.fromkeys(places)))
         designs = {number for number, _ in columns}
-        if self.batch:
-            doubtful = [place for place, column in columns.items() if _doubtful(column)][:proofs]
-            columns |= self._columns_at(doubtful, proved=True) if doubtful else {}
-            asked = len(doubtful)
-        elif (
-            len(designs) > 1
-        ):  # what loops of several designs leave in doubt may be clear in those of one
+        if not self.dear and len(designs) > 1:
+            # What loops of several designs leave in doubt may be clear in those of one.
             for design in sorted(designs):
                 doubtful = [
                     place
@@ -448,13 +421,10 @@ class _Source:
                     if place[0] == design and _doubtful(column)
                 ]
                 columns |= self._columns_at(doubtful) if doubtful else {}
-        return [columns[place] for place in places], asked
+        return [columns[place] for place in places]
 
-    def _columns_at(
-        self, places: list[tuple[int, float]], *, proved: bool = False
-    ) -> dict[tuple[int, float], Column]:
-        """proved: whether what is in doubt is asked of ball arithmetic."""
-        from wavesweep.program.analyses.interval_jobs import at_points, ball_prover
+    def _columns_at(self, places: list[tuple[int, float]]) -> dict[tuple[int, float], Column]:
+        from wavesweep.program.analyses.interval_jobs import at_points
 
         numbers = [dict(self.designs[number]) for number, _ in places]
         points = {}
@@ -469,8 +439,7 @@ class _Source:
                 if isinstance(value, float)
             )
             points = {name: np.array([value])}
-        more = {"prover": partial(ball_prover, operations=OPERATIONS)} if proved else {}
-        rows = at_points(self.spec, self.axis, points, require=self.spec.require, **more)
+        rows = at_points(self.spec, self.axis, points, require=self.spec.require)
         columns = columns_of(rows, rows["slice"])
         return {place: columns[number] for number, place in enumerate(places)}
 
@@ -512,7 +481,9 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     ]
     designs = list(dict.fromkeys(keys))
     cost, method = cost_of(spec.with_values(dict(designs[0])), axis)
-    cost, batch = (cost, 0.0) if method is Way.CUT else (max(cost, DEAR), ROUND)
+    dear = method is not Way.CUT
+    if dear:
+        cost = BUDGET / sum(len(np.unique(each[x])) for each in members)
     return _Source(
         spec,
         axis,
@@ -520,5 +491,5 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
         keys,
         designs,
         cost,
-        batch,
+        dear,
     )
