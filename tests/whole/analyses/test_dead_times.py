@@ -51,7 +51,7 @@ def test_balls_prove_loops_with_dead_times(seed):
     spec = wavesweep.compile(drawn(order, False, q, act, None, seed)).spec
     from wavesweep.prove import prover
 
-    found = prover.ball_prover(loops_of(spec, spec.values), "numbers.k", np.array([T]), 1e7)(0, 1e-3, 1e4)
+    found = prover.ball_prover(loops_of(spec, spec.values), "numbers.k", np.array([T]))(0, 1e-3, 1e4)
     fine = wavesweep.compile(drawn(order, True, q, act, None, seed))
     ends = [end for row in found for end in row[:2] if 1e-3 < end < 1e4]
     for low, high, *_ in found:
