@@ -477,12 +477,11 @@ class _FramesAtRandom:
             )
         in_time = (symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT)
         delays = [*dict.fromkeys(in_time), LOST_RESULT]
-        length_of = []
+        length_of = [lengths.index(symbol.ticks) for symbol in symbols]
         result = []
-        for symbol in symbols:
-            place = lengths.index(symbol.ticks)
-            length_of.append(place)
-            result.append(results[place % len(results)][delays.index(symbol.delay)])
+        for symbol, length in zip(symbols, length_of, strict=True):
+            of_length = results[length if len(results) > 1 else 0]  # or the same for all lengths
+            result.append(of_length[delays.index(symbol.delay)])
         recalls = len(shares) > 1 or any(symbol.step is not None for symbol in symbols)
         return _FramesAtRandom(shares, symbols, lengths, length_of, result, recalls)
 

@@ -21,7 +21,7 @@ from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, i
 from wavesweep.for_all.from_zero import FramesFromZero
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol, WrittenFrames
 
-ANY = np.array([0.5, 2.0])  # stands for a number that varies
+TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held
 # Kinds of ticks beside those of the phases, of which 0 is the sample: one whose result is in place
@@ -164,7 +164,7 @@ class Plan:
                 "linearly, found another; look along another one (a gain in the wire behind a block is one), or leave `varying` "
                 "out"
             )
-        varied = self._varied(number)
+        varied = self._at_two_values(number)
 
         def ticks_at(step):
             at_step = self.schedule.with_period(self.drawing, step)
@@ -178,15 +178,15 @@ class Plan:
         maps, _, index = self.different_ticks(ticks_at)
         return Ticks(tuple(maps), np.arange(len(maps))), self._drift(varied), index
 
-    def _varied(self, number):
-        """The values, of each loop twice with two values of a number."""
+    def _at_two_values(self, number):
+        """The values of every loop twice, with TWO_VALUES of a number, one after the other."""
         if not number:
             return self.values
         loops = Loops(self.drawing, self.values).batch or (1,)
         twice = {}
         for path, value in self.values.items():
-            twice[path] = np.repeat(value, ANY.size) if np.ndim(value) else value
-        return twice | {path_of(name_of(number)): np.tile(ANY, loops)}
+            twice[path] = np.repeat(value, TWO_VALUES.size) if np.ndim(value) else value
+        return twice | {path_of(name_of(number)): np.tile(TWO_VALUES, loops)}
 
     def _free(self, ticks, number, drift, index) -> FramesFromZero | None:
         """The frames from a number 0 on, if there one more shift of the loop stays than with it,

@@ -965,11 +965,11 @@ def least_of(log, search, point, skip, most):
     """The point with the least sum of squares of innovations, from another one."""
     scale = None
 
-    def left(part):
+    def residual(scaled):
         nonlocal scale
         with np.errstate(all="ignore"):
             try:
-                _, errors, effects = errors_of(log, search.found(part * search.size), skip)
+                _, errors, effects = errors_of(log, search.found(scaled * search.size), skip)
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
             # Squares of larger ones are no doubles.
@@ -987,18 +987,18 @@ def least_of(log, search, point, skip, most):
     start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
     limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
 
-    def searched(start):
+    def least_from(start):
         # A number without any effect, as the variance of a walk that is not there, would take a step
         # to its bound, and cut those of all others.
-        def tethered(part):
-            return np.append(left(part), TETHER * (part - start))
+        def tethered(scaled):
+            return np.append(residual(scaled), TETHER * (scaled - start))
 
         found = least_squares(
             tethered, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits
         )
         return found.x
 
-    best = searched(start)
+    best = least_from(start)
     # At a whole number of ticks the errors have a kink, behind which there may be a lower minimum.
     if "delay" in search.names:
         at = search.names.index("delay")
@@ -1007,9 +1007,9 @@ def least_of(log, search, point, skip, most):
             other = best.copy()
             other[at] = np.clip(best[at] + ticks / search.size[at], low[at] + 1e-6, high[at] - 1e-6)
             tried.append(other)
-        lowest = min(tried, key=lambda each: float(np.sum(left(each) ** 2)))
+        lowest = min(tried, key=lambda each: float(np.sum(residual(each) ** 2)))
         if lowest is not best:
-            best = searched(lowest)
+            best = least_from(lowest)
     return best * search.size
 
 

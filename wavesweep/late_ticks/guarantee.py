@@ -25,6 +25,7 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     Errors: UsageError for hands, requirements, or a number, beside which it cannot be had.
     """
     spec = own.grid.spec
+    intervals = own.asked  # along what number, and of what requirement
     if not spec.tick:
         return asked
     from wavesweep.engine.errors import UsageError
@@ -33,8 +34,8 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     if hands := [each.word for each in asked if each.word]:
         expected = "no --for-hands, since its rows are of the spec's own hand"
         raise UsageError(f"[for_all] tick: expected {expected}, found {', '.join(hands)}")
-    if own.asked.require:
+    if intervals.require:
         expected = "no requirement, since its rows are about stability alone"
         raise UsageError(f"[for_all] tick: expected {expected}, found require")
-    refuse(spec, own.asked.axis.path)
+    refuse(spec, intervals.axis.path)
     return [*asked, LateTicksGuarantee(spec.tick.interval(spec.tick_hz))]

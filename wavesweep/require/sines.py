@@ -190,7 +190,8 @@ class Panel:
         return best[np.argmin(np.where(np.isfinite(value[0]), value[0].real, np.inf))]
 
     def label(self):
-        """GOOD, BAD or OPEN, for all numbers of the panel."""
+        """GOOD, BAD or OPEN, for all numbers of the panel: by the lowest angle, or by arcs that are
+        halved until each is proved."""
         decided = self._decided(np.array([self.lowest()]))
         if decided is not None:
             return decided
@@ -205,9 +206,10 @@ class Panel:
             tried += low.size
             if tried > MOST_ARCS_OF_PANEL:
                 return OPEN
-            zero = (low == 0) & self.at_rest
-            theta = np.where(zero, 0.0, (low + high) / 2)
-            half = np.where(zero, high, (high - low) / 2)
+            # The arc that begins at the double zero, theta = 0, is half of one about it.
+            about_zero = (low == 0) & self.at_rest
+            theta = np.where(about_zero, 0.0, (low + high) / 2)
+            half = np.where(about_zero, high, (high - low) / 2)
             decided = self._decided(theta)
             if decided is not None:
                 return decided

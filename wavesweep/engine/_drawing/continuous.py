@@ -52,9 +52,12 @@ def parted(
                 continuous += pairs
                 alone += near
                 held += [term for term in terms if term not in (*pairs, *near)]
+        elif far_plants:
+            halves += terms
+        elif blocks == {own}:
+            alone += terms
         else:
-            kind = halves if far_plants else alone if blocks == {own} else held
-            kind += terms
+            held += terms
     if not (continuous or halves):
         return wire, ()
     continuous += _opposite_pairs(alone, halves)

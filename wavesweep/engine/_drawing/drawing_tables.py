@@ -135,12 +135,11 @@ def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]
 def with_whole_numbers(
     drawing: Drawing, values: dict[str, float]
 ) -> tuple[Drawing, dict[str, float]]:
-    """Return the drawing and the values with whole numbers where these decide how the loop is
-    built."""
+    """Return the drawing and the values with integers in place of those floats that are whole, of
+    numbers that decide how the loop is built, such as the steps of a delay."""
     integers = {}
-    for name in drawing.shaping:
-        path = path_of(name)
-        if float(values.get(path, 0.5)).is_integer():
+    for path in map(path_of, drawing.shaping):
+        if path in values and float(values[path]).is_integer():
             integers[path] = int(values[path])
     whole = frozenset(map(name_of, integers))
     return replace(drawing, whole=whole), values | integers

@@ -177,11 +177,11 @@ def cut_of(
     if moving:
         lead = leads[moving[0]]
         factor = share[..., moving[0], None, None]
-        system = _with_rows(system, remaining, lead, factor)
-        errors = _with_rows(errors, remaining, lead, np.abs(factor))
+        system = _with_rows_of_number(system, remaining, lead, factor)
+        errors = _with_rows_of_number(errors, remaining, lead, np.abs(factor))
     else:
-        system = _with_rows(system, remaining)
-        errors = _with_rows(errors, remaining)
+        system = _with_rows_of_number(system, remaining)
+        errors = _with_rows_of_number(errors, remaining)
     names = tuple(drift.states[i] for i in remaining)
     cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
     if conserved and moving:
@@ -189,10 +189,13 @@ def cut_of(
     return cut and _acted_on(cut)
 
 
-def _with_rows(system, states, lead=None, factor=None):
-    """Return a system with its remaining states, and the rows VELOCITY, ADVANCE and OFFSET.
+def _with_rows_of_number(system, states, lead=None, factor=None):
+    """Return a system of the states x that remain, with the rows that a number reads.
 
-    lead: the state that the first signal moves with, by the factor; None if it moves with none.
+    The first signal is `factor x_l + c x + d u`, of which x_l is the state `lead` that drifts, or
+    None; it is read as its change over a frame and as what is left, the second signal as it is:
+
+        VELOCITY  c_2 x + d_2 u,   ADVANCE  factor (E_l x + B_l u),   OFFSET  c x + d u.
     """
     E, B, C, D = system
     offset = C[..., :1, states]

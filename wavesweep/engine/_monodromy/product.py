@@ -12,6 +12,7 @@ from itertools import groupby
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
+from wavesweep.engine._monodromy.bounded import sum_rounding
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.components import strong_components
 from wavesweep.engine.doubles import ENTRY_ROUNDING, SHORT_SUM_ROUNDING
@@ -98,7 +99,7 @@ def product_with_norm_of_errors(
         Q, size_Q, whole_Q, error_Q = second
         E = P + Q
         E += Q @ P
-        rounding = SHORT_SUM_ROUNDING * (size_P + size_Q + size_Q * size_P)
+        rounding = sum_rounding(n + 2) * (size_P + size_Q + size_Q * size_P)
         return E, norm(E), norm(E + np.eye(n)), whole_Q * error_P + error_Q * whole_P + rounding
 
     def of_loops(index):
@@ -172,7 +173,9 @@ def _of_steps(steps, known):
 
 def _in_sequence(factors):
     nothing = np.zeros_like(factors[0][0])
-    eye = np.eye(nothing.shape[-1])
+    n = nothing.shape[-1]
+    eye = np.eye(n)
+    rounding = sum_rounding(n + 2)
     before = [nothing]
     for E, _ in factors:
         before.append(before[-1] + E + E @ before[-1])
@@ -180,8 +183,8 @@ def _in_sequence(factors):
     behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
-        of_E = error + SHORT_SUM_ROUNDING * size
-        own = of_E @ np.abs(eye + ahead) + SHORT_SUM_ROUNDING * (2 * size + np.abs(ahead))
+        of_E = error + rounding * size
+        own = of_E @ np.abs(eye + ahead) + rounding * (2 * size + np.abs(ahead))
         total = total + np.abs(eye + behind) @ own
         behind = behind + E + behind @ E
     return before[-1], total
@@ -258,7 +261,10 @@ def _after_with_errors(ramp, over, first, second):
     Q, size_Q, whole_Q, dQ = second
     both = _after(ramp, P, Q)
     n = size_P.shape[-2]
-    rounding = SHORT_SUM_ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
+    # Zeros add no rounding: those of delays make rows of few terms.
+    terms = int(np.count_nonzero(size_Q[..., :n], -1).max(initial=0)) + 2
+    rounding = sum_rounding(terms, np.iscomplexobj(both[0]))
+    rounding = rounding * (size_P + size_Q + size_Q[..., :n] @ size_P)
     dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + rounding
     dE[..., n:] += dQ[..., n:]
     if ramp:

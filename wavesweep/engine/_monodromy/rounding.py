@@ -7,9 +7,9 @@ entries that are left have lost digits, and show no sign of it.
 import numpy as np
 
 from wavesweep.engine._monodromy.batches import in_parts
+from wavesweep.engine._monodromy.bounded import Bounded
 from wavesweep.engine._monodromy.periodic import GROWING, Change, growth_of, in_a_row, size_of
 from wavesweep.engine._monodromy.unit_circle import inverse
-from wavesweep.engine.doubles import SHORT_SUM_ROUNDING
 
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 BALANCING_SWEEPS = 3  # over the states
@@ -26,14 +26,7 @@ def both(
 
     Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
     """
-    a, da = first
-    b, db = second
-    eye = np.eye(a.shape[-1])
-    size_a = np.abs(a)
-    size_b = np.abs(b)
-    rounding = SHORT_SUM_ROUNDING * (size_a + size_b + size_b @ size_a)
-    error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + rounding
-    return a + b + b @ a, error
+    return Bounded(*first).then(Bounded(*second))
 
 
 def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:

@@ -114,8 +114,16 @@ class Bordered:
         E, dE = (change[..., None, self.slow, :] for change in self.stretch.E)
         A[..., slow, X] = points.frame[:, None, None] * np.eye(n)[self.slow] - E
         dA[..., slow, X] = dE
-        b = self._right_side(sums, sums.forced, sums.driven)
-        db = self._right_side(sums, sums.dforced, sums.ddriven)
+        # On the right is what the force adds: to o and Y as means over the ticks, r = forced/M and
+        # q = forced/M, to the component t = forced, and to the slow states g = driven.
+        forced = Bounded(*np.broadcast_arrays(sums.forced, sums.dforced))
+        driven = Bounded(*np.broadcast_arrays(sums.driven, sums.ddriven))
+        added = [
+            forced.part(..., slice(p + f), slice(None)) * (1 / M),
+            forced.part(..., slice(p + f, None), slice(None)),
+            driven.part(..., self.slow, slice(None)),
+        ]
+        b, db = Bounded.joined(added, -2).each(lambda side: side.mT[..., None].copy())
         if self.place is not None:  # w times the position is the displacement
             row = p + self.place
             for array in (A, dA, b, db):
@@ -123,16 +131,6 @@ class Bordered:
             A[..., row, row] = points.tick
             A[..., row, 0] = -1
         return Bounded(A, dA), Bounded(b, db)
-
-    def _right_side(self, sums, forced, driven):
-        """The right side of the system, or the bound on its errors, at every point."""
-        means = np.repeat(
-            [1 / self.stretch.ticks, 1.0], [self.outputs_of_port + self.fast.size, self.fast.size]
-        )
-        of_outputs = means[:, None] * (forced + 0 * sums.forced.real)
-        of_slow = driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real
-        side = np.concatenate([of_outputs, of_slow], -2)
-        return side.mT.copy()[..., None]
 
 
 def fits(port) -> bool:

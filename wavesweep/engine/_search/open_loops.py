@@ -30,7 +30,7 @@ from wavesweep.engine.rows import distinct, distinct_rows
 # theirs that the frame is opened at, to a port that the frame is to show as well; None for none.
 FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], Ports | None]
 
-ANY = np.array([0.5, 2.0])  # a number that varies
+TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 # loops at most that are remembered together; a chunk of a large sweep is never asked again
 REMEMBERED_LOOPS = 200
 
@@ -99,7 +99,7 @@ def open_loops(
         loops = Loops(*shorter)
         drawing = loops.drawing
     read = (FACTOR, BESIDE)[: 1 + bool(second)]
-    both = dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
+    both = dict.fromkeys(map(path_of, filter(None, (number, second))), TWO_VALUES)
     with_both = loops.changed(both)
     loops = loops.changed(dict.fromkeys(both, 0.0))
     closed = with_both.drift()
@@ -107,7 +107,7 @@ def open_loops(
     if drift.varying or closed != with_both.drift_of_frames():
         return None
     if second:
-        with_second = loops.changed({path_of(second): ANY}).drift(number, read, second)
+        with_second = loops.changed({path_of(second): TWO_VALUES}).drift(number, read, second)
         if (with_second.constant, with_second.varying) != (drift.constant, drift.varying):
             return None
     conserved = bool(closed.varying)

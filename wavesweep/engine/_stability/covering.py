@@ -19,19 +19,17 @@ from wavesweep.engine.rows import Rows, different
 # of half a panel, from a place to a crossing: how near the place is once both sides of it are
 # proved from there
 NEXT_TO = 1e-4
-# Half of a window about a crossing, and what shapes it.
-# of what an end may be off: so small a part that an end anywhere in the window is as exact as
-# promised
+# Half of a window about a crossing, of what an end may be off: so small a part that an end anywhere
+# in the window is as exact as promised.
 HALF_WINDOW = 0.1
-# the same at the low end of the span, which stands for each crossing so near to it; the rest is for
-# rounding
+# The same at the low end of the span, which stands for each crossing so near to it; what is left to
+# 1 is for rounding.
 AT_LOW_END = 0.9
-# times what errors of entries move the crossing by, at least: beyond them the sides have to be
-# proved;
+# Half of a window is at least so many times what errors of entries move the crossing by: beyond them
+# the sides have to be proved.
 WINDOW_OF_ERRORS = 2.5
-# a window of more than so many times what an end may be off is rough
-# halves of a window: crossings as near to this share one, since less than half a window would be
-# left between two
+# Crossings that are nearer than so many halves of a window share one: less than half a window would
+# be left between two.
 MERGED = 3
 # a window that is not proved even so gets wider by this factor with every try
 WINDOW_WIDENED = 2.0

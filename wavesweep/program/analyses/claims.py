@@ -485,7 +485,7 @@ class Scope:
         their paths."""
         if not self._covers_numbers(asked, own) or not self._covers_messages(asked):
             return False
-        if self.run:
+        if self.run:  # a single run says nothing of any other
             return self == asked
         walls = asked.walls in (self.walls, LINEAR)
         # The spec's own tick is one of those of [for_all].

@@ -59,11 +59,11 @@ INTERRUPTED = 130
 # Python's own 700 makes it look through the classes of libraries again and again, for a tenth of the
 # time of a report.
 OBJECTS_UNTIL_COLLECTED = 30_000
-# Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported
-# for this.
 LEAST_MEMORY = 400e6  # bytes of address space, with which OpenBLAS and Arrow load
 # What the system says of a library for which there is no memory.
 NO_ROOM = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")
+# Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported
+# for this.
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
 # The short helps are listed here so that `wavesweep --help` need not import the commands; a test
