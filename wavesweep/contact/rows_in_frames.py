@@ -58,7 +58,7 @@ class InFrames:
             if edges is None:
                 return None
             conditions = Conditions.on_edges(frames, edges)
-            if loops and conditions.R.size > MOST_CONDITIONS:
+            if loops and conditions.R.value.size > MOST_CONDITIONS:
                 break
             loops.append(InFrames(frames, conditions, unit))
             if conditions.exact:
@@ -250,7 +250,7 @@ class Along:
         goal = max(low, FROM_ZERO * top) if low >= 0 else low
         reached = top
         share = FIRST_SHARE
-        affordable = CONDITIONS_OF_PIECES // self.loop.conditions.R.size
+        affordable = CONDITIONS_OF_PIECES // self.loop.conditions.R.value.size
         for _ in range(min(MOST_PIECES, max(LEAST_PIECES, affordable))):
             if reached <= goal or share < LEAST_SHARE:
                 break

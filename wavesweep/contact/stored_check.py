@@ -50,6 +50,7 @@ from wavesweep.capabilities import offered
 from wavesweep.contact.coming_rests import Edge
 from wavesweep.contact.wall_loop import BOUNDS_OF_DOUBLES
 from wavesweep.engine.doubles import EPS
+from wavesweep.engine.frames import Bounded
 
 POINT = 1e-9  # of R, up to which its interval counts as a value with an error
 
@@ -59,21 +60,16 @@ class Conditions:
     """What has to hold on the edges of a graph, at the vertices of the hulls.
 
     moved `(conditions, n + 1, n + 1)`: A and b, and the row (l, r) below; read `(conditions, 2, n +
-    1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`; ..._error: bounds
-    on the errors of their entries. exact: whether all rests are points, up to such errors. drifts:
-    whether a position does.
+    1)`: (o, d_x) and (c, d_v); rest `(conditions, n)`: omega; R `(conditions,)`. exact: whether all
+    rests are points, up to their errors. drifts: whether a position does.
     """
 
     source: np.ndarray
     target: np.ndarray
-    moved: np.ndarray
-    read: np.ndarray
-    rest: np.ndarray
-    R: np.ndarray
-    moved_error: np.ndarray
-    read_error: np.ndarray
-    rest_error: np.ndarray
-    R_error: np.ndarray
+    moved: Bounded
+    read: Bounded
+    rest: Bounded
+    R: Bounded
     drifts: bool
     exact: bool
 
@@ -93,8 +89,8 @@ class Conditions:
         exact = True
         for edge in edges:
             i = edge.frame
-            moved = unchanged + frames.changes[i]
-            moved_error = frames.changes_error[i] + EPS * np.abs(moved)
+            moved = Bounded(frames.changes[i], frames.changes_error[i]) + Bounded.exact(unchanged)
+            read = Bounded(frames.rows[i], frames.rows_error[i])
             least, most = edge.turned
             middle = (least + most) / 2
             R_values = [middle]
@@ -104,74 +100,59 @@ class Conditions:
                 R_error = 0.0
             exact &= len(R_values) == len(edge.vertices) == 1
             for R, omega in product(R_values, edge.vertices):
-                ends = (edge.source, edge.target)
-                values = (moved, frames.rows[i], omega, R)
-                errors = (moved_error, frames.rows_error[i], edge.errors, R_error)
-                conditions.append((*ends, *values, *errors))
-        arrays = map(np.array, zip(*conditions, strict=True))
-        return Conditions(*arrays, drifts=frames.drifts, exact=exact)
+                bounded = (moved, read, Bounded(omega, edge.errors), Bounded(R, R_error))
+                conditions.append((edge.source, edge.target, *bounded))
+        source, target, *bounded = zip(*conditions, strict=True)
+        bounded = [Bounded(*map(np.array, zip(*each, strict=True))) for each in bounded]
+        ends = np.array(source), np.array(target)
+        return Conditions(*ends, *bounded, drifts=frames.drifts, exact=exact)
 
     def terms(self, wall: tuple[float, float, float]) -> Terms:
         """The parts of F at a wall (a_x, a_v, a_u), which is (1, B/K, 1/K), or (K, B, 1) without a
         drift: `f - p = a_x (x - p) + a_v v - a_u u`, where x - p and v are the rows of `read`."""
-        a_x, a_v, a_u = wall
-        n = self.rest.shape[1]
-        force = n + 1
-        state = [*range(n), force]
-        f = a_x * self.read[:, 0] + a_v * self.read[:, 1]
-        size = np.abs(a_x * self.read[:, 0]) + np.abs(a_v * self.read[:, 1])
-        f[:, n] -= a_u
-        size[:, n] += a_u
-        f_error = abs(a_x) * self.read_error[:, 0] + abs(a_v) * self.read_error[:, 1]
-        f_error += 8 * EPS * size
-        count = len(f)
-        G = np.zeros((count, n + 1, n + 2))
-        G_error = np.zeros_like(G)
-        G[:, :, state] = self.moved
-        G_error[:, :, state] = self.moved_error
-        G[:, n, state] = f - self.moved[:, n]
-        G_error[:, n, state] += f_error + EPS * np.abs(G[:, n, state])
+        a_x, a_v, a_u = (Bounded(each, EPS * abs(each)) for each in wall)
+        count, n = self.rest.value.shape
+        force = np.eye(n + 1)[n]
+        f = self.read.part(slice(None), 0) * a_x + self.read.part(slice(None), 1) * a_v
+        f = f - a_u * force
+        before = self.moved.part(slice(None), n)
+        rows = [self.moved.part(slice(None), slice(n)), (f - before).part(slice(None), None)]
+        moved = Bounded.joined(rows, -2)
+        of_m = Bounded.exact(np.zeros((n + 1, 1)))
+        G = Bounded.block([[moved.part(..., slice(n)), of_m, moved.part(..., [n])]])
         # From where the device would rest to f.
-        from_rest = f.copy()
-        from_rest[:, :n] -= self.rest
-        from_rest_error = f_error + EPS * np.abs(from_rest)
-        from_rest_error[:, :n] += self.rest_error
-        weight = -self.R if self.drifts else np.ones(count)
-        own = _times_force(-weight[:, None] * from_rest)
-        own[:, force, force] -= self.R**2
-        size_of_R = np.abs(self.R) + self.R_error
-        product_error = np.abs(weight)[:, None] * from_rest_error
-        product_error += self.R_error[:, None] * (np.abs(from_rest) + from_rest_error)
-        own_error = _times_force(product_error)
-        own_error[:, force, force] += self.R_error * (np.abs(self.R) + size_of_R)
-        own_error[:, force, force] += 4 * EPS * self.R**2
-        own_error += 4 * EPS * np.abs(own)
-        stored = _times_force(-f)
-        stored[:, force, n] = stored[:, n, force] = 1.0
-        return Terms(G, own, stored, G_error, own_error, _times_force(f_error))
+        rest = self.rest.each(lambda omega: np.pad(omega, ((0, 0), (0, 1))))
+        weight = -self.R if self.drifts else Bounded.exact(np.ones(count))
+        own = _times_force((rest - f) * weight.part(slice(None), None))
+        squared = np.zeros((n + 2, n + 2))
+        squared[n + 1, n + 1] = 1.0
+        own = own - (self.R * self.R).part(slice(None), None, None) * squared
+        before = np.zeros((n + 2, n + 2))
+        before[n + 1, n] = before[n, n + 1] = 1.0
+        return Terms(G, own, _times_force(-f) + Bounded.exact(before))
 
 
-def _times_force(row: np.ndarray) -> np.ndarray:
+def _times_force(rows):
     """The matrices of `2 u (row (eta, u))` in (eta, m, u); rows `(conditions, n + 1)`."""
-    count, force = row.shape
-    n = force - 1
-    matrix = np.zeros((count, n + 2, n + 2))
-    matrix[:, n + 1, :n] = matrix[:, :n, n + 1] = row[:, :n]
-    matrix[:, n + 1, n + 1] = 2 * row[:, n]
-    return matrix
+
+    def matrices(row):
+        count, force = row.shape
+        n = force - 1
+        matrix = np.zeros((count, n + 2, n + 2))
+        matrix[:, n + 1, :n] = matrix[:, :n, n + 1] = row[:, :n]
+        matrix[:, n + 1, n + 1] = 2 * row[:, n]
+        return matrix
+
+    return rows.each(matrices)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terms:
-    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0);
-    ..._error: bounds on the errors of the entries."""
+    """`F = E' P_i E - G' P_j G + g own + h stored` of each condition, with E = (I, 0)."""
 
-    G: np.ndarray
-    own: np.ndarray
-    stored: np.ndarray
-    G_error: np.ndarray
-    own_error: np.ndarray
-    stored_error: np.ndarray
+    G: Bounded
+    own: Bounded
+    stored: Bounded
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,23 +177,19 @@ def falls(
     Between two walls, with s from 0 to 1, the walls, forms and weights are linear in s. So F is a
     polynomial of degree three, and positive definite if its Bernstein coefficients are. The k-th one
     is the mean of `E' P_a E + g_a own_b + h_a stored_b - G_b' P_a G_c` over the ends a, b, c of
-    which k are the second. As doubles it is wrong by at most, with all sizes those of both ends,
-
-        dG' |P_j| (|G| + dG) + |G|' |P_j| dG + g d_own + h d_stored
-        + (2 n + 16) rounding (|G|' |P_j| |G| + g |own| + h |stored| + E' |P_i| E).
+    which k are the second.
     """
     switched = offered("switched")
     forms = [stored for stored, _ in ends]
     if not all(_are_positive(stored) for stored in forms):
         return False
-    if conditions.drifts and not (conditions.R + conditions.R_error < 0).all():
+    if conditions.drifts and not (conditions.R.value + conditions.R.error < 0).all():
         return False
     terms = [conditions.terms(wall) for _, wall in ends]
-    error = _error_of_doubles(conditions, forms, terms)
     degree = 3 * (len(ends) - 1)  # 0 of a single wall, which is the only coefficient
     for k in range(degree + 1):
-        coefficient = _bernstein_coefficient(conditions, forms, terms, k)
-        if not switched.definite(*switched.in_its_units(coefficient, error)):
+        F, error = _bernstein_coefficient(conditions, forms, terms, k)
+        if not switched.definite(*switched.in_its_units(F, BOUNDS_OF_DOUBLES * error)):
             return False
     return True
 
@@ -226,43 +203,15 @@ def _are_positive(stored: Stored) -> bool:
     return offered("switched").definite(P, np.zeros_like(P))
 
 
-def _error_of_doubles(conditions, forms, terms):
-    """The bound on the error of every Bernstein coefficient, see `falls`."""
-    n = forms[0].P.shape[-1]
-    size_of_P_i = _largest([each.P[conditions.source] for each in forms])
-    size_of_P_j = _largest([each.P[conditions.target] for each in forms])
-    g = max(each.g for each in forms)
-    h = max(each.h for each in forms)
-    size_of_G = _largest([each.G for each in terms])
-    size_of_own = _largest([each.own for each in terms])
-    size_of_stored = _largest([each.stored for each in terms])
-    G_error = _largest([each.G_error for each in terms])
-    own_error = _largest([each.own_error for each in terms])
-    stored_error = _largest([each.stored_error for each in terms])
-
-    across = size_of_G.mT @ size_of_P_j
-    moved_error = G_error.mT @ size_of_P_j @ (size_of_G + G_error) + across @ G_error
-    added = across @ size_of_G + g * size_of_own + h * size_of_stored
-    added[:, :n, :n] += size_of_P_i
-    rounding_error = EPS * (2 * n + 16) * added
-    return BOUNDS_OF_DOUBLES * (moved_error + rounding_error + g * own_error + h * stored_error)
-
-
 def _bernstein_coefficient(conditions, forms, terms, k):
     """The k-th coefficient of F between two walls, or F of a single one, see `falls`."""
-    n = forms[0].P.shape[-1]
     products = []
     for a, b, c in product(range(len(forms)), repeat=3):
         if a + b + c != k:
             continue
-        F = forms[a].g * terms[b].own + forms[a].h * terms[b].stored
-        moved = terms[b].G.mT @ forms[a].P[conditions.target] @ terms[c].G
-        F = F - (moved + moved.mT) / 2
-        F[:, :n, :n] += forms[a].P[conditions.source]
-        products.append(F)
-    return np.mean(products, axis=0)
-
-
-def _largest(ends: Sequence[np.ndarray]) -> np.ndarray:
-    """The largest size of each entry at the ends."""
-    return np.max(np.abs(ends), axis=0)
+        form = forms[a]
+        moved = terms[b].G.mT @ form.P[conditions.target] @ terms[c].G
+        F = terms[b].own * form.g + terms[b].stored * form.h - (moved + moved.mT) * 0.5
+        of_state = np.pad(form.P[conditions.source], ((0, 0), (0, 1), (0, 1)))
+        products.append(F + Bounded.exact(of_state))
+    return sum(products[1:], products[0]) * (1 / len(products))

@@ -49,19 +49,19 @@ class Programme:
     @staticmethod
     def of(conditions: Conditions, terms: Terms) -> Programme:
         """The inequality of conditions at one wall."""
-        n = terms.G.shape[1]
+        G = terms.G.value[:, None]
+        n = G.shape[-2]
         row, column = np.triu_indices(n)
         m = row.size
         basis = np.zeros((m, n, n))
         basis[np.arange(m), row, column] = 1.0
         basis[np.arange(m), column, row] = 1.0
-        count, N = terms.own.shape[:2]
+        count, N = terms.own.value.shape[:2]
         slopes = np.zeros((count, 2 * m + 3, N, N))
         slopes[:, :m, :n, :n] = basis
-        G = terms.G[:, None]
         slopes[:, m : 2 * m] = -(G.mT @ basis @ G)
-        slopes[:, 2 * m] = terms.own
-        slopes[:, 2 * m + 1] = terms.stored
+        slopes[:, 2 * m] = terms.own.value
+        slopes[:, 2 * m + 1] = terms.stored.value
         slopes[:, 2 * m + 2] = -np.eye(N)
         nodes = 1 + int(max(conditions.source.max(), conditions.target.max()))
         own = np.arange(m)
@@ -175,7 +175,7 @@ def find_stored(
     programme = Programme.of(conditions, terms)
     x = _first_point(programme, near)
     # So many logarithms of eigenvalues and of scalars: a centre is within barriers/s of the largest t.
-    count, N = terms.own.shape[:2]
+    count, N = terms.own.value.shape[:2]
     barriers = count * N + programme.nodes * programme.basis.shape[-1] + 3
     s = barriers / max(1.0, abs(x[-1])) if near is None else near.s
     barrier = Barrier.of(programme, s)

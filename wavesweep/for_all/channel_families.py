@@ -30,7 +30,7 @@ from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import TOTAL_DEGREE, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames, WrittenFrames
-from wavesweep.for_all.plan import ANY
+from wavesweep.for_all.plan import TWO_VALUES
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
 ANY_NUMBER = -1  # of messages in a row that are lost
@@ -204,7 +204,7 @@ def frames_with_messages(
             f"[for_all] {number.removeprefix('numbers.')} = {{ start, stop }}, and `wavesweep check`"
         )
     drawing, channels = _in_step(drawing, values)
-    varied = {path_of(name_of(number)): ANY} if number else {}
+    varied = {path_of(name_of(number)): TWO_VALUES} if number else {}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(
         name_of(number) if number else ""

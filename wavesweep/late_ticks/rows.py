@@ -13,7 +13,7 @@ from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.late_ticks.bracket import PROVED, REFUTED, Bracket, End, bracket, decided
-from wavesweep.late_ticks.tick_curves import ANY, late_ticks
+from wavesweep.late_ticks.tick_curves import TWO_VALUES, late_ticks
 from wavesweep.program.analyses.claims import STABLE, Claim, Scope, Status, Tick, own_scope
 from wavesweep.program.analyses.interval_jobs import Guarantee, records_of_loop
 from wavesweep.program.spec import Spec
@@ -64,7 +64,7 @@ def refuse(spec: Spec, along: str) -> None:
     if along and not own.drawing.scalar_place(name_of(along)):
         expected = "intervals along a number that one wire or gain reads linearly, such as K_VE"
         raise UsageError(f"[for_all] tick: expected {expected}, found {name_of(along)}")
-    varied = {**own.values, along: ANY} if along else own.values
+    varied = {**own.values, along: TWO_VALUES} if along else own.values
     if along and Loops(own.drawing, varied).drift().varying:
         expected = f"a loop whose position at rest does not depend on {name_of(along)}"
         found = "one that rests elsewhere with each value, as a wave line beside a spring at the hand; check is of one value"

@@ -40,7 +40,7 @@ CURVE_ROUNDING = 1e-15  # of a length: more than the rounding of 1/rate and of a
 MOST_CELLS = 64
 WIDE = "[for_all] tick: the times of a tick differ by too much to be enclosed"
 GONE_TERM = 2e-10  # of the largest entry of a row: more than entries that are set to zero can be
-ANY = np.array([0.5, 2.0])  # stands for a number that varies
+TWO_VALUES = np.array([0.5, 2.0])  # of a number: what differs with them depends on it
 ROUNDINGS = 64.0  # of the terms of a curve in its control points
 
 Curve = tuple[np.ndarray, np.ndarray]
@@ -163,7 +163,7 @@ def _point(curves, j):
 def _family(loops, along, points):
     """The matrices with each of these entries of what moves, and the number of ticks in a frame."""
     own = dict(loops.values)
-    varied = own | ({along: ANY} if along else {})
+    varied = own | ({along: TWO_VALUES} if along else {})
     whole = Loops(loops.drawing, varied).drawn()
     if along:
         cut_open = Loops(loops.drawing, own | {along: 0.0}).drawn(name_of(along))
