@@ -22,7 +22,7 @@ def plan(spec: Spec) -> list[str]:
         seconds = seconds_of(job)
     except WavesweepError as error:
         return [f"  design: not possible with this spec: {error}"]
-    workers = choose(None, None, None, len(job.chunks), lambda: seconds, again=True)
+    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
     over = f"{len(job.asked.scenarios)} combination{'s' * (len(job.asked.scenarios) != 1)}"
     if workers.backend is None:
         who = "no workers"

@@ -238,7 +238,6 @@ def design(
         work.scheduler,
         len(job.chunks),
         partial(seconds_of, job),
-        again=True,
     )
     wanted = spec.design
     evolution = Evolution(**wanted.settings)

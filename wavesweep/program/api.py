@@ -595,7 +595,7 @@ def zwidth(
     ----------------
     jobs : int, optional
         Number of worker processes if the work is worth them.
-    backend : {"fork", "loky", "dask"}, optional
+    backend : {"loky", "dask"}, optional
         Kind of the workers, which is then used in any case.
     scheduler : str, optional
         Address of a dask scheduler.

@@ -4,7 +4,6 @@ of libraries, and versions."""
 import os
 import signal
 import sys
-import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -68,16 +67,6 @@ def keep_memory() -> None:
         mallopt = ctypes.CDLL(None).mallopt
         mallopt(M_MMAP_THRESHOLD, FROM_HEAP)
         mallopt(M_TRIM_THRESHOLD, BYTES_KEPT)
-
-
-WATCHING = "wavesweep progress"  # name of a thread that holds no lock that a worker takes
-
-
-def can_fork() -> bool:
-    """Whether a copy of this process works as well as a new one: on Linux, without threads that may
-    hold a lock while it is copied."""
-    threads = {thread.name for thread in threading.enumerate()}
-    return sys.platform == "linux" and threads <= {threading.main_thread().name, WATCHING}
 
 
 def why_no_processes() -> str:

@@ -65,7 +65,7 @@ def undisturbed(start, tmp_path_factory):
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "fork")], ids=["alone", "workers"])
+@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
 def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, undisturbed, options):
     share = (np.arange(KILLS) + np.random.default_rng(7).random(KILLS)) / KILLS
     for killed, moment in enumerate(0.2 + share):
@@ -94,7 +94,7 @@ def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, un
 @pytest.mark.parametrize(
     ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted."), (signal.SIGTERM, 143, "Terminated.")]
 )
-@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "fork")], ids=["alone", "workers"])
+@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
 def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, undisturbed, number, code, word, options):
     out = tmp_path / "out"
     process = start(out, *options)

@@ -61,10 +61,10 @@ def test_values_whose_loop_has_no_solution_are_named(table, backend):
 @pytest.mark.parametrize(
     ("jobs", "backend", "chunks", "seconds", "expected"),
     [
-        (2, None, 9, 10.0, (2, "fork")),
-        (8, None, 3, 10.0, (3, "fork")),
-        (2, None, 9, 1.0, (2, "fork")),
-        (2, None, 9, 0.1, (1, None)),
+        (2, None, 9, 10.0, (2, "loky")),
+        (8, None, 3, 10.0, (3, "loky")),
+        (2, None, 9, 1.01 * WORTH, (2, "loky")),
+        (2, None, 9, 0.99 * WORTH, (1, None)),
         (1, None, 9, 10.0, (1, None)),
         (2, None, 1, 10.0, (1, None)),
         (2, "loky", 1, 0.1, (2, "loky")),
@@ -72,15 +72,9 @@ def test_values_whose_loop_has_no_solution_are_named(table, backend):
 )
 def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected, monkeypatch):
     monkeypatch.setattr(workers, "processors", lambda: 8)
-    monkeypatch.setattr(workers, "can_fork", lambda: True)
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
-    monkeypatch.setattr(workers, "can_fork", lambda: False)
-    anew = "loky" if seconds > WORTH else None
-    assert choose(2, None, None, 9, lambda: seconds).backend == anew
-    with pytest.raises(UsageError, match=r"^backend fork: expected Linux.*; use loky"):
-        choose(jobs, "fork", None, chunks, lambda: seconds)
 
 
 def test_chunks_of_one_slice_that_are_measured_are_kept_and_those_of_an_earlier_run_tell_nothing(long):

@@ -13,7 +13,6 @@ from typing import Any
 import click
 
 from wavesweep.engine.errors import shortened
-from wavesweep.program.platform_compat import WATCHING
 
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
@@ -80,7 +79,7 @@ def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress 
             while not over.wait(LOOK_AT_PROGRESS):
                 watch.look()
 
-        Thread(target=keep_looking, name=WATCHING, daemon=True).start()
+        Thread(target=keep_looking, daemon=True).start()
         try:
             yield watch.hear
         finally:

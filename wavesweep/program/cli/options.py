@@ -163,8 +163,7 @@ class Options:
         click.option(
             "--backend",
             metavar="NAME",
-            help="Kind of the workers: fork (copies of this process, the default on Linux), loky (new processes of this "
-            "machine) or dask.",
+            help="Kind of the workers: loky (processes of this machine, the default) or dask.",
         ),
         of="workers",
     )

@@ -1,7 +1,9 @@
 """What a worker computes, and the workers of this machine, processes of joblib's loky. It loads
 numpy alone."""
 
+import atexit
 import os
+import shutil
 import signal
 import sys
 import tempfile
@@ -10,11 +12,14 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, WavesweepError
+from wavesweep.program.atomic_files import scratch
 from wavesweep.program.platform_compat import (
     MASKS,
     STOPPING,
@@ -29,8 +34,7 @@ from wavesweep.program.platform_compat import (
 SAFE_PATH = "PYTHONSAFEPATH"
 IDLE = 60  # s after which the processes end if nothing follows
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
-WATCH = 0.5  # s between two looks at the parent, and at the workers
-LOOKS = 6  # after which a worker that has died should have been noticed
+WATCH = 0.5  # s between two looks at the parent
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
 
@@ -51,15 +55,40 @@ def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
     return number, records, time.thread_time() - started
 
 
+def left_in(folder: str, compute: Callable, number: int, task: Task) -> tuple[Path, int, float]:
+    """Compute a chunk as `compute` does, `timed` in general, and leave its records in a file of the
+    folder: the file, the number of the chunk, and the processor seconds used.
+
+    All workers answer through one pipe, and whoever reads it waits for the rest of a message whose
+    sender was killed. This one has some hundred bytes, and a pipe divides none below PIPE_BUF, 4096.
+    """
+    number, records, seconds = compute(number, task)
+    file = Path(folder, f"{number}.npy")
+    np.save(file, records)
+    return file, number, seconds
+
+
+@cache
+def folder_of_chunks() -> Path:
+    """The folder for what the workers of this process leave.
+
+    It goes with this process or, if that is killed, with its workers; if these are killed as well,
+    the next run removes it.
+    """
+    opened = ExitStack()
+    atexit.register(opened.close)
+    return opened.enter_context(scratch(Path(tempfile.gettempdir())))
+
+
 def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
     """Call a function in a worker; its result, and the versions of the worker, on which the last
     digits depend."""
     return function(*arguments), versions()
 
 
-def settle_in(parent: int) -> None:
+def settle_in(parent: int, folder: Path) -> None:
     """Make this process a worker of the process `parent`: signals and warnings are left to it, and
-    both end together.
+    both end together, with the folder of what was not taken.
 
     Memory that is freed is kept. The watch begins before the first task: if the parent was killed
     while this process was starting, a pool's worker would wait for minutes for its next task.
@@ -71,10 +100,10 @@ def settle_in(parent: int) -> None:
     def watch():
         while os.getppid() == parent:
             time.sleep(WATCH)
+        for _ in range(2):  # the other workers may leave a file meanwhile
+            shutil.rmtree(folder, ignore_errors=True)
         os._exit(1)
 
-    if os.getppid() != parent:
-        os._exit(1)
     threading.Thread(target=watch, daemon=True).start()
 
 
@@ -93,7 +122,7 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
     options = {
         "inner_max_num_threads": 1,  # of BLAS, since the matrices are small and the workers many
         "initializer": settle_in,
-        "initargs": (os.getpid(),),
+        "initargs": (os.getpid(), folder_of_chunks()),
         "idle_worker_timeout": IDLE,
     }
     try:
@@ -114,12 +143,7 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
             f"no worker processes can be started here ({error}); --jobs 1 needs none"
         ) from error
     try:
-        with (
-            warnings.catch_warnings(),
-            _no_word_of_loky(),
-            _cut_short_results_end(),
-            closing(answers),
-        ):
+        with warnings.catch_warnings(), closing(answers):
             # Closing the iterator says so of the tasks that it ends.
             warnings.filterwarnings(
                 "ignore", ".* tasks which were still being processed", UserWarning
@@ -127,52 +151,6 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
             yield from answers
     except BrokenExecutor as error:
         raise WavesweepError(DIED) from error
-
-
-@contextmanager
-def _no_word_of_loky() -> Iterator[None]:
-    """Show no traceback of the thread that hands out loky's tasks, which may look for one it has
-    dropped as it ends."""
-    before = threading.excepthook
-    threading.excepthook = lambda failed: (
-        None if failed.thread.name == "ExecutorManagerThread" else before(failed)
-    )
-    try:
-        yield
-    finally:
-        threading.excepthook = before
-
-
-@contextmanager
-def _cut_short_results_end() -> Iterator[None]:
-    """End the wait for the rest of a result whose worker was killed while it sent it, which loky
-    itself does not see."""
-    from multiprocessing.connection import wait
-
-    from joblib.externals.loky import reusable_executor
-
-    over = threading.Event()
-
-    def watch():
-        looks = 0
-        while not over.wait(WATCH):
-            # Loky has no other way to its workers, and none to end its reader's wait for the rest
-            # of a result.
-            pool = reusable_executor._executor  # noqa: SLF001
-            workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
-            looks = looks + 1 if wait([worker.sentinel for worker in workers], 0) else 0
-            if looks > LOOKS:
-                for worker in workers:
-                    with suppress(ProcessLookupError):
-                        os.kill(worker.pid, signal.SIGKILL)
-                pool._result_queue._writer.close()  # noqa: SLF001 - nobody is left who could write: the reader is at the end
-                return
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        over.set()
 
 
 @contextmanager

@@ -10,17 +10,24 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from itertools import islice
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.platform_compat import can_fork, processors, versions, why_no_processes
-from wavesweep.program.sweep.pools import AHEAD, attested, in_parallel, timed
+from wavesweep.program.platform_compat import processors, versions, why_no_processes
+from wavesweep.program.sweep.pools import (
+    AHEAD,
+    attested,
+    folder_of_chunks,
+    in_parallel,
+    left_in,
+    timed,
+)
 
-FORKED = "fork"  # the backend whose workers are copies of this process
-STARTED = "loky"  # the one whose workers are started anew, and stay for the next call
-LOCAL = (FORKED, STARTED)  # those whose workers share the processors of this machine
-BACKENDS = ("dask", *LOCAL)
+STARTED = "loky"  # the backend whose workers share the processors of this machine
+BACKENDS = ("dask", STARTED)
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK_AT_POOL = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
@@ -28,10 +35,9 @@ PROCESSES = 2  # by default
 LOGGER = logging.getLogger(
     "wavesweep"
 )  # Python writes its warnings to stderr, unless somebody listens
-# s of work; two new processes take 0.45 s each until their first chunk is done, and below this save
-# nothing
-WORTH = 1.2
-WORTH_OF_FORKS = 0.3  # s of work; two copies take 20 ms each
+# s of work; two new processes take some 0.5 s each of processor time until their first chunk is done, joblib here
+# and the process that keeps their semaphores 0.4 s: two processors save nothing below this
+WORTH = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +64,11 @@ def refuse_backend(backend: str | None) -> None:
         from wavesweep.program.sweep.clusters import imported
 
         imported()
-    if backend == FORKED and not can_fork():
-        raise UsageError(
-            "backend fork: expected Linux, and a process without threads that may hold a lock, "
-            "found another one; use loky"
-        )
 
 
 def excess(jobs: int, backend: str | None) -> str:
     """A sentence if fewer workers are used than `jobs`, otherwise an empty text."""
-    if backend not in (None, *LOCAL) or jobs <= max(PROCESSES, processors()):
+    if backend not in (None, STARTED) or jobs <= max(PROCESSES, processors()):
         return ""
     return f"--jobs {jobs}: this machine has {processors()} processors for wavesweep, and no more workers are used"
 
@@ -78,22 +79,19 @@ def choose(
     scheduler: str | None,
     chunks: int,
     seconds: Callable[[], float],
-    *,
-    again: bool = False,
 ) -> Workers:
     """Decide which workers compute `chunks` chunks.
 
     jobs: largest number of workers, PROCESSES if None; no more than there are processors are used.
-    seconds: estimates the time in this process, called only if it matters. again: whether the
-    workers of a call are wanted by the next one. Raises UsageError for a backend that cannot be
-    used.
+    seconds: estimates the time in this process, called only if it matters. Raises UsageError for a
+    backend that cannot be used.
     """
     refuse_backend(backend)
     jobs = jobs or PROCESSES
     useful = max(1, min(jobs, processors()))
     if backend is not None:
         return Workers(
-            useful if backend in LOCAL else jobs,
+            useful if backend == STARTED else jobs,
             backend,
             scheduler,
             f"the backend {backend} was asked for",
@@ -104,15 +102,13 @@ def choose(
         return Workers(1, None, None, "a single chunk of work")
     if useful < 2:
         return Workers(1, None, None, "a single processor")
-    local = FORKED if can_fork() and not again else STARTED
-    worth = WORTH_OF_FORKS if local == FORKED else WORTH
     expected = seconds()
-    if expected < worth:
-        return Workers(1, None, None, f"work below {worth:g} s is faster without workers")
-    if local == STARTED and (alone := why_no_processes()):
+    if expected < WORTH:
+        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
+    if alone := why_no_processes():
         return Workers(1, None, None, alone)
     why = f"estimated {max(1, round(expected))} s of work"
-    return Workers(min(useful, chunks), local, None, why)
+    return Workers(min(useful, chunks), STARTED, None, why)
 
 
 def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iterator[tuple]:
@@ -128,27 +124,20 @@ def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iter
             yield timed(*call)
         return
     refuse_backend(workers.backend)
-    if workers.backend == FORKED:
-        from wavesweep.program.sweep.forks import in_forks
-
-        work = partial(_numbered, task_of)
-        with closing(in_forks(workers.count, numbers, work)) as answers:
-            yield from answers
-        return
     elsewhere = _on_machine if workers.backend == STARTED else _on_cluster
     yield from elsewhere(workers, calls)
 
 
-def _numbered(task_of, number):
-    """The result of the chunk of that number."""
-    return timed(number, task_of(number))
-
-
 def _on_machine(workers, calls):
     """The results of new processes of this machine."""
-    with closing(in_parallel(workers.count, ((timed, *call) for call in calls))) as answers:
-        for answer in answers:
-            yield _of_our_version(*answer)
+    with TemporaryDirectory(dir=folder_of_chunks(), ignore_cleanup_errors=True) as folder:
+        calls = ((left_in, folder, timed, *call) for call in calls)
+        with closing(in_parallel(workers.count, calls)) as answers:
+            for answer in answers:
+                file, number, seconds = _of_our_version(*answer)
+                records = np.load(file)
+                file.unlink()
+                yield number, records, seconds
 
 
 def _on_cluster(workers, calls):
