@@ -71,17 +71,12 @@ def away(pulses) -> np.ndarray | None:
     return np.maximum.accumulate(farthest[::-1])[::-1]
 
 
-def peak_to_peak(pulses) -> float:
-    """Of the worst tick of a frame: an input of 1 or -1 in each tick, as the pulse from there has its sign."""
-    return float(abs(pulses).sum(axis=(0, 2)).max())
-
-
 def rms(pulses) -> float:
     """Variances of independent inputs add up; the mean over the ticks of a frame."""
     return math.sqrt((pulses**2).sum() / pulses.shape[1])
 
 
-IN_TIME = {"overshoot": overshoot, "peak_to_peak": peak_to_peak, "rms": rms}  # and step_settling
+IN_TIME = {"overshoot": overshoot, "rms": rms}  # and step_settling
 
 
 def drifts(lifted) -> bool:

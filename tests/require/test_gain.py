@@ -13,7 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Bounded
 from wavesweep.require import factors, gain_intervals
 from wavesweep.require.disc_panels import BAD, GOOD, HALF_RIM, OPEN, along_panels
-from wavesweep.require.gain_bound import IN_TIME
+from wavesweep.require.gain_bound import MEASURES
 from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
@@ -778,7 +778,7 @@ GAIN = "sweep.require.gain"
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
 NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
 NAMES += "margins.cut, margins.Ms, margins.disk, margins.gain, margins.phase_deg, "
-NAMES += ", ".join(f"{table}.{key}" for table in IN_TIME for key in ("from", "to", "at_most"))
+NAMES += ", ".join(f"{table}.{key}" for table in MEASURES for key in ("from", "to", "at_most"))
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from wavesweep.program.tables.specs import intervals_of_specs
 from wavesweep.require import on_check
 from wavesweep.require.disc_panels import HALF_RIM, OPEN, SAFE
 from wavesweep.require.discs import Spiral
-from wavesweep.require.gain_bound import IN_TIME
+from wavesweep.require.gain_bound import MEASURES
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {
@@ -379,7 +379,7 @@ def test_the_table_says_what_is_required():
 NAMES = "radius, settling, time_constant, damping_ratio, modes, slower_than, bounded, "
 NAMES += "gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure, "
 NAMES += "margins.cut, margins.Ms, margins.disk, margins.gain, margins.phase_deg, "
-NAMES += ", ".join(f"{table}.{key}" for table in IN_TIME for key in ("from", "to", "at_most"))
+NAMES += ", ".join(f"{table}.{key}" for table in MEASURES for key in ("from", "to", "at_most"))
 CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
     "gives energy; leave bounded out, and stable intervals are found"

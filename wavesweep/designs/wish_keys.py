@@ -9,7 +9,7 @@ from typing import Any
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.keys import Key, Place
-from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
+from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES, TIMES_OF_MODES
 from wavesweep.program.reading.tables import nested
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
@@ -118,22 +118,10 @@ WISHES = MappingProxyType(
             {**_MODES, **_WALLS},
             (),
         ),
-        "settling": WishKind(
-            "s",
-            False,
-            "settling time, to 2 %",
-            "time in which every mode by itself falls to 2 %: ln(50) = 3.912 time constants of the slowest mode",
-            _WALLS,
-            (),
-        ),
-        "time_constant": WishKind(
-            "s",
-            False,
-            "time constant of the slowest mode",
-            "time constant of the slowest mode, in which it falls to 1/e",
-            _WALLS,
-            (),
-        ),
+        **{
+            name: WishKind("s", False, time.title, time.description, _WALLS, ())
+            for name, time in TIMES_OF_MODES.items()
+        },
         "delay_margin": WishKind(
             "tick",
             True,

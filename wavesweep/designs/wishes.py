@@ -26,7 +26,7 @@ from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
-from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, SETTLED_TO
+from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING, TIMES_OF_MODES
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import drawn_groups, frames_per_clock
@@ -527,24 +527,18 @@ def _damping_ratio(spec, wish, loops, size):
     return np.where(certain, least, np.nan), certain & sure
 
 
-def _settling(spec, wish, loops, size):
-    """Time in which the mode that decays most slowly falls to 2 %, s: ln(50) time constants;
-    missing if the loop is unstable."""
-    value, certified = _time_constant(spec, wish, loops, size)
-    return -np.log(SETTLED_TO) * value, certified
-
-
-def _time_constant(spec, wish, loops, size):
-    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is
-    unstable."""
-    del spec, wish
+def _time_of_modes(spec, wish, loops, size):
+    """Time in which the mode that decays most slowly falls to the wish's share, s; missing if the
+    loop is unstable."""
+    del spec
     E, certain = _frames(loops, size)
     drawn = loops.drawn()
     delta, _ = eigenvalues(E)
     last = slowest(delta) if delta.shape[-1] else -1.0
     last = np.where(certain, last, np.nan)
     with np.errstate(all="ignore"):
-        time = -np.real(drawn.period * drawn.ticks) / np.log1p(last).real
+        constant = -np.real(drawn.period * drawn.ticks) / np.log1p(last).real
+        time = TIMES_OF_MODES[wish.name].constants * constant
     return np.where((time >= 0) & np.isfinite(time), time, np.nan), certain
 
 
@@ -611,8 +605,9 @@ _MEASURES = {
     "transparency": _transparency,
     "free_motion": _free_motion,
     "delay_margin": _delay_margin,
+    **dict.fromkeys(TIMES_OF_MODES, _batched(_time_of_modes)),
     **{
         measure.__name__.lstrip("_"): _batched(measure)
-        for measure in (_damping_ratio, _settling, _time_constant, _chatter, _depth)
+        for measure in (_damping_ratio, _chatter, _depth)
     },
 }

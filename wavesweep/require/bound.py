@@ -1,24 +1,20 @@
 """Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain
 has to be below."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.poles import GONE
-from wavesweep.program.reading.keys import ALL_MODES, SETTLED_TO
+from wavesweep.program.reading.keys import ALL_MODES, TIMES_OF_MODES
 from wavesweep.program.tables.number_words import rounded_up
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import (
-    OVERSHOOT,
-    PEAK,
-    RMS,
-    STEP_SETTLING,
+    MEASURES,
     CutBound,
     FactorBound,
     GainBound,
@@ -27,40 +23,27 @@ from wavesweep.require.gain_bound import (
 
 IMAGES = 3  # turns per frame up to which the mode at an end is looked for
 LEAST_RADIUS = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
-# What is left of a mode after so many of each time that [sweep] require may name.
-LEFT_AFTER: dict[str, Callable[[Any], Any]] = {
-    "settling": lambda times: SETTLED_TO**times,
-    "time_constant": lambda times: np.exp(-times),
-}
 # s per slice, measured: of a damping ratio, or of loops that conserve; of a gain, or of factors
 BY_DISCS = 0.6
 BY_GAIN = 1.0
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
 GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
 IN_TIME = "responses in time, frame by frame, on panels of the number: what is seen, and bounds on all that follows"
-IN_TIME_WORDS = {
-    OVERSHOOT: "an overshoot of at most {at_most:.4g} of a step of {from_} in {to}",
-    STEP_SETTLING: "a step of {from_} within 2 % of its end in {to} after {at_most:g} s",
-    PEAK: "at most {at_most:g} in {to} while {from_} is between -1 and 1",
-    RMS: "a root mean square of at most {at_most:g} in {to} under white noise of 1 in {from_}",
-}
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, per frame or, before
-    `over`, per clock of the spec, the time `settling` (s) in which a mode is down to SETTLED or the
-    `time_constant` (s) in which it is down to 1/e, and how it is `damped`, None if that is not
-    required; or that a loop which conserves is `bounded`. gains: what gains stay below, those at
+    `over`, per clock of the spec, the `times` (s) by their names in TIMES_OF_MODES, and how it is
+    `damped`, None if that is not required; or that a loop which conserves is `bounded`. gains: what gains stay below, those at
     cuts among them.
 
     The protocol is that of `engine._search.question`.
     """
 
     radius: float = 1.0
-    settling: float = np.inf
-    time_constant: float = np.inf
+    times: tuple[tuple[str, float], ...] = ()
     damped: Damped | None = None
     bounded: bool = False
     gains: tuple[GainBound | CutBound | FactorBound | TimeBound, ...] = ()
@@ -106,28 +89,27 @@ class Bound:
     def radius_of(self, period) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s.
 
-        A mode z of a frame of T seconds is z^n after n frames. Its size is at most q at the end of
-        every frame from t on if `|z| <= q^(T/t)`, which LEFT_AFTER has for each such t. It is of
-        each mode by itself: several together, as those that nearly meet, may grow before they
+        A mode z of a frame of T seconds is z^n after n frames. Its size is at most exp(-c) at the
+        end of every frame from t on if `|z| <= exp(-c T/t)`, c being the time constants of such a t.
+        It is of each mode by itself: several together, as those that nearly meet, may grow before they
         decay.
         """
         frame = np.asarray(period, float)
         longest = frame.max(initial=0.0)
-        by_key = {"radius": np.broadcast_to(self.radius, frame.shape)}
-        for time, left_after in LEFT_AFTER.items():
-            by_key[time] = left_after(frame / getattr(self, time))
-        for key, radius in by_key.items():
+        radii = [np.broadcast_to(self.radius, frame.shape)]
+        asked = [("radius", self.radius, "one nearer to 1")]
+        for key, time in self.times:
+            constants = TIMES_OF_MODES[key].constants
+            radii.append(np.exp(-constants * frame / time))
+            least = rounded_up(-constants * longest / np.log(LEAST_RADIUS), 3)
+            asked.append((key, time, f"at least {least} s"))
+        for (key, found, expected), radius in zip(asked, radii, strict=True):
             if (radius < LEAST_RADIUS).any():
-                expected = "one nearer to 1"
-                if key in LEFT_AFTER:
-                    seconds = longest / np.log(LEAST_RADIUS) * np.log(LEFT_AFTER[key](1.0))
-                    expected = f"at least {rounded_up(seconds, 3)} s"
                 left = f"where a frame takes {longest:.3g} s"
-                found = getattr(self, key)
                 raise UsageError(
                     f"sweep.require.{key}: expected {expected} {left}, found {found:g}"
                 )
-        return np.minimum.reduce([*by_key.values()])
+        return np.minimum.reduce(radii)
 
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they
@@ -221,15 +203,16 @@ class Bound:
         """Raise UsageError for a time to settle or the band of a gain, along a number that
         changes the time of a frame."""
         refused, expected = "", ""
-        times = [time for time in LEFT_AFTER if getattr(self, time) < np.inf]
+        times = [name for name, _ in self.times]
+        times += [
+            gain.measure for gain in self.gains if isinstance(gain, TimeBound) and gain.is_time
+        ]
         if times:
             refused, expected = times[0], "expected radius in its place"
         elif self.damped and self.damped.slower_than:
             refused, expected = "slower_than", "expected all modes"
         elif any(gain.band_hz for gain in self.gains):
             refused, expected = "band_hz", "expected a gain at all frequencies"
-        elif any(getattr(gain, "measure", "") == STEP_SETTLING for gain in self.gains):
-            refused, expected = STEP_SETTLING, "expected radius in its place"
         if refused:
             instead = (
                 f"or list its values in [sweep] ({name} = [...]) and look along another number"
@@ -243,8 +226,7 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
     """What is required, in words; written: see `Require.written`. clock: what a radius is per."""
     words = {
         "radius": f"within {{:g}} per {clock}",
-        "settling": f"down to {100 * SETTLED_TO:g} % in {{:g}} s",
-        "time_constant": "down to 1/e in {:g} s",
+        **{name: f"down to {time.share} in {{:g}} s" for name, time in TIMES_OF_MODES.items()},
         "bounded": "on the unit circle",
     }
     modes = " and ".join(
@@ -267,9 +249,9 @@ def words_of(written: Mapping[str, object], clock: str) -> str:
         and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
         margins and _at_cut(margins),
         *(
-            text.format(**{**written[measure], "from_": written[measure]["from"]})
-            for measure, text in IN_TIME_WORDS.items()
-            if measure in written
+            measure.words.format(**{**written[name], "from_": written[name]["from"]})
+            for name, measure in MEASURES.items()
+            if name in written
         ),
     ]
     return " and ".join(filter(None, said))

@@ -1,11 +1,10 @@
-"""What comes out of loops in time, between two numbers each: overshoot and settling of a step, the
-peak-to-peak gain, and the mean square under white noise.
+"""What comes out of loops in time, between two numbers each: overshoot and settling of a step, and
+the mean square under white noise.
 
 In frames a loop is `x+ = A x + G u`, `y = O x + T u`, u and y having a value for each tick, so that
 an input of 1 in a tick gives T in its frame and `O A^k G` in the k-th one after it.
 
     step from tick l on   y_k = y_end + O A^(k-1) (x_1 - x_end),   x_end = (1 - A)^-1 G 1
-    peak to peak          max_i sum_l (|T_il| + sum_k |O A^k G|_il)
     white noise           mean_i (T T' + O X O')_ii,   X = A X A' + G G'
 
 Each is asked of a disc of complex numbers about a panel, half as wide as the disc: what is analytic
@@ -150,16 +149,12 @@ def _summed(E, u):
 class _Rest(NamedTuple):
     """What later blocks add, and how far samples are off, by outputs of a block of each panel.
 
-    sums: of all later samples, of all columns. each: the largest later sample. The same of errors,
-    of the samples that were seen, and of all.
+    largest: later sample. off_so_far, off: of the samples that were seen, and of all.
     """
 
-    sums: np.ndarray
-    each: np.ndarray
-    sums_off_so_far: np.ndarray
-    sums_off: np.ndarray
-    each_off_so_far: np.ndarray
-    each_off: np.ndarray
+    largest: np.ndarray
+    off_so_far: np.ndarray
+    off: np.ndarray
 
 
 def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | None) -> Enclosed:
@@ -187,7 +182,6 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
     rows = O
     power = E  # A^S - 1
     largest = np.zeros((len(E), n))
-    states = np.zeros((len(E), n))
     shown = np.zeros(rows[:, 0].shape)  # sum_k |O A^k| on the panels, and in the middle
     shown_middle = shown
     found = Enclosed.unknown(len(E))
@@ -199,7 +193,6 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
             seen.look(O @ X)
             size = np.abs(X[:, 0])
             largest = np.maximum(largest, size.max(-1))
-            states = states + size.sum(-1)
             of_rows = np.abs(rows[:, 0])
             shown_middle = shown_middle + of_rows
             shown = shown + of_rows + _moved(rows)
@@ -209,19 +202,12 @@ def _over_blocks(E: Bounded, O: Bounded, start: Bounded, seen, level: float | No
         u = _units(largest)
         kappa = _all_shown(shown, _largest_on(power + identity), u)
         a = (_largest_on(X) / u[..., None]).max(-2)
-        all_states = states + u * (np.abs(X[:, 0]) / u[..., None]).max(-2).sum(-1)[:, None]
-        pushed = (rough @ all_states[..., None])[..., 0] + dX[:, 0].sum(-1)
-        pushed_each = (rough @ u[..., None])[..., 0] + dX[:, 0].max(-1)
+        pushed = (rough @ u[..., None])[..., 0] + dX[:, 0].max(-1)
         grown = np.abs(power[:, 0] + identity)
         later = _all_shown(shown_middle, grown, u)
-        off = []
-        for e, sizes in ((pushed, all_states), (pushed_each, u)):
-            of_O_alone = (of_O @ sizes[..., None])[..., 0]
-            so_far = (shown_middle @ e[..., None])[..., 0]
-            carried = ((grown @ e[..., None])[..., 0] / u).max(-1)
-            off.append((so_far + of_O_alone, so_far + later * carried[:, None] + of_O_alone))
-        sums, each = off
-        rest = _Rest(kappa * a.sum(-1)[:, None], kappa * a.max(-1)[:, None], *sums, *each)
+        so_far = (of_O @ u[..., None])[..., 0] + (shown_middle @ pushed[..., None])[..., 0]
+        carried = ((grown @ pushed[..., None])[..., 0] / u).max(-1)
+        rest = _Rest(kappa * a.max(-1)[:, None], so_far, so_far + later * carried[:, None])
         better = seen.value(rest)
         found = Enclosed(np.fmax(found.low, better.low), np.fmin(found.high, better.high))
         if count == 1:
@@ -259,44 +245,6 @@ def _last_blocks(E, cost):
     slow = (middle > most) & alike
     given_up = most * TOO_SLOW if E.shape[1] > 1 else most
     return np.clip(np.where(last > most, given_up, last), 1.0, most), slow
-
-
-class _PeakToPeak:
-    """Sums of the sizes of responses to an input of 1 in each tick, by ticks of the output."""
-
-    def __init__(self, T: Bounded) -> None:
-        T, dT = T
-        self.ticks = T.shape[-1]
-        size = np.abs(T[:, 0])
-        moved = _moved(T) + dT[:, 0]
-        self.low = np.maximum(size - moved, 0.0).sum(-1)
-        self.high = (size + moved).sum(-1)
-        self.most = np.zeros(len(size))
-        self.known = np.ones(len(size), bool)
-
-    def by_tick(self, of_outputs):
-        """Sums over the frames of a block."""
-        return of_outputs.reshape(len(of_outputs), -1, self.ticks).sum(1)
-
-    def look(self, outputs) -> None:
-        size = np.abs(outputs[:, 0])
-        moved = _moved(outputs)
-        self.low = self.low + self.by_tick(np.maximum(size - moved, 0.0).sum(-1))
-        self.high = self.high + self.by_tick((size + moved).sum(-1))
-
-    def value(self, rest: _Rest) -> Enclosed:
-        low = self.low - self.by_tick(rest.sums_off_so_far)
-        self.most = (self.high + self.by_tick(rest.sums_off_so_far)).max(-1)
-        high = self.high + self.by_tick(rest.sums_off) + self.by_tick(rest.sums)
-        return Enclosed(low.max(-1), np.where(np.isnan(high), np.inf, high).max(-1))
-
-
-def peak_to_peak(maps: Sequence[Bounded], level: float | None = None) -> Enclosed:
-    """The largest output, at any time, for an input between -1 and 1 in each tick, from rest;
-    maps: see `mean_square`, level: about which it is asked, None if its value is."""
-    E, G, O, T = maps
-    with np.errstate(all="ignore"):
-        return _over_blocks(E, O, G, _PeakToPeak(T), level)
 
 
 class _Step:
@@ -349,12 +297,12 @@ class _Step:
         self.high = np.maximum(self.high, high)
 
     def value(self, rest: _Rest) -> Enclosed:
-        middle = np.tile(self.ends[:, 0].real, rest.each.shape[-1] // self.frame)
-        moved = np.tile(_moved(self.ends), rest.each.shape[-1] // self.frame)
-        low, _, low_known = self._of_bound(self.low, rest.each_off_so_far)
-        self.most, _, _ = self._of_bound(self.high, rest.each_off_so_far)
-        high, unsure, high_known = self._of_bound(self.high, rest.each_off)
-        later = moved + unsure[:, None] + rest.each / self.least[:, None]
+        middle = np.tile(self.ends[:, 0].real, rest.largest.shape[-1] // self.frame)
+        moved = np.tile(_moved(self.ends), rest.largest.shape[-1] // self.frame)
+        low, _, low_known = self._of_bound(self.low, rest.off_so_far)
+        self.most, _, _ = self._of_bound(self.high, rest.off_so_far)
+        high, unsure, high_known = self._of_bound(self.high, rest.off)
+        later = moved + unsure[:, None] + rest.largest / self.least[:, None]
         if self.settling:
             high = np.where((np.abs(middle - 1) + later).max(-1) <= BAND, high, np.inf)
         else:
@@ -380,7 +328,7 @@ def step(
     """The overshoot of a step, of its final value, for the worst tick of a frame at which it may
     come; or the ticks from the step until all samples are within BAND of that value.
 
-    maps, level: see `peak_to_peak`. Without a final value, or next to 0, nothing is known.
+    maps: see `mean_square`; level: about which it is asked, None if its value is. Without a final value, or next to 0, nothing is known.
     """
     E, G, O, T = maps
     acts = np.zeros(T[0].shape[-1], bool)

@@ -6,9 +6,57 @@ from __future__ import annotations
 from typing import NamedTuple
 
 LIFTED, BASE_BAND = "lifted", "base-band"
-OVERSHOOT, STEP_SETTLING, PEAK, RMS = "overshoot", "step_settling", "peak_to_peak", "rms"
+OVERSHOOT, STEP_SETTLING, RMS = "overshoot", "step_settling", "rms"
 FACTOR_GAIN, FACTOR_PHASE = "gain", "phase_deg"
-IN_TIME = (OVERSHOOT, STEP_SETTLING, PEAK, RMS)
+
+
+class Measure(NamedTuple):
+    """A value of a response in time.
+
+    unit: "s" of a time, which no number that changes the time of a frame may bound. most: its
+    largest level. of_step: whether it is a share of the end of a step, which then is not 0. found:
+    what is at most the level. words: of a requirement. title, description: of a wish.
+    """
+
+    unit: str
+    most: float
+    of_step: bool
+    found: str
+    words: str
+    title: str
+    description: str
+
+
+MEASURES = {
+    OVERSHOOT: Measure(
+        "1",
+        1e3,
+        True,
+        "a step overshoots its final value by at most this share of it",
+        "an overshoot of at most {at_most:.4g} of a step of {from_} in {to}",
+        "overshoot of a step",
+        "overshoot of a step, as a share of its final value, for the worst tick of a frame in which it comes",
+    ),
+    STEP_SETTLING: Measure(
+        "s",
+        1e6,
+        True,
+        "a step is within 2 % of its final value, and stays, from a tick within this time on",
+        "a step of {from_} within 2 % of its end in {to} after {at_most:g} s",
+        "settling time of a step, to 2 %",
+        "time of the first tick from which on an output stays within 2 % of the final value of its step; settling is that of the "
+        "slowest mode",
+    ),
+    RMS: Measure(
+        "of to over from",
+        1e12,
+        False,
+        "white noise of a root mean square of 1, new in every tick, comes out with at most this: the H2 norm",
+        "a root mean square of at most {at_most:g} in {to} under white noise of 1 in {from_}",
+        "output under white noise",
+        "root mean square of the output under white noise of a root mean square of 1, new in every tick: the H2 norm",
+    ),
+}
 
 
 class GainBound(NamedTuple):
@@ -53,7 +101,7 @@ class FactorBound(NamedTuple):
 class TimeBound(NamedTuple):
     """What a value of the response in time from an input to an output may be at most.
 
-    measure: which value, one of IN_TIME.
+    measure: which value, one of MEASURES.
     """
 
     measure: str
@@ -62,3 +110,8 @@ class TimeBound(NamedTuple):
     at_most: float
 
     band_hz = None  # it is of all frequencies
+
+    @property
+    def is_time(self) -> bool:
+        """Whether the value is a time (s)."""
+        return MEASURES[self.measure].unit == "s"

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from math import inf
 from typing import TYPE_CHECKING
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys import Key
-from wavesweep.program.reading.keys import ALL_MODES, MODES
+from wavesweep.program.reading.keys import ALL_MODES, MODES, TIMES_OF_MODES
 from wavesweep.program.reading.tables import KeyValues, SpecTable, nested
 from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import (
     BASE_BAND,
     FACTOR_GAIN,
     FACTOR_PHASE,
-    IN_TIME,
     LIFTED,
-    OVERSHOOT,
-    PEAK,
-    RMS,
-    STEP_SETTLING,
+    MEASURES,
     CutBound,
     FactorBound,
     GainBound,
@@ -31,24 +26,6 @@ if TYPE_CHECKING:
     from wavesweep.require.bound import Bound
 
 PATH = "sweep.require"
-LEVELS = {  # of responses in time: the unit, the largest level, and what is found
-    OVERSHOOT: ("1", 1e3, "a step overshoots its final value by at most this share of it"),
-    STEP_SETTLING: (
-        "s",
-        1e6,
-        "a step is within 2 % of its final value, and stays, from a tick within this time on",
-    ),
-    PEAK: (
-        "of to over from",
-        1e12,
-        "the output never exceeds this if the input is between -1 and 1, whatever it does: the l1 norm",
-    ),
-    RMS: (
-        "of to over from",
-        1e12,
-        "white noise of a root mean square of 1, new in every tick, comes out with at most this: the H2 norm",
-    ),
-}
 KEYS = Key.by_path(
     [
         Key.number(
@@ -60,19 +37,15 @@ KEYS = Key.by_path(
             low=1e-6,
             high=0.999999,
         ),
-        Key.positive(
-            "sweep.require.settling",
-            None,
-            "s",
-            "find the intervals in which every mode by itself falls to 2 % of its size in this time, ln(50) = 3.912 time constants",
-            high=1e6,
-        ),
-        Key.positive(
-            "sweep.require.time_constant",
-            None,
-            "s",
-            "find the intervals in which every mode falls to 1/e of its size in this time",
-            high=1e6,
+        *(
+            Key.positive(
+                f"sweep.require.{name}",
+                None,
+                "s",
+                f"find the intervals in which {time.meaning}",
+                high=1e6,
+            )
+            for name, time in TIMES_OF_MODES.items()
         ),
         Key.number(
             "sweep.require.damping_ratio",
@@ -170,24 +143,24 @@ KEYS = Key.by_path(
         ),
         *(
             key
-            for measure, (unit, most, found) in LEVELS.items()
+            for name, measure in MEASURES.items()
             for key in (
-                Key.word(f"sweep.require.{measure}.from", None, "input in [ports]"),
-                Key.word(f"sweep.require.{measure}.to", None, "output in [ports], or a signal"),
+                Key.word(f"sweep.require.{name}.from", None, "input in [ports]"),
+                Key.word(f"sweep.require.{name}.to", None, "output in [ports], or a signal"),
                 Key.positive(
-                    f"sweep.require.{measure}.at_most",
+                    f"sweep.require.{name}.at_most",
                     None,
-                    unit,
-                    f"find the stable intervals in which {found}; the input is held over each tick, "
+                    measure.unit,
+                    f"find the stable intervals in which {measure.found}; the input is held over each tick, "
                     "and the output seen in each",
-                    high=most,
+                    high=measure.most,
                 ),
             )
         ),
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
-BETWEEN = ("gain", *IN_TIME)  # tables of what lies between an input and a signal
+BETWEEN = ("gain", *MEASURES)  # tables of what lies between an input and a signal
 NEEDED = ("from", "to", "at_most")  # keys that each of these has
 OF_MARGINS = tuple(name for name in KEYS_BY_NAME if name.startswith("margins."))
 
@@ -236,7 +209,7 @@ class Require(KeyValues):
             gains += (CutBound(self["margins.cut"], self["margins.Ms"], 0.0),)
         if "margins.disk" in self:
             gains += (CutBound(self["margins.cut"], 1 / self["margins.disk"], 0.5),)
-        for measure in IN_TIME:
+        for measure in MEASURES:
             if f"{measure}.at_most" in self:
                 gains += (TimeBound(measure, *(self[f"{measure}.{name}"] for name in NEEDED)),)
         for margin in (FACTOR_GAIN, FACTOR_PHASE):
@@ -244,8 +217,7 @@ class Require(KeyValues):
                 gains += (FactorBound(self["margins.cut"], margin, self[f"margins.{margin}"]),)
         return Bound(
             self.get("radius", 1.0),
-            self.get("settling", inf),
-            self.get("time_constant", inf),
+            tuple((name, self[name]) for name in TIMES_OF_MODES if name in self),
             damped,
             self.get("bounded", False),
             gains,

@@ -16,8 +16,8 @@ from wavesweep.engine.intervals import SHARE_OF_SPAN, Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.require.between import Between, by_panel, needed, of_panels, typical_between
 from wavesweep.require.disc_panels import BAD, GOOD, LOST, OPEN, Accuracy, Domain, along_panels
-from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, peak_to_peak, step
-from wavesweep.require.gain_bound import OVERSHOOT, PEAK, STEP_SETTLING, TimeBound
+from wavesweep.require.enclosed import ROWS_OF_BLOCK, Enclosed, mean_square, step
+from wavesweep.require.gain_bound import MEASURES, OVERSHOOT, STEP_SETTLING, TimeBound
 from wavesweep.require.gain_intervals import END_EXACTNESS, attached
 
 MOST_TICKS = 128  # of a frame
@@ -31,7 +31,7 @@ NO_END = 1e-9  # of the terms of the end of a step, which is 0 if it is less
 def enclosed_value(
     measure: str, maps: Sequence[Bounded], rate: float, level: float | None = None
 ) -> Enclosed:
-    """What is known of a value of responses, one of IN_TIME; maps: see `enclosed`; rate: of
+    """What is known of a value of responses, one of MEASURES; maps: see `enclosed`; rate: of
     ticks, Hz.
 
     level: about which it is asked, None if the value is.
@@ -41,8 +41,6 @@ def enclosed_value(
     if measure == STEP_SETTLING:
         ticks = step(maps, None if level is None else level * rate, settling=True)
         return ticks._replace(low=ticks.low / rate, high=ticks.high / rate)
-    if measure == PEAK:
-        return peak_to_peak(maps, level)
     square = mean_square(maps)
     return Enclosed(np.sqrt(square.low), np.sqrt(square.high))
 
@@ -71,7 +69,7 @@ def along_time(
     drift, port, number, p = typical_between(loops, along, span, size, route, measure)
     ticks = port.kind.size
     refuse_long_frame(ticks, f"sweep.require.{measure}")
-    level = wanted.at_most * (1 + WHOLE_TICKS * (measure == STEP_SETTLING))
+    level = wanted.at_most * (1 + WHOLE_TICKS * wanted.is_time)
     columns = np.arange(size)
     about = loops, along, route, level, drift, needed(port.maps), ticks
     begun = np.full(size, END_EXACTNESS)
@@ -82,10 +80,10 @@ def along_time(
     high = stable.high - BESIDE_END * ends.of(stable.high, domain.width) * (stable.high < span[1])
     inner = replace(stable, low=low, high=high)
     judge = InTime(*about, columns, inner, measure, port.rate, np.zeros(size))
-    if measure in (OVERSHOOT, STEP_SETTLING) and judge.ends_at_zero(number, p):
+    if MEASURES[measure].of_step and judge.ends_at_zero(number, p):
         raise UsageError(
             f"sweep.require.{measure}: expected a step that ends at another value than 0, found one "
-            f"from {wanted.source} to {wanted.signal}; peak_to_peak and rms bound what comes of it"
+            f"from {wanted.source} to {wanted.signal}; rms bounds what comes of it"
         )
     found = along_panels([judge], np.ones(size, bool), domain, ends)
     found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
@@ -94,7 +92,7 @@ def along_time(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InTime(Between):
-    """A value of the response of loops, one of IN_TIME, which has to be at most the level; rate:
+    """A value of the response of loops, one of MEASURES, which has to be at most the level; rate:
     of ticks, Hz; looked_at: so many outputs of each column."""
 
     measure: str

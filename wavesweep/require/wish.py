@@ -1,5 +1,5 @@
-"""What may be wished for of a design: overshoot and settling of a step, the peak-to-peak gain, and
-what white noise comes out with."""
+"""What may be wished for of a design: overshoot and settling of a step, and what white noise comes
+out with."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from wavesweep.engine.keys import Key
-from wavesweep.require.gain_bound import OVERSHOOT, PEAK, RMS, STEP_SETTLING
+from wavesweep.require.gain_bound import MEASURES, OVERSHOOT
 
 if TYPE_CHECKING:
     from wavesweep.engine.loop import Loops
@@ -49,42 +49,15 @@ def _measured(measure: str, loops: Loops, size: int, **ends: str):
     return value, certified
 
 
-def _wish(measure: str, unit: str, title: str, description: str):
-    return {
-        "unit": unit,
+WISHES = {
+    name: {
+        "unit": "" if measure.unit == "of to over from" else measure.unit,
         "more": False,
-        "title": title,
-        "description": description,
+        "title": measure.title,
+        "description": measure.description,
         "options": ENDS,
         "ports": (),
-        "measure": partial(_measured, measure),
+        "measure": partial(_measured, name),
     }
-
-
-WISHES = {
-    OVERSHOOT: _wish(
-        OVERSHOOT,
-        "1",
-        "overshoot of a step",
-        "overshoot of a step, as a share of its final value, for the worst tick of a frame in which it comes",
-    ),
-    STEP_SETTLING: _wish(
-        STEP_SETTLING,
-        "s",
-        "settling time of a step, to 2 %",
-        "time of the first tick from which on an output stays within 2 % of the final value of its step; settling is that of the "
-        "slowest mode",
-    ),
-    PEAK: _wish(
-        PEAK,
-        "",
-        "peak-to-peak gain",
-        "largest output for an input between -1 and 1 in every tick, from rest: the l1 norm",
-    ),
-    RMS: _wish(
-        RMS,
-        "",
-        "output under white noise",
-        "root mean square of the output under white noise of a root mean square of 1, new in every tick: the H2 norm",
-    ),
+    for name, measure in MEASURES.items()
 }

@@ -9,10 +9,12 @@ and rarely the direction or the place in the workspace to which a number applies
 public source is marked as assumed, or it is missing and a spec has to give it.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 from wavesweep.engine.keys import HIGHEST_ORDER, INTEGRATIONS, Key, Names
 from wavesweep.haptics.controllers import CONTROLLERS
@@ -339,9 +341,38 @@ _HARDWARE = [
 
 KEYS, HARDWARE_KEYS = Key.by_path(_LOOP), Key.by_path(_HARDWARE)
 
-# share of its size that is left of a mode that has settled: in [sweep] require and as a wish of
-# [design]
-SETTLED_TO = 0.02
+
+class TimeOfModes(NamedTuple):
+    """A time in which every mode falls to a share of its size: in [sweep] require and as a wish of
+    [design].
+
+    constants: how many time constants it is. share: in words. meaning: of the key. title,
+    description: of the wish.
+    """
+
+    constants: float
+    share: str
+    meaning: str
+    title: str
+    description: str
+
+
+TIMES_OF_MODES = {
+    "settling": TimeOfModes(
+        math.log(50),
+        "2 %",
+        "every mode by itself falls to 2 % of its size in this time, ln(50) = 3.912 time constants",
+        "settling time, to 2 %",
+        "time in which every mode by itself falls to 2 %: ln(50) = 3.912 time constants of the slowest mode",
+    ),
+    "time_constant": TimeOfModes(
+        1.0,
+        "1/e",
+        "every mode falls to 1/e of its size in this time",
+        "time constant of the slowest mode",
+        "time constant of the slowest mode, in which it falls to 1/e",
+    ),
+}
 
 # Which modes a damping ratio is of: in [sweep] require and as a wish of [design].
 ALL_MODES, OSCILLATING = "all", "oscillating"
