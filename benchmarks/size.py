@@ -1,7 +1,6 @@
 """How much there is, beside the last release: what has grown by more than 1 % says in docs/design-notes.md what it pays for.
 
-python benchmarks/size.py              the four numbers; exit code 1 if one has grown and nothing is said of it
-python benchmarks/size.py --release    write them to size.json as those of a release, and begin with no growth
+With --release the sizes are kept in size.json as those of a release, and the lines of the notes go.
 """
 
 import ast
@@ -19,7 +18,7 @@ PLAIN = (ast.Constant, ast.UnaryOp, ast.BinOp, ast.unaryop, ast.operator, ast.Tu
 
 def texts(*patterns: str) -> list[str]:
     """The files of the repository that match."""
-    listed = subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True).stdout  # noqa: S607
     return [path.read_text(encoding="utf-8") for path in map(ROOT.joinpath, listed.splitlines()) if path.is_file()]
 
 
@@ -47,8 +46,8 @@ def main() -> int:
     notes = NOTES.read_text(encoding="utf-8").splitlines(keepends=True)
     if "--release" in sys.argv:
         RELEASED.write_text(json.dumps(now, indent=1) + "\n", encoding="utf-8")
-        kept = [line for line in notes if not line.startswith(tuple(f"- {name}: " for name in now))]
-        NOTES.write_text("".join(kept), encoding="utf-8")
+        paid = tuple(f"- {name}: " for name in now)
+        NOTES.write_text("".join(line for line in notes if not line.startswith(paid)), encoding="utf-8")
         return 0
     unpaid = False
     for name, before in json.loads(RELEASED.read_text(encoding="utf-8")).items():

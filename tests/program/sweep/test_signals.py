@@ -56,7 +56,11 @@ class Run:
 
     def workers(self):
         """Ids of the worker processes, without the one that keeps loky's semaphores."""
-        return [pid for pid in self.alive() if b"popen_loky" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        found = []
+        for pid in self.alive():
+            with contextlib.suppress(OSError):
+                found += [pid] * (b"popen_loky" in Path(f"/proc/{pid}/cmdline").read_bytes())
+        return found
 
     def finish(self):
         """Exit code and what was said; everything has to be gone soon, so that nobody holds the pipe."""
