@@ -12,7 +12,7 @@ from support.missing import needed
 import wavesweep
 from wavesweep.designs import study
 from wavesweep.designs.best import miss
-from wavesweep.designs.family import Scenario, scenarios_of
+from wavesweep.designs.family import scenarios_of
 from wavesweep.designs.search import designs_of
 from wavesweep.designs.study import Evaluation, box_of, job_of
 from wavesweep.engine.errors import WavesweepError
@@ -21,6 +21,9 @@ from wavesweep.program.results import read
 from wavesweep.program.spec import load
 from wavesweep.program.store.checkpoint import FileCheckpoint
 from wavesweep.program.sweep import running
+
+# what each design has to hold for is in [for_all]
+pytestmark = pytest.mark.asks("for_all")
 
 SPEC = """
 [environment]
@@ -37,7 +40,7 @@ b = { start = 5, stop = 200, scale = "log" }
 [design.wish]
 z_width = { B_VE = [1, 5] }
 transparency = { band_hz = [0.1, 5], walls = [50] }
-[design.for_all]
+[for_all]
 "device.mass" = [0.08, 0.125]
 """
 
@@ -122,9 +125,9 @@ def test_bounds_that_stand_against_each_other_are_named():
     records["z_width"], records["channel"], records["port"] = [50, 120, 90], [1.0, 1.4, 1.05], [0, -1e-6, 1e-7]
     for wish in spec.design.wishes:
         records[f"{wish.name}_certified"] = True
-    text = miss(spec, records, [Scenario({}, {})], study.wish_units(spec))
+    text = miss(spec, records, [{}], study.wish_units(spec))
     free = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {"z_width": {}}}})
-    said = miss(free, np.zeros(3, job_of(free).dtype), [Scenario({}, {})], {"z_width": "N/m"})
+    said = miss(free, np.zeros(3, job_of(free).dtype), [{}], {"z_width": "N/m"})
     assert said.startswith("no design of 3 has a value for every wish; the nearest")
     assert "; a loop that is unstable has no value" in said
     assert text.startswith(
@@ -145,8 +148,8 @@ def test_a_design_with_unknown_values_is_never_nearer_than_one_without():
         ("port", [0, -1, -1], [True, True, True]),
     ):
         records[name], records[f"{name}_certified"] = values, certified
-    assert "the nearest has settling 500 s" in miss(spec, records, [Scenario({}, {})], study.wish_units(spec))
-    assert "the nearest has settling not known" in miss(spec, records[[0, 2]], [Scenario({}, {})], study.wish_units(spec))
+    assert "the nearest has settling 500 s" in miss(spec, records, [{}], study.wish_units(spec))
+    assert "the nearest has settling not known" in miss(spec, records[[0, 2]], [{}], study.wish_units(spec))
 
 
 @pytest.mark.slow
@@ -154,9 +157,9 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     """Between the ends of the hand's mass walls are less stiff: designs judged before that was known are no misses."""
     tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "explicit", "delay": 9}}
     tables |= {"device": {"velocity": "difference"}, "filters": {"lp1": {"order": 0}}}
-    hand = {"mass": [0.0, 0.08], "damping": [2.0], "stiffness": [800.0]}
+    hand = {"operator.mass": [0.0, 0.08], "operator.damping": [2.0], "operator.stiffness": [800.0]}
     wanted = {"vary": {"b": {"start": 24.9, "stop": 25.1}}, "wish": {"z_width": {"at_least": 80.0, "B_VE": [1]}}}
-    tables |= {"design": wanted | {"for_all": {"hand": hand}, "population": 8, "generations": 10}}
+    tables |= {"for_all": hand, "design": wanted | {"population": 8, "generations": 10}}
     with pytest.raises(WavesweepError) as error:
         wavesweep.design(tables)
     value, place = re.search(r"has z_width (\S+) N/m \(at least 80\) with operator.mass=(\S+),", str(error.value)).groups()
@@ -168,7 +171,7 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     ("change", "box"),
     [
         (
-            {"for_all": {"operator.mass": [0, 0.6], "hand": {"stiffness": [800.0, 810.0]}}},
+            {"for_all": {"operator.mass": {"start": 0, "stop": 0.6}, "operator.stiffness": [800.0, 810.0]}},
             ((0, 0.6), (2, 2), (800, 810)),
         ),
         ({"vary": {"operator.damping": {"start": 1, "stop": 3}}}, ((0, 0), (2.5, 2.5), (100, 600))),
@@ -189,7 +192,8 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
 
     monkeypatch.setattr(hands.BoxGuarantee, "records", kept)
     tables = tomllib.loads(SPEC) | {"operator": {"damping": 2.0}}
-    tables["design"] |= {"for_all": {"hand": {"stiffness": [100.0, 600.0]}}, "wish": {"z_width": {"B_VE": [1]}}} | change
+    tables["for_all"] = change.get("for_all", {"operator.stiffness": [100.0, 600.0]})
+    tables["design"] |= {"wish": {"z_width": {"B_VE": [1]}}, "vary": change.get("vary", tables["design"]["vary"])}
     spec = load(tables)
     genes = np.full((1, len(spec.design.vary)), 0.75)
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
@@ -212,7 +216,7 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
         return found
 
     monkeypatch.setattr(hands.BoxGuarantee, "records", sooner)
-    text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
+    text = SPEC.replace('"device.mass" = [0.08, 0.125]', '"operator.damping" = [0, 5]')
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
     code, text, results = run("--no-plot", "--for-hands", "box", "--set", "design.generations=1", "--jobs", "1")
     rows = read(results / "design.csv")
@@ -228,14 +232,13 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
     ("change", "text"),
     [
         (("x", "x"), "found none"),
-        (('"device.mass" = [0.08, 0.125]', '"K_LM/K_VE" = [0.5, 2]\nhand = { stiffness = [0, 300] }'), "found ratios"),
+        (('"device.mass" = [0.08, 0.125]', '"operator.stiffness" = [0, 300]\nlost = 1'), "what varies from frame to frame"),
         (("z_width = { B_VE = [1, 5] }\n", ""), "expected the wish z_width"),
     ],
 )
 def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
-    hand = SPEC.replace('"device.mass"', 'hand = { stiffness = [0, 300] }\n"device.mass"') if "z_width" in change[0] else SPEC
-    lm = hand.replace('"pmw"', '"pmw-lm"') if "K_LM" in change[1] else hand
-    (tmp_path / "mine.toml").write_text(lm.replace(*change), encoding="utf-8")
+    hand = SPEC.replace('"device.mass"', '"operator.stiffness" = [0, 300]\n"device.mass"') if "z_width" in change[0] else SPEC
+    (tmp_path / "mine.toml").write_text(hand.replace(*change), encoding="utf-8")
     code, said, _ = run("--for-hands", "box")
     assert (code, text in said) == (2, True), said
 

@@ -111,6 +111,7 @@ def test_every_kind_of_design_has_a_part_of_the_population_at_first():
 
 
 @pytest.mark.slow
+@pytest.mark.asks("for_all")
 def test_a_design_that_breaks_its_bound_between_the_ends_of_a_range_is_not_the_best():
     """A cascade clocked at two rates, whose damping ratio may be least for an inertia between 8 and 12 kg*m^2."""
     wires = {"slow.u": "-load.x", "integral.u": "slow.y - load.v", "load.f": "k*(slow.y - load.v + integral.y/T)"}
@@ -132,8 +133,8 @@ def test_a_design_that_breaks_its_bound_between_the_ends_of_a_range_is_not_the_b
                 "K": {"start": 1, "stop": 100, "scale": "log"},
             },
             "wish": {"settling": {}, "damping_ratio": {"at_least": 0.7}},
-            "for_all": {"J": [8, 12]},
         },
+        "for_all": {"J": [8, 12]},
     }
     found = design(load(spec), jobs=1).columns
     assert found["holds"].all()
@@ -184,7 +185,7 @@ def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed)
     tables = {
         "controller": {"kind": "dc-slow"},
         "environment": {"integration": "explicit", "delay": 1, "K_VE": 50.0},
-        "for_all": {"rates.ratio": {"values": list(lengths), "varying": True}},
+        "for_all": {"rates.ratio": {"values": list(lengths), "varying": True}, **listed},
         "sweep": {"K_VE": {"start": 0, "stop": 2000}},
     }
 
@@ -198,7 +199,7 @@ def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed)
         )
 
     def own(**wish):
-        design = {"vary": {"device.damping": {"start": 1, "stop": 2}}, "for_all": listed, "wish": wish}
+        design = {"vary": {"device.damping": {"start": 1, "stop": 2}}, "wish": wish}
         spec = load(tables | {"design": design})
         return study.own_design(spec.asking("design"), study.job_of(spec), [])
 

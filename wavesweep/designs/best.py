@@ -148,13 +148,13 @@ def chosen(rows: int) -> list[int]:
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
-    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has
-    the value of the table, but for ratios, which no [sweep] has, and for what [for_all] has, which
-    it keeps. It sweeps no number that the search chose, but for the one that a drawn loop is looked
-    along, and keeps the experiment of [simulate].
+    Its [for_all] has what the design holds for, with the value of a number that sets the stiffest
+    wall, so that the worst row of `zwidth` has the value of the table. It sweeps no number that the
+    search chose, but for the one that a drawn loop is looked along, and keeps the experiment of
+    [simulate].
     """
     tables = spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary}).tables()
-    sweep = _sweep(spec, tables["sweep"], row, stop)
+    sweep = _sweep(spec, tables["sweep"], stop)
     for name in ("sweep", "bode", "design", "simulate", "measured"):
         tables.pop(name, None)
     if spec.simulate:
@@ -175,17 +175,14 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         for name, unit in wish_units(spec).items()
     ]
     text = f"{HEADER}{', '.join(wishes)}, at their worst.\n"
-    if spec.design.ratios:
-        ratios = [f"{number}/{reference}" for number, reference, _ in spec.design.ratios]
-        text += f"# No [sweep] has the ratios that it holds for: {', '.join(ratios)}.\n"
     tables["sweep"] = sweep
+    if spec.for_all:
+        _add_worst(spec, row, tables["for_all"])
     return text + as_toml(tables)
 
 
-def _sweep(
-    spec: Spec, searched: Mapping[str, Any], row: Mapping[str, object], stop: float
-) -> dict[str, Any]:
-    """The [sweep] of a design, over everything that it holds for; searched: that of the spec."""
+def _sweep(spec: Spec, searched: Mapping[str, Any], stop: float) -> dict[str, Any]:
+    """The [sweep] of a design, over its walls; searched: that of the spec."""
     design = spec.design
     if spec.wall:
         stiffness, damping = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
@@ -202,33 +199,24 @@ def _sweep(
         for axis in spec.sweep:
             if axis.path in varied and axis.name != spec.along:
                 sweep.pop(axis.name, None)
-    swept = set()
-    if spec.drawing:
-        swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"}
-    for name, values in _scenario_axes(spec, row).items():
-        if name not in swept:
-            sweep[name] = values
     return sweep
 
 
-def _scenario_axes(spec: Spec, row: Mapping[str, object]) -> dict[str, list]:
-    """The numbers of [design.for_all] that [for_all] does not have, with their values."""
-    design = spec.design
-    of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
-    held: dict[str, list] = {}
-    for axis in design.for_all:
-        if axis.path not in of_all:
-            held[name_of(axis.path)] = list(axis.values)
-    for key, values in design.hand.items():
-        held[f"operator.{key}"] = list(values)
+def _add_worst(
+    spec: Spec, row: Mapping[str, object], for_all: Mapping[str, dict[str, Any]]
+) -> None:
+    """Add what sets the stiffest wall to the values of numbers in [for_all], as it may lie between
+    them."""
+    listed = {
+        name_of(axis.path): for_all[axis.name]["values"]
+        for axis in spec.for_all.unknown
+        if axis.values
+    }
     for pair in str(row.get("z_width_scenario", "")).split(", "):
         name, is_set, value = pair.partition("=")
-        if (
-            is_set and name in held
-        ):  # what sets the worst may lie between the values that the spec lists
-            number = type(held[name][0])(float(value))
-            held[name] = sorted({*held[name], number})
-    return held
+        if is_set and name in listed:
+            number = type(listed[name][0])(float(value))
+            listed[name][:] = sorted({*listed[name], number})
 
 
 def with_best(table: Table, spec: Spec) -> Table:

@@ -14,8 +14,8 @@ from wavesweep.program.cli.study_commands import one_spec
     type=click.Choice(["vertices", "box"]),
     default="vertices",
     show_default=True,
-    help="The hands that the designs of the result are checked for. vertices: the ends of the ranges of [design.for_all] and "
-    "values between them. box: every hand between the ends, which takes seconds for each design and device; the columns "
+    help="The hands that the designs of the result are checked for. vertices: the values of [for_all] and values between "
+    "them. box: every hand between the values of the operator there, which takes seconds for each design and device; the columns "
     "z_width_box and box_settled say what is left and whether it is proved.",
 )
 @run_options("workers")
@@ -24,7 +24,7 @@ def design(spec: str, checked: str, options: Options) -> None:
 
     SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their
     ranges; [design.wish] the quantities wished for, each with a bound (at_least, at_most) or as
-    good as possible; [design.for_all] devices, hands, delays and ratios, of which the worst counts.
+    good as possible; [for_all] devices, hands, delays and frames, of which the worst counts.
     With two wishes without a bound the result is their front, with one the best design, and if all
     have bounds the design that keeps the tightest of them by the largest share.
 

@@ -171,10 +171,8 @@ def _draw_few(
 
 
 def _listed(name: str, values: Iterable[float], facts: Mapping[str, Any]) -> str:
-    """A number or a ratio of two with its values and unit."""
+    """A number with its values and unit."""
     numbers = ", ".join(f"{value:g}" for value in values)
-    if "/" in name:
-        return f"{name} = {numbers}"
     return f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
 
 
@@ -203,11 +201,13 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
             else []
         )
         wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
-    for_all = study.get("for_all", {})
-    scenarios = [_listed(name, values, facts) for name, values in for_all.items() if name != "hand"]
-    scenarios += [
-        _listed(f"operator.{key}", values, facts) for key, values in for_all.get("hand", {}).items()
-    ]
+    scenarios = []
+    for name, held in tables.get("for_all", {}).items():
+        if isinstance(held, Mapping) and "values" in held:
+            scenarios.append(_listed(name, held["values"], facts))
+        elif isinstance(held, Mapping) and "start" in held:
+            span = f"{symbol(name)} from {held['start']:g} to {held['stop']:g} {unit(name, facts)}"
+            scenarios.append(span.rstrip())
     sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences if sentence]
 
@@ -239,6 +239,8 @@ def _draw_values(
             said = f"{value:.4g}"
             if margin is not None:
                 said += f" ({float(f'{100 * margin:.3g}'):g} %)"
+        elif place == 0 and facts.get("own_unstable"):
+            said = "unstable"
         else:
             said = "not known"
         if finite:

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.designs.best import judged, miss
-from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
-from wavesweep.designs.keys import HAND_KEYS
+from wavesweep.designs.family import Scenario, count_of, described, frames_are_tried, scenarios_of
 from wavesweep.designs.search import (
     Evolution,
     Judged,
@@ -42,7 +41,7 @@ from wavesweep.program.analyses.claims import (
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
-from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import (
     RunCounts,
@@ -71,6 +70,7 @@ RUNNERS_UP = 3  # further designs next to a single best one
 RANKED_ALONE = 8  # designs that rank one by one before these are chosen, at either distance
 FRONT_DISTANCE = 0.1  # of a number's range: how far apart these are
 COMBINATIONS_ADDED = 4  # combinations at a time that the search holds for besides
+MOST_SCENARIOS = 4096  # combinations that a search holds for at most
 MOST_CHECKED = 4096  # combinations that a design of the front is checked over at most
 # values between two of a range: the most of these with which the combinations are few
 VALUES_BETWEEN = (63, 15, 7, 3)
@@ -182,7 +182,7 @@ def _hold(spec, scenarios, designs, box, records):
     dampings = wish.options.get("B_VE", (spec.values["environment.B_VE"],))
     devices = []
     for scenario in scenarios:
-        device = {path: value for path, value in scenario.values.items() if path not in OPERATOR}
+        device = {path: value for path, value in scenario.items() if path not in OPERATOR}
         if device not in devices:
             devices.append(device)
     wall = "environment.K_VE"
@@ -197,10 +197,9 @@ def _hold(spec, scenarios, designs, box, records):
                 spec.with_values({**numbers, **device, "environment.B_VE": damping}).values
             )
             hands = dict(box)
-            for key in HAND_KEYS:
-                path = f"operator.{key}"
+            for path in OPERATOR:
                 if path in numbers:
-                    hands[key] = (float(values[path]), float(values[path]))
+                    hands[path.partition(".")[2]] = (float(values[path]), float(values[path]))
             loop = held_loop(loops_of(spec, values, wall))
             rows = _guarantee(hands).records(loop, wall, (0.0, float(record["z_width"])))
             first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
@@ -271,6 +270,7 @@ def design(
     facts |= {
         "warnings": warnings,
         "own": of_own,
+        "own_unstable": _is_unstable(spec),
         "stop": job.asked.stop,
         "at_end": [wish.name for wish in wanted.wishes if _ends_with_walls(wish, records[still])],
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
@@ -329,8 +329,7 @@ def _ends_with_walls(wish, records):
 
 
 def _proof_of(spec):
-    """The proof of designs for all of [for_all], and the values of [design.for_all]; None
-    without [for_all]."""
+    """The proof of designs for all of [for_all]; None without it."""
     return spec.for_all and spec.for_all.proof(spec)
 
 
@@ -342,22 +341,25 @@ METHODS = {
 
 
 def _refuse_for_all(spec, wanted, for_hands):
-    """Raise UsageError if designs cannot be found for all of [design.for_all] and of [for_all]."""
-    for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
-        if any(axis.path == path for axis in wanted.for_all):
-            hint = "design for one rate"
-            if path == "rates.ratio":
-                hint = "in [for_all], with varying = true, it may change from frame to frame"
-            raise UsageError(
-                f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}"
-            )
-    if not spec.for_all:
+    """Raise UsageError if designs cannot be found for all of [for_all]."""
+    table = spec.for_all
+    if not table:
         return
-    if wanted.ratios or for_hands == "box":
-        problem = "--for-hands box" if for_hands == "box" else "a ratio"
-        raise UsageError(
-            f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}"
-        )
+    varied = {axis.path for axis in wanted.vary}
+    for axis in table.axes:
+        if axis.path in ("rates.fast_hz", "rates.tick_hz"):
+            expected = "one rate of the tick for designs"
+        elif axis.path in spec.wall:
+            expected = "numbers that are not of the wall for designs (walls belong to the wishes)"
+        elif axis.path in varied:
+            expected = "numbers that [design.vary] does not vary"
+        else:
+            continue
+        raise UsageError(f"[for_all]: expected {expected}, found {axis.name}")
+    channels = spec.drawing and spec.drawing.channels
+    if for_hands == "box" and (table.changing or table.lost or table.loss or channels):
+        expected = "constant numbers in [for_all] beside --for-hands box"
+        raise UsageError(f"design: expected {expected}, found what varies from frame to frame")
     of_walls = any(wish.name in ("z_width", "felt") for wish in wanted.wishes)
     _proof_of(spec).refuse_unsuitable(spec, spec.wall[0] if of_walls else "")
 
@@ -397,12 +399,15 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     grid = make_grid(spec.asking("design"), ())
     stop = _stiffest_searched(spec, wanted.wishes)
     _refuse_unreachable(spec, wanted.wishes)
-    for axis in wanted.for_all:
+    for axis in spec.for_all.unknown if spec.for_all else ():
         if axis.structural:
             for value in axis.values:
                 grid.spec.with_values(
                     {axis.path: value}
                 )  # or an error that names what it does not suit
+    if count_of(grid.spec) > MOST_SCENARIOS:
+        expected = f"at most {MOST_SCENARIOS} combinations of values; list fewer"
+        raise UsageError(f"[for_all]: expected {expected}, found {count_of(grid.spec)}")
     often = _between(grid.spec, MOST_OFTEN_LOOKED_AT)
     finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= MOST_CHECKED))
     finest = finer
@@ -453,29 +458,23 @@ def _refuse_unreachable(spec, wishes):
 
 
 def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
-    """Return the ranges of mass, damping and stiffness of all hands between the ends of the ranges
-    of [design.for_all].
+    """Return the ranges of mass, damping and stiffness of all hands between the values of the
+    operator in [for_all].
 
     Errors: UsageError if these or the wishes do not define a box.
     """
-    wanted = spec.asking("design").design
-    if not wanted.hand:
-        raise UsageError(
-            "hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none"
-        )
-    if not any(wish.name == "z_width" for wish in wanted.wishes):
+    axes = {axis.path: axis for axis in spec.for_all.unknown} if spec.for_all else {}
+    if not axes.keys() & {*OPERATOR}:
+        expected = '[for_all] "operator.stiffness" = [...], or others of the operator'
+        raise UsageError(f"hand box: expected {expected}, found none")
+    if not any(wish.name == "z_width" for wish in spec.asking("design").design.wishes):
         raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
-    if wanted.ratios:
-        raise UsageError(
-            "hand box: expected a wall that nothing follows, found ratios in [design.for_all]"
-        )
-    hand = {key: (spec.values[f"operator.{key}"],) for key in HAND_KEYS}
-    for axis in wanted.for_all:
-        for key in HAND_KEYS:
-            if axis.path == f"operator.{key}":
-                hand[key] = axis.values
-    hand |= wanted.hand
-    box = {key: (float(min(values)), float(max(values))) for key, values in hand.items()}
+    box = {}
+    for path in OPERATOR:
+        values = (spec.values[path],)
+        if path in axes:
+            values = axes[path].values or (axes[path].start, axes[path].stop)
+        box[path.partition(".")[2]] = (float(min(values)), float(max(values)))
     _guarantee(box)
     return box
 
@@ -663,17 +662,25 @@ def own_design(spec: Spec, job: Job, records: np.ndarray) -> dict[str, float | N
     return values
 
 
+def _is_unstable(spec):
+    """Whether the spec's own design is refuted: for all of [for_all], or without it by itself."""
+    if spec.for_all:
+        return _proof_of(spec).verdict(spec) == "refuted"
+    return bool((own_loop(spec).radii() > 1).any())
+
+
 def _columns(spec, job, genes, records):
     """Return the columns of the table, and the records."""
     values = designs_of(spec.design.vary, genes)
     columns = {axis.name: values[axis.path] for axis in spec.design.vary}
     frames_vary = spec.for_all and _proof_of(spec).vary
+    tried = frames_are_tried(spec)
     certified = np.ones(len(records), bool)
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
         rate = ""
         if frames_vary and wish.name != "z_width" and not wish.kind.reads:
-            rate = " at a constant rate"
+            rate = " at a constant rate" if tried else " at the spec's own constant rate"
         scenarios = []
         for number in records[f"{wish.name}_scenario"].tolist():
             scenario = described(job.asked.finest, number) or "the spec's own"
@@ -701,7 +708,7 @@ def _claims(job) -> dict[str, Claim]:
     proof = _proof_of(spec)
     values: dict[str, set[float]] = {}
     for scenario in job.asked.finest:
-        for path, value in scenario.values.items():
+        for path, value in scenario.items():
             values.setdefault(path, set()).add(value)
     numbers = [Range(path, min(each), max(each), (*sorted(each),)) for path, each in values.items()]
     tried = replace(own_scope(spec), numbers=tuple(numbers))
@@ -722,16 +729,14 @@ def _notices(job):
     ends = count_of(spec)
     added = len(study.scenarios) - ends
     if ends > 1 or added > 0:
-        if spec.drawing:
-            of = "the numbers of [design.for_all]"
-        else:
-            of = "device, hand and timing"
-        several = f"{count(ends, 'combination')} of {of}"
+        several = f"{count(ends, 'combination')} of the numbers of [for_all]"
         if added > 0:
             several += f" and {added} between that were worse"
         yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
     if spec.for_all:
-        yield from (f"{name}: {claim.words()}" for name, claim in _claims(job).items())
+        for name, claim in _claims(job).items():
+            if claim.scope.in_words():
+                yield f"{name}: {claim.words()}"
         if any(wish.name == "z_width" for wish in spec.design.wishes):
             share = spec.for_all.proof(spec).from_share
             yield f"walls are proved from {100 * share:g} % of z_width on"

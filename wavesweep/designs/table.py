@@ -79,6 +79,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "best": values,
         "numbers": varied_of,
         "own": dict(facts["own"]),
+        "own_unstable": bool(facts.get("own_unstable")),
         "units": dict(facts["units"]),
         "files": list(facts.get("best", ())),
         "walls_to": facts["stop"],
@@ -162,10 +163,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     tried = f"{searched} tried"
     if "proved" in found:
-        if found.get("ranked"):
-            over = " and some short patterns of frames"
-        else:
-            over = ", without [for_all]"
+        over = " and some short patterns of frames" if found.get("ranked") else ""
         evaluated += f"{over}; {found['proved']} of them were then tried for all of [for_all]"
         tried = f"these {found['proved']}"
     yield evaluated, False
@@ -196,7 +194,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         )
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
-    yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
+    own = "unstable" if found["own_unstable"] else _wishes(found["own"], found["units"])
+    yield f"the spec's own design: {own}", False
     yield from _notes(found)
 
 

@@ -38,8 +38,6 @@ DENSE_POINTS = 8 * GAUSS_NODES  # points of a piece among which a least value is
 BAND_HZ = (0.1, 10.0)
 POINTS_AT_ONCE = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
-# of the range of walls: ratios begin there, as at no wall the numbers that follow it leave a drift
-BEGUN = 1e-9
 DELAY = "environment.delay"
 TOLD_DIFFERENCE = 1e-9  # between least damping ratios by several lines of modes, that are the same
 
@@ -90,13 +88,13 @@ def evaluate(
         if wish.name in ("z_width", "felt"):
             damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
             if damping not in searched:
-                points = points_of(spec.values, designs, scenarios, {spec.wall[1]: damping})
+                points = points_of(designs, scenarios, {spec.wall[1]: damping})
                 stiffest = _stiffest(spec, points, (*designs,), stop, felt, proof)
                 searched[damping] = points, stiffest
             measured[wish.name] = _worst_wall(spec, wish, *searched[damping], stop)
             continue
         walls = _walls_of(spec, wish)
-        points = points_of(spec.values, designs, scenarios, {} if wish.kind.reads else walls)
+        points = points_of(designs, scenarios, {} if wish.kind.reads else walls)
         measure = _offered if wish.kind.measure else _MEASURES[wish.name]
         blank = _unknown(points.size)
         value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
@@ -197,10 +195,8 @@ class _Stiffest:
 
 def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
-    start = BEGUN * stop if points.ties else 0.0
-    axis = Axis(
-        spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), start, stop, False
-    )
+    name = spec.drawing.wall[0] if spec.drawing else "K_VE"
+    axis = Axis(name, spec.wall[0], (), 0.0, stop, False)
 
     def stiffest_of(points):  # all different
         value = np.zeros(points.size)
@@ -208,10 +204,10 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
         certified = np.ones(points.size, bool)
         for batch, _ in _batches(spec, points):
             changes = {path: column[batch] for path, column in points.changes.items()}
-            rows = at_points(spec, axis, changes, ties=points.ties, felt=wished)
+            rows = at_points(spec, axis, changes, felt=wished)
             at = batch[rows["slice"]]
             certified[at] = rows["certified"]
-            from_start = (rows["interval"] == 0) & (rows["low"] <= start)
+            from_start = (rows["interval"] == 0) & (rows["low"] <= 0)
             first = (rows["intervals"] > 0) & from_start
             known_up_to = np.fmin(rows["high"], rows["open_low"])
             value[at[first]] = known_up_to[first]
@@ -271,11 +267,8 @@ def _felt_over(spec, band, points, stiffest):
     walled = np.flatnonzero(wall > 0)
     if not walled.size:
         return value, certified
-    numbers = dict(points.changes)
-    for path in points.ties:
-        numbers[path] = points.changes[path] * wall
-    numbers[spec.wall[0]] = wall
-    at_walls = Points(numbers, (), points.shape).some(walled)
+    numbers = {**points.changes, spec.wall[0]: wall}
+    at_walls = Points(numbers, points.shape).some(walled)
 
     def least_added(points):
         no_wall = {path: np.zeros(points.size) for path in spec.wall}
@@ -450,7 +443,7 @@ def _coupled(spec, points):
     read = keys_of_page(spec.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = distinct_rows(changes, points.size)
-    return spec, Points(changes, (), points.shape).some(first), back
+    return spec, Points(changes, points.shape).some(first), back
 
 
 def _offered(spec, wish, points):
@@ -462,7 +455,7 @@ def _offered(spec, wish, points):
     if reads:
         read = {path: column for path, column in points.changes.items() if path.startswith(reads)}
         first, back = distinct_rows(read, points.size)
-        points = Points(read, (), points.shape).some(first)
+        points = Points(read, points.shape).some(first)
     for members, loops in _batches(spec, points):
         if spec.drawing:
             loops.refuse_unsuitable()
@@ -494,7 +487,7 @@ def _delay_margin(spec, wish, points):
             break
         changes = {path: column[open_] for path, column in points.changes.items()}
         changes[DELAY] = delay[open_] + added
-        radius = _radii(spec, Points(changes, (), (open_.size, 1, 1)))
+        radius = _radii(spec, Points(changes, (open_.size, 1, 1)))
         certain[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
         open_ = open_[radius < 1]
         value[open_] = added

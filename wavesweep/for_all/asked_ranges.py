@@ -4,8 +4,8 @@ numpy."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.tables import TableValue
@@ -80,32 +80,6 @@ class ForAllRanges(TableValue):
             if not inside:
                 left_out.append(f"{axis.name} = {value:g}")
         return left_out
-
-    def ends(self, design: Any) -> tuple[Axis, ...]:
-        """The numbers that are constant as axes of [design.for_all], which the search looks at:
-        their ends, or their values.
-
-        Numbers that the design varies, or already has to hold for, are left out.
-        """
-        known = {axis.path for axis in (*design.vary, *design.for_all)}
-        others = (axis for axis in self.unknown if axis.path not in known)
-        return tuple(
-            replace(axis, values=axis.values or (axis.start, axis.stop), scale=None)
-            for axis in others
-        )
-
-    def beside(self, design: Any) -> Self:
-        """Return the table with the values of [design.for_all] for the numbers that it does not
-        have itself."""
-        known = {axis.path for axis in self.axes}
-        hand = ((f"operator.{part}", values) for part, values in design.hand.items())
-        axes = [axis for axis in design.for_all if axis.path not in known]
-        axes += [
-            Axis(path, path, values, min(values), max(values), False)
-            for path, values in hand
-            if path not in known
-        ]
-        return replace(self, axes=(*self.axes, *axes))
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""

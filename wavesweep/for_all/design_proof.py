@@ -26,16 +26,14 @@ from wavesweep.program.sweep.grid import is_plain, loops_of
 
 @dataclass(frozen=True, slots=True)
 class DesignProof:
-    """Proves designs for all numbers of [for_all], and for the values of [design.for_all]."""
+    """Proves designs for all numbers of [for_all]."""
 
     rules: Rules
 
     @staticmethod
     def of(spec: Spec) -> "DesignProof":
         """The proof of the designs of a spec."""
-        rules = Rules.of(spec)
-        for_all = rules.for_all.beside(spec.design)
-        return DesignProof(replace(rules, for_all=for_all, words=defaultdict(list)))
+        return DesignProof(replace(Rules.of(spec), words=defaultdict(list)))
 
     @property
     def vary(self) -> bool:

@@ -98,18 +98,6 @@ class Drawing:
         terms += [(path_of_port("outputs", name), shown) for name, shown, _ in self.outputs]
         yield from ((path, gain) for path, summed in terms for _, gain in summed)
 
-    def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
-        """Return the drawing in which some numbers are multiples of another one: their values
-        are the factors."""
-        for name in map(name_of, paths):
-            product = Tree.name(name) * Tree.name(name_of(along))
-            trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
-            tied = {}
-            for field_name in trees:
-                tied[field_name] = _with_tree(getattr(self, field_name), {name: product})
-            self = replace(self, **tied)  # noqa: PLW0642 - the same drawing, with one number less of its own
-        return self
-
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
         return self.tick_hz.value(scalars(values))
@@ -344,17 +332,6 @@ def _names_in(trees: Iterable[Tree]) -> frozenset[str]:
 def _paths_in(trees: Iterable[Tree]) -> frozenset[str]:
     """The paths of the keys that some trees read."""
     return frozenset(map(path_of, _names_in(trees)))
-
-
-def _with_tree(part: object, meanings: Mapping[str, Tree]) -> object:
-    """Nested tuples and blocks whose trees have other trees in place of names."""
-    if isinstance(part, Tree):
-        return part.with_trees(meanings)
-    if isinstance(part, DrawnBlock):
-        return replace(part, keys=_with_tree(part.keys, meanings))
-    if not isinstance(part, tuple):
-        return part
-    return tuple(_with_tree(item, meanings) for item in part)
 
 
 def _between_ticks(drawing):

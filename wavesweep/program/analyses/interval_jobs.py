@@ -277,11 +277,10 @@ INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 class HowSearched(NamedTuple):
     """How intervals are searched.
 
-    ties: paths of numbers that follow the axis, whose values are factors of it. felt: whether to
-    give what is felt at the ends and the lines of a spectrum. checked, prover: see `Search`.
+    felt: whether to give what is felt at the ends and the lines of a spectrum. checked, prover: see
+    `Search`.
     """
 
-    ties: tuple[str, ...] = ()
     felt: bool = True
     checked: bool = False
     prover: Prover | None = None
@@ -308,8 +307,7 @@ def _searches(
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
     for (drawing, bound), alike in by_bound.items():
-        drawn = drawing.tied(path, how.ties) if how.ties else drawing
-        groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
+        groups = tuple((members, Loops(drawing, loops.values)) for members, loops in alike)
         at_port = FELT_AT_ENDS if how.felt else None
         known = how.checked or not spec.drawing
         searches.append(

@@ -21,7 +21,9 @@ TABLES = tuple(
 )
 
 GONE = {  # keys that specs had, and what does the same
-    "simulate.record": "no file of a force: in Python, loop.simulate(force) takes one"
+    "simulate.record": "no file of a force: in Python, loop.simulate(force) takes one",
+    "design.for_all": 'what designs hold for in [for_all], as all else does: "operator.damping" = [0, 5] for '
+    "hand = { damping = [0, 5] }; a ratio of numbers is an expression of a drawn loop",
 }
 
 SPAN = Section()  # of a key that may be given as an axis is
