@@ -97,7 +97,7 @@ def _keys(found) -> str:
 
 def _drawing():
     """The tables of a drawn loop, [for_all] and those of [design], which hold names of the user's own."""
-    for table in ("numbers", "wire", "ports", "for_all", "design.vary", "design.for_all", "design.wish"):
+    for table in ("numbers", "wire", "ports", "for_all", "design.vary", "design.wish"):
         found = describing.named(table)[table]
         yield f"## [{table}]"
         yield _plain(found["description"])

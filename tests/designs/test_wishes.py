@@ -78,6 +78,29 @@ def test_whole_numbers_between_that_make_no_loop_are_left_out():
         study.job_of(load(drawn))
 
 
+def test_frames_that_vary_count_as_frames_of_each_length_and_of_no_other():
+    """A PD loop that falls slowest in the longer of its frames, neither of which is the spec's own of 20 ticks."""
+    drawn = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 60.0, "d": 3.0, "n": 20},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "c": {"type": "hold", "every": "n"}},
+        "wire": {"c.u": "-k*m.x - d*m.v", "m.f": "c.y + push"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"place": "m.x"}},
+        "design": {"vary": {"k": {"start": 10, "stop": 600}}, "wish": {"settling": {}}},
+        "for_all": {"n": {"values": [10, 30], "varying": True}},
+    }
+    spec = load(drawn)
+    assert scenarios_of(spec) == scenarios_of(spec, 3) == [{"numbers.n": 10}, {"numbers.n": 30}]
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.k": np.array([60.0])}, 0.0)["settling"]
+    alone = load({name: table for name, table in drawn.items() if name not in ("for_all", "design")})
+    times = [wavesweep.verdict(alone.with_values({"n": n}))["slowest"]["time_constant_s"] for n in (10, 20, 30)]
+    assert found.value[0] == pytest.approx(np.log(50) * max(times[0], times[2]), rel=1e-9)
+    assert found.scenario[0] == np.argmax([times[0], times[2]])
+    drawn["design"]["wish"] = {"overshoot": {"from": "push", "to": "place"}}
+    drawn["for_all"]["n"] = [10, 12]
+    assert [each["numbers.n"] for each in scenarios_of(load(drawn), 1)] == [10, 11, 12]
+
+
 @pytest.mark.slow
 @pytest.mark.asks("passive")
 @pytest.mark.sample(1)
