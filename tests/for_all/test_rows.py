@@ -655,3 +655,55 @@ def test_a_box_whose_frames_have_no_bound_is_divided_along_what_they_lack_it_for
     assert row["settled"]
     assert row["low"] <= 1.001e-3 * row["high"]
     assert 294 < row["high"] < row["fails_from"] < 296.1
+
+
+@pytest.mark.slow
+def test_a_refuter_is_inside_of_its_range_and_refutes_with_the_digits_that_are_printed():
+    spec = {
+        "rates": {"ratio": 4},
+        "device": {"velocity": "difference", "damping": 1.2345678},
+        "environment": {"integration": "explicit", "delay": 1, "B_VE": 0.1},
+        "controller": {"kind": "dc-slow"},
+        "for_all": {"device.mass": {"start": 0.08123456, "stop": 0.1234567}},
+        "sweep": {"K_VE": {"start": 0, "stop": 5000}},
+    }
+    table = wavesweep.zwidth(spec)
+    row = table[table.guarantee == "for_all"].iloc[0]
+    mass = float(row.counterexample.removeprefix("device.mass = "))
+    assert 0.08123456 <= mass <= 0.1234567
+    del spec["for_all"]
+    one = wavesweep.compile(load(spec).with_values({"device.mass": mass}))
+    assert one.spectral_radius(K_VE=row.fails_from * (1 + 1e-9)) >= 1
+
+
+@pytest.mark.slow
+def test_the_nearest_pattern_of_losses_is_one_that_a_single_value_is_refuted_by():
+    """An arm whose short patterns grow from 274.477 on, and one of many messages from below 274.05, by its own matrices."""
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 20.0, "kd": 2.0},
+        "block": {
+            "arm": {"type": "inertia", "inertia": 0.03, "damping": 0.05},
+            "radio": {"type": "channel", "every": 5, "lost": 2},
+        },
+        "wire": {"radio.u": "-kp*arm.x - kd*arm.v", "arm.f": "radio.y + push"},
+        "ports": {"hand": {"force": "push", "displacement": "arm.x", "turns": True}},
+        "sweep": {"along": "kp", "kp": {"start": 0, "stop": 2000}},
+    }
+    table = wavesweep.stability_region(spec)
+    row = table[table.guarantee == "for_all"].iloc[0]
+    assert row.high < row.fails_from < 274.05
+    decay = np.exp(-0.05 / 0.03 * 5e-3)
+    rest = (5e-3 - 0.03 / 0.05 * (1 - decay)) / 0.05
+    period = np.array([[1, 0.03 / 0.05 * (1 - decay), rest], [0, decay, (1 - decay) / 0.05], [0, 0, 1.0]])
+    taken = np.eye(3)
+    taken[2] = -row.fails_from * (1 + 1e-7), -2.0, 0.0
+    product = np.eye(3)
+    in_a_row = 0
+    for message in row.counterexample.removeprefix("messages radio: ").split(", "):
+        lost = int(message.partition(" ")[0]) if " lost" in message else int(message == "lost")
+        in_a_row = in_a_row + lost if lost else 0
+        assert in_a_row <= 2
+        for step in [period] * lost if lost else [period @ taken]:
+            product = step @ product
+    assert np.abs(np.linalg.eigvals(product)).max() >= 1

@@ -311,9 +311,22 @@ def _side(way: _Way, first: Centre, work: float) -> _Side:
         return replace(side, settled=abs(way.limit - side.end) <= left)
     if abs(fails - reached) <= tolerance * way.size(fails):
         side = _refined(way, side)
+    else:
+        side = _nearer(way, side)
     fails = nearest(family, side.word, way.start, side.fails)
     settled = abs(fails - side.end) <= tolerance * way.size(fails)
     return replace(side, fails=fails, settled=settled)
+
+
+def _nearer(way: _Way, side: _Side) -> _Side:
+    """The side with the words that grow next to the refuted number, as a decision at a single
+    number looks for them: on walks in norms that are found there."""
+    x = way.inside(side.fails, FINEST)
+    centre, factor = find_norms(way.family.at(x), way.family.follows, work=FINE)
+    nearer = way.grown(x, centre, side.word, MORE) if factor < 1 else None
+    if nearer is None or way.farther(nearer[0], side.end) == side.end:
+        return side
+    return replace(side, fails=nearer[0], word=nearer[1])
 
 
 def _refined(way: _Way, side: _Side) -> _Side:

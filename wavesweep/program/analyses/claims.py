@@ -334,8 +334,9 @@ class Range(NamedTuple):
 
     @staticmethod
     def of(axis: Axis) -> Range:
-        """The range of an axis."""
-        return Range(axis.path, axis.start, axis.stop, axis.values)
+        """The range of an axis; a whole number has values."""
+        values = _values(axis) if axis.structural else axis.values
+        return Range(axis.path, axis.start, axis.stop, values)
 
     def covers(self, asked: Range) -> bool:
         """Whether all values of another range are in this one."""
