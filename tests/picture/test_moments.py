@@ -221,3 +221,11 @@ def test_words_say_when_a_result_is_in_place_and_what_nothing_bounds():
     assert "up to 40 ms old if none is lost (" in in_words(moments(load(random)))
     varying = late | {"for_all": {"rates.ratio": {"values": [10, 30], "varying": True}}}
     assert "up to 60 ms old, 20 ms in the shortest frames (" in in_words(moments(load(varying)))
+
+
+@pytest.mark.asks("late_ticks")
+def test_an_age_is_that_of_ticks_that_are_as_late_as_they_may_be():
+    """A result a tick late, held for a frame of 20 ticks: 21 ticks of 1.2 ms."""
+    spec = {"environment": {"delay": 1}, "controller": {"kind": "dc-slow"}, "for_all": {"tick": {"late": 0.0002}}}
+    (frames,) = moments(load(spec))
+    assert frames.age * frames.tick_s == pytest.approx(21 * 1.2e-3)

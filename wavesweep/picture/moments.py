@@ -92,8 +92,8 @@ class Moments:
 
 @lru_cache(maxsize=8)  # lines, facts and the picture are of one spec
 def moments(spec: Spec) -> tuple[Moments, ...]:
-    """The frames of a spec: that with the oldest number last, and before it that with the
-    freshest one if the two differ."""
+    """The frames of a spec: that with the oldest number last, in ticks that are as late as they may
+    be, and before it that with the freshest one if the two differ."""
     low = {axis.path: min(axis.values or (axis.start, axis.stop)) for axis in spec.changing}
     high = {axis.path: max(axis.values or (axis.start, axis.stop)) for axis in spec.changing}
     sends = spec.drawing is not None and bool(spec.drawing.channels)
@@ -102,6 +102,10 @@ def moments(spec: Spec) -> tuple[Moments, ...]:
     first = last = _in_frames(spec.with_values(low))
     if varies:
         last = _in_frames(spec.with_values(high), late=True, lost=lost)
+    if spec.tick:
+        shortest, longest = spec.tick.interval(spec.tick_hz)
+        first = replace(first, tick_s=shortest)
+        last = replace(last, tick_s=longest)
     if first.main is None or last.main is None:
         return (last,)
     freshest = min(first.main.lives, key=lambda life: life.oldest)
