@@ -69,7 +69,7 @@ class Step:
         g = frame.controllability.sum(-1)
         moved = reached(g.value != 0, (frame.E.value != 0).T)
         E = frame.E.part(moved[:, None], moved)
-        C = frame.observability.part(0, slice(None), moved)
+        C = frame.observability.part(0).part(slice(None), moved)
         g = g.part(moved)
         rest = _until_rest(E.value, g.value, C.value, D.value, most)
         X = Bounded.exact(rest.states)
