@@ -6,7 +6,7 @@ In `[block.left] type = "joint"` the block `motor` of the class is `left.motor`,
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,7 +68,7 @@ def _refuse_classes(
             )
         for path, leaf in leaves.items():
             _refuse_part(f"type.{name}", path, leaf, mistakes)
-            named = path[1:2] if path[:1] != ("wire",) else ()
+            named: Sequence[Any] = path[1:2] if path[:1] != ("wire",) else ()
             if path == ("ports", "inputs") and isinstance(leaf.value, list):
                 named = leaf.value
             for word in (PERIOD, *RESERVED):

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from wavesweep.engine.errors import UsageError
 
@@ -118,7 +118,7 @@ def named_unit(text: str) -> str:
     return text
 
 
-def has_unit(value: object) -> bool:
+def has_unit(value: object) -> TypeGuard[str]:
     """Whether a value is a text like `45g`, a number with a unit."""
     return isinstance(value, str) and _QUANTITY.fullmatch(value.strip()) is not None
 

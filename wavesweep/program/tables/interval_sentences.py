@@ -292,7 +292,7 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
         yield from sentences.parts()
     words = [word for word, of_kind in of_kinds.items() if of_kind.get("rows_not_settled")]
     if words:
-        unsettled = numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
+        unsettled = numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved", 0)
         kind = row_kinds()[words[0]]
         yield (
             kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)),
