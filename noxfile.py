@@ -31,11 +31,11 @@ def ci(session: nox.Session) -> None:
 
 @nox.session(python=PYTHONS[0])
 def least(session: nox.Session) -> None:
-    """The fast tests with the least version of everything that pyproject.toml allows."""
+    """The tests with the least version of everything that pyproject.toml allows."""
     needed = [*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["test"]]
     session.install("--only-binary", ":all:", *(each.replace(">=", "==") for each in needed))
     session.install("--no-deps", "-e", ".")
-    session.run("python", "-m", "pytest", "-q", "-m", "not slow", *session.posargs)
+    session.run("python", "-m", "pytest", "-q", *session.posargs)
 
 
 @nox.session(python=PYTHONS[-1])

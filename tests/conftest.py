@@ -35,7 +35,7 @@ gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to
 
 collect_ignore_glob = ["whole/*", "stress/test_*"] if MISSING else []
 COUNTED = pytest.StashKey[Counter[str]]()  # tests of each folder that were found, whatever their marks
-THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
+SLOW = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 
 
 def pytest_report_header():
@@ -44,7 +44,7 @@ def pytest_report_header():
 
 
 def pytest_collection_modifyitems(config, items):
-    """Tests that read such a fixture are thorough; of parameters that are sampled, the others are no tests.
+    """Tests that read such a fixture are slow; of parameters that are sampled, the others are no tests.
 
     WAVESWEEP_EACH=5 in the environment leaves each fifth test, and all that run a command.
     """
@@ -52,8 +52,8 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if mark := item.get_closest_marker("sample"):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
-        if THOROUGH.intersection(item.fixturenames):
-            item.add_marker("thorough")
+        if SLOW.intersection(item.fixturenames) or item.get_closest_marker("thorough"):
+            item.add_marker("slow")
         gone = {name for mark in item.iter_markers("asks") for name in mark.args} - THERE
         if gone or (MISSING and item.get_closest_marker("whole")):
             item.add_marker(pytest.mark.skip(reason="asks for capabilities that are taken away"))
@@ -63,9 +63,6 @@ def pytest_collection_modifyitems(config, items):
         left_out |= {item for at, item in enumerate(same) if at not in kept}
     items[:] = [item for item in items if item not in left_out]
     config.stash[COUNTED] = Counter(item.path.parent.relative_to(ROOT).as_posix() for item in items)
-    for item in items:
-        if item.get_closest_marker("thorough"):
-            item.add_marker("slow")
     each = int(os.environ.get("WAVESWEEP_EACH", "1"))
     items[:] = [item for at, item in enumerate(items) if at % each == 0 or "wavesweep" in item.fixturenames]
 

@@ -1,6 +1,6 @@
 """The house without some capabilities: `python -m tests.without NAME...` runs, in a copy, the tests that are left.
 
-Words behind `--` go to pytest: `python -m tests.without margins -- -m "not slow"`.
+Words behind `--` go to pytest: `python -m tests.without margins -- -m slow`.
 
 `all` leaves engine, haptics and program alone; then the tables of the paper's specs have to be the same bytes as with
 everything there.

@@ -123,7 +123,6 @@ def test_coordinates_that_move_with_the_axes():
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 @pytest.mark.asks("for_all")
 def test_hands_with_a_mass_and_a_damping_per_axis():
     """What is proved for a box of hands holds for members of it, and next to what the refuted one has."""

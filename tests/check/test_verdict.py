@@ -90,7 +90,7 @@ def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
     assert felt["damping"] == pytest.approx(B, rel=1e-4)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
@@ -176,7 +176,6 @@ def test_no_damping_is_felt_as_none(kind):
 
 @pytest.mark.slow
 @pytest.mark.asks("prove")
-@pytest.mark.thorough
 def test_a_range_ends_where_the_spec_takes_no_more():
     """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
     tables = {
@@ -220,7 +219,7 @@ def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, 
     assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.asks("passive")
 @pytest.mark.parametrize(("kind", "known"), [("pmw-lm", False), ("pmw", True)])
 def test_a_channel_of_a_long_frame_is_left_to_passivity(kind, known):

@@ -213,7 +213,7 @@ def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, wr
         assert (said in " ".join(written.split())) == expected
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.asks("reports")
 def test_a_report_says_what_rows_of_contact_hold_for_and_what_refutes_more(wavesweep, write):
     text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 0, stop = 9000 }\n'

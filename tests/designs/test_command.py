@@ -60,7 +60,6 @@ def run(tmp_path, monkeypatch, capfd):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_the_front_is_that_of_the_other_commands(run):
     code, text, results = run("--no-plot", "--set", "design.population=8", "--set", "design.generations=1")
     assert code == 0
@@ -88,7 +87,6 @@ def test_the_front_is_that_of_the_other_commands(run):
     assert main(["verify", str(results)]) == 1
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, monkeypatch):
     # Two tasks a generation.

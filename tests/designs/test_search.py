@@ -176,7 +176,7 @@ def coupled(ticks, K, mass):
 
 
 @pytest.mark.sample(1)
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("listed", [{}, {"device.mass": [0.08, 0.125]}])
 def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed):
     """By the frames' matrices: at the wall no order of up to eight frames grows, and a little beyond it one does."""

@@ -187,50 +187,6 @@ def test_a_design_that_cannot_be_is_said_and_left_again(opened, client):
     assert page.input_value("[id='s-rates.ratio-number']") == "20"
 
 
-def test_an_answer_that_is_cut_leaves_no_numbers_of_another_design(opened, serving):
-    client = serving(HOLE | {"rates": {"slow_hz": 50.0}})
-    page = settled(opened(client.server.address))
-    assert page.locator("[id='s-rates.ratio']").count() == 0
-    client.page.answer_s = 0.0
-    enter(page, "rates.fast_hz", 1500)
-    page.wait_for_selector("#fault")
-    assert "takes longer than 0 s" in page.inner_text("#fault")
-    assert page.inner_text("#state") == "✕ cut"
-    assert not page.is_visible("#own")
-    assert not page.is_visible("#intervals")
-    client.page.answer_s = 300.0
-    enter(page, "rates.fast_hz", 2000)
-    page.wait_for_selector("#fault", state="hidden")
-    settled(page)
-    assert page.is_visible("#own")
-
-
-def test_a_preview_and_what_is_not_known_are_not_filled(opened, client):
-    """Dots are a preview; a gap in which nothing is known is hatched, and no label says what it is."""
-    page = settled(opened(client.server.address))
-    page.evaluate("picture = {...picture, known: picture.known.map(() => false), areas: [], lines: [], unknown: []}; draw()")
-    assert page.locator("#plane .stable, #plane .label, #plane .edge").count() == 0
-    assert page.locator("#plane .unknown").count() == 1
-    assert "nothing is known between them" in page.inner_text("#how")
-    page.reload()
-    settled(until(page, "window.ready")).evaluate(
-        "picture.columns.flat().forEach(each => { each[2] = false; }); picture.unproved = picture.areas; draw()"
-    )
-    assert page.locator("#plane .unproved").count() == 1
-    assert "not certified" in page.inner_text("#legend")
-    assert page.locator("#plane .label").all_text_contents() == ["unstable"]
-    page.route("**/certified", lambda _: None)  # it is never answered
-    page.select_option("#x", "controller.b")
-    until(page, "picture.how === 'columns'")
-    assert page.locator("#plane .quick").count() == 1
-    assert page.locator("#plane .stable, #plane .edge").count() == 0
-    assert "url" in page.evaluate("getComputedStyle(document.querySelector('#plane .quick')).fill")
-    page.select_option("#y", "device.mass")
-    until(page, "picture.how === 'cells'")
-    assert page.locator("#plane .point").count() == 1
-    assert page.evaluate("getComputedStyle(document.querySelector('#plane .point')).fill") == "none"
-
-
 def test_steps_are_taken_back_and_done_again(opened, client):
     """A drag is one step, and so is a number that is typed."""
     page = settled(opened(client.server.address))
@@ -323,21 +279,3 @@ def test_a_saved_page_works_without_a_server(opened, tmp_path):
     assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
     facts = json.loads(page.locator("#report section pre").first.text_content())
     assert facts["spec_sha256"] == load(HOLE).sha256
-
-
-def test_what_was_measured_is_in_the_plane_and_in_the_responses(opened, serving, tmp_path):
-    (tmp_path / "walls.csv").write_text("B_VE,K_VE,stable\n1,500,1\n1,3000,0\n2,500,1\n1,90000,0\n")
-    (tmp_path / "response.csv").write_text("frequency_hz,admittance_abs,admittance_deg\n0.02,0.001,-2\n7,0.01,-90\n")
-    files = {name: str(tmp_path / f"{file}.csv") for name, file in (("z_width", "walls"), ("response", "response"))}
-    page = settled(opened(serving(HOLE | {"measured": files}).server.address))
-    drawn = "name => (document.querySelector('#plane .' + name)?.getAttribute('d').match(/M/g) || []).length"
-    assert [page.evaluate(drawn, name) for name in ("limit", "held", "failed")] == [0, 2, 2]
-    assert {"measured stable", "measured unstable"} <= set(page.inner_text("#legend").split("\n"))
-    assert "Of 4 measured walls 1 lies outside the axes." in page.inner_text("#how")
-    seen = "id => (document.querySelector('#' + id + ' .seen')?.getAttribute('d').match(/M/g) || []).length"
-    page.locator("#responses").scroll_into_view_if_needed()
-    until(page, "document.querySelector('#c0 .seen') !== null")
-    assert [page.evaluate(seen, name) for name in ("c0", "c1", "c2", "c3")] == [2, 0, 2, 0]
-    page.select_option("#x", "controller.b")
-    settled(page)
-    assert page.locator("#plane .held").count() == 0

@@ -13,7 +13,7 @@ import pytest
 
 import wavesweep
 from tests.explore.conftest import ARM, HOLE, UNEVEN
-from wavesweep.explore.explorer_page import Page, saved_page
+from wavesweep.explore.explorer_page import saved_page
 from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 
@@ -80,13 +80,6 @@ def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
     np.testing.assert_allclose([each for column in columns for each in column], expected, rtol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seconds", "how"), [(60.0, "certified"), (0.0, "cells")])
-def test_a_page_opens_with_the_proved_plane_if_there_is_time(seconds, how):
-    """Along a number that is no gain the preview is cells, which say nothing between their middles."""
-    assert Page(load(ARM), answer_s=seconds).first["plane"]["how"] == how
-
-
 def vars_of(plane):
     return {"x": plane.x, "y": plane.y, "x_span": list(plane.x_span), "y_span": list(plane.y_span)}
 
@@ -112,7 +105,6 @@ def data_of(text):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_a_saved_page_has_the_sweep_in_it():
     heard = []
     data = data_of(saved_page(load(HOLE), lambda *report: heard.append(report)))

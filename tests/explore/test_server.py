@@ -125,7 +125,6 @@ def started(tmp_path, *options):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_the_command_ends_when_its_page_is_closed(tmp_path):
     process, port, token = started(tmp_path)
     page = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
@@ -140,7 +139,7 @@ def test_the_command_ends_when_its_page_is_closed(tmp_path):
     process.stderr.close()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_command_ends_with_ctrl_c(tmp_path):
     process, _, _ = started(tmp_path)
     os.kill(process.pid, signal.SIGINT)

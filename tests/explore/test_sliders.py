@@ -71,13 +71,13 @@ def test_the_copied_text_is_one_that_every_command_takes():
     assert load(tomllib.loads(text_of(few))).frequency_hz == (1.0,)
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
-def test_the_copied_text_is_the_same_request(path):
-    spec = load(path)
-    assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
-    other = changed(spec, {"device.mass": 0.123, "environment.K_VE": 321.0})
-    again = load(tomllib.loads(text_of(other)))
-    assert again.sha256 == other.sha256 != spec.sha256
+def test_the_copied_text_is_the_same_request():
+    for path in SPECS:
+        spec = load(path)
+        assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
+        other = changed(spec, {"device.mass": 0.123, "environment.K_VE": 321.0})
+        again = load(tomllib.loads(text_of(other)))
+        assert again.sha256 == other.sha256 != spec.sha256
 
 
 KEPT = {

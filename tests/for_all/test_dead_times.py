@@ -20,7 +20,7 @@ def row_of(tables, along, stop, **ranges):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("low", [0.0007, pytest.param(0.0, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("low", [0.0007, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_a_range_of_a_dead_time_is_held_in_each_of_its_pieces_of_a_tick(low):
     row = row_of(loop(), "K_VE", 3000, dead_time=(low, 0.0013))
     ends = {late: wavesweep.compile(loop(dead_time=late)).stable_intervals("K_VE", (0, 3000)).high[0] for late in (low, 0.0013)}
@@ -31,7 +31,6 @@ def test_a_range_of_a_dead_time_is_held_in_each_of_its_pieces_of_a_tick(low):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_intervals_along_a_dead_time_of_several_ticks_hold_for_all_masses():
     row = row_of(loop(), "device.dead_time", 0.0027, mass=(0.08, 0.12))
     ends = [

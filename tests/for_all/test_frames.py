@@ -198,7 +198,7 @@ def wall_beside_losses(lost):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", [1, pytest.param(3, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("lost", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_losses_beside_results_that_are_in_place_at_once_end_where_a_march_does(lost):
     row, pattern = wall_beside_losses(lost)
     assert row["settled"]
@@ -339,18 +339,18 @@ def test_a_pattern_is_met_that_grows_below_all_others_and_decays_again_before_th
 
 TABLE = [
     ("pmw", FramesInAnyOrder(LENGTHS), 196.9, 198.9),
-    pytest.param("pmw", FramesInAnyOrder(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),
-    pytest.param("pmw", FramesInAnyOrder((20, 40)), 148.4, 148.5, marks=pytest.mark.thorough),
+    pytest.param("pmw", FramesInAnyOrder(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.slow),
+    pytest.param("pmw", FramesInAnyOrder((20, 40)), 148.4, 148.5, marks=pytest.mark.slow),
     ("pmw", FramesInAnyOrder((19, 20, 21)), 791.5, 792.3),
-    pytest.param("pmw", FramesInAnyOrder(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.thorough),
+    pytest.param("pmw", FramesInAnyOrder(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.slow),
     ("dc-slow", FramesInAnyOrder(LENGTHS), 146.8, 147.0),
     ("dc-slow", FramesInAnyOrder(LENGTHS, (FRAME,)), 48.9, 49.0),
-    pytest.param("pmw-lm", FramesInAnyOrder(LENGTHS), 306.3, 309.5, marks=pytest.mark.thorough),
+    pytest.param("pmw-lm", FramesInAnyOrder(LENGTHS), 306.3, 309.5, marks=pytest.mark.slow),
 ]
 
 
 @pytest.mark.sample(2)
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "frames", "proved", "refuted"), TABLE)
 def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
     """Between a number that is proved and one that a pattern refutes, which random patterns do not contradict."""
@@ -399,7 +399,7 @@ def test_a_gain_within_a_block_of_firmware_is_refused_along_and_one_behind_it_is
 
 
 @pytest.mark.sample(1)
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("b", "cutoff"), [(10.0, 8.0), (9.0, 6.5)])
 def test_designs_rank_by_short_patterns_near_to_what_is_proved(b, cutoff):
     """From above, within a third; at constant frames the first stands walls more than twice as stiff as what is proved."""

@@ -254,7 +254,7 @@ def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     assert decays(Rules.of(loaded).on_average().family(dict(loaded.values), "")) == ("proved" if stable else "refuted")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_frames_that_alternate_are_stable_as_their_product_is():
     (found,) = found_of(built_in("pmw", [16, 33], next=[[0, 1], [1, 0]]), "environment.K_VE", 1200.0)
 
@@ -302,7 +302,7 @@ def test_moments_are_those_of_many_runs():
         assert abs(own.mean() - moments[node]) < 5 * own.std() / np.sqrt(runs)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_rows_stand_beside_those_in_any_order_and_check_says_both():
     spec = built_in("dc-slow", [16, 33], shares=[3, 1])
     rows = wavesweep.zwidth(spec).set_index("guarantee")
@@ -342,7 +342,7 @@ def on_a_spring(K, stiffness, B=1.0, b=10.0):
     return lambda length, before, delay: matrix_of(march, 7, length, before, delay)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_along_a_wall_that_a_drift_depends_on_its_place_of_rest_is_set_aside():
     """With a spring in the hand the position of rest depends on K_VE; in the march it has an eigenvalue of 1."""
     lengths, shares = [8, 12], [1, 1]
@@ -408,7 +408,7 @@ def test_what_is_at_random_in_part_or_has_no_shares_is_refused(more, said):
     assert said in str(caught.value)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_ranges_beside_frames_at_random_are_proved_for_each_of_their_numbers(seed):
     rng = np.random.default_rng(seed)

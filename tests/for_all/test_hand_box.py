@@ -39,7 +39,7 @@ def hand_of(row, end="high"):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "box"),
-    [pytest.param(*each, marks=[pytest.mark.thorough] * (each not in IN_SUITE)) for each in product(LOOPS, BOXES)],
+    [pytest.param(*each, marks=[pytest.mark.slow] * (each not in IN_SUITE)) for each in product(LOOPS, BOXES)],
 )
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(kind, box):
     settled = (kind, box) not in NOT_SETTLED

@@ -48,7 +48,7 @@ def test_an_integrator_whose_messages_are_lost(lost, missing):
     assert found.settled
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_an_integrator_whose_messages_are_late():
     """Kao and Lincoln's small-gain bound is 2/3; with every message a tick late the limit is 1."""
     found = bracket(family(integrator(late=1), "K"), 0.1, (0.0, 3.0))

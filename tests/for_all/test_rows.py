@@ -71,7 +71,7 @@ def test_a_range_of_what_decides_how_a_loop_is_built_is_of_whole_numbers():
         for_all(FIG4, **{"rates.fast_hz": {"start": 999.5, "stop": 1000.5}})
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_worst_device_under_a_hand_that_may_let_go():
     ranges = {"device.mass": {"start": 0.08, "stop": 0.125}, "operator.stiffness": {"start": 0, "stop": 1000}}
     (_,), (row,) = for_all(FIG4, **ranges)
@@ -107,7 +107,7 @@ def random_box(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.thorough] * (seed > 0)) for seed in range(10)])
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.slow] * (seed > 0)) for seed in range(10)])
 def test_no_numbers_of_the_box_break_what_is_proved(seed):
     rng, spec, ranges = random_box(seed)
     points, loaded = 2000, load(spec)
@@ -145,7 +145,6 @@ def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):
     assert row["counterexample"].startswith("frames ")
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_results_that_fail_to_come_are_held():
     (_,), (row,) = for_all(FIG4, lost=2)
@@ -155,7 +154,6 @@ def test_results_that_fail_to_come_are_held():
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
     """The same; products of its frames in random orders decay up to what is proved, which `check` says too."""
     ranges = {"n": {"values": [5, 10], "varying": True}, "kd": {"start": 3.6, "stop": 4.4}}
@@ -465,7 +463,7 @@ def varying_row():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "place", ["proved", "refuted", *(pytest.param(each, marks=pytest.mark.thorough) for each in ("between", "beyond"))]
+    "place", ["proved", "refuted", *(pytest.param(each, marks=pytest.mark.slow) for each in ("between", "beyond"))]
 )
 def test_check_says_what_intervals_say_where_it_cannot_decide_by_itself(place, varying_row, monkeypatch):
     """The pattern that refutes grows, by the frames' own matrices; what is proved does not for any order of eight."""

@@ -74,7 +74,7 @@ def test_at_one_rate_it_is_the_impedance_of_adams_and_hannaford():
             assert np.abs(poles - z).min() < 1e-9
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("B_VC", "damping"), [(0.4, 1.5), (0.1, 0.8)])
 def test_every_passive_hand_is_stable_as_far_as_colgate_and_schenkel_say(B_VC, damping):

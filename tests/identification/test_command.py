@@ -22,7 +22,6 @@ def pushed(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep, pushed):
     code, out, _ = wavesweep("identify", pushed, "--friction", "--out", "device.toml", "--json")
     assert code == 0

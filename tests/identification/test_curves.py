@@ -22,7 +22,7 @@ from wavesweep.identification.table import identify
     [
         ("saturating", "velocity", 0, "saturating mass"),
         ("sided damping", "position", 0, "sided damping"),
-        pytest.param("hardening", "velocity", 3, "hardening", marks=pytest.mark.thorough),
+        ("hardening", "velocity", 3, "hardening"),
     ],
 )
 def test_a_curve_of_the_motion_is_named_and_the_numbers_beside_it_are_those_of_the_device(kind, measured, at, missing):

@@ -63,9 +63,7 @@ def covered(log):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "logs"), [("drift, Coulomb", 3), pytest.param("hand, Coulomb", 6, marks=pytest.mark.thorough)]
-)
+@pytest.mark.parametrize(("kind", "logs"), [("drift, Coulomb", 3), ("hand, Coulomb", 6)])
 def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, logs):
     """In nearly all logs; the script benchmarks/identify_coverage.py counts more."""
     inside = [covered(log) for log in of_one_mass(kind, logs, 3, 2.0)]
@@ -131,7 +129,7 @@ def test_a_drag_is_not_friction_below_zero():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), pytest.param(0.1, 2.0, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), (0.1, 2.0)])
 def test_two_masses_are_found_from_noise_with_a_drift_too(hand, seconds):
     """All of mass, load and coupling, and nearly all of the others."""
     (log,) = of_two_masses(hand, 1, 0, seconds)

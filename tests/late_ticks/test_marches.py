@@ -107,7 +107,7 @@ def contradiction(seed, most=8):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [*range(3), pytest.param(range(3, 40), marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("seed", [*range(3), pytest.param(range(3, 40), marks=pytest.mark.slow)])
 def test_no_march_contradicts_a_proof(seed):
     for each in seed if isinstance(seed, range) else [seed]:
         against, _ = contradiction(each, most=3)

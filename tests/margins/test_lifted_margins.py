@@ -189,16 +189,6 @@ def two_rates(slow):
     )
 
 
-def test_at_its_own_rate_a_signal_has_the_response_of_a_loop_of_one_rate():
-    loop, hertz = broken_at(two_rates(0.0), "c.y"), np.array([0.3, 3.0, 30.0, 130.0, 260.0, 499.0])
-    z, pole = np.exp(2e-3j * np.pi * hertz), np.exp(-0.1)
-    expected = (0.8 + 20e-3 * z / (z - 1)) * (1 - pole) / (z - pole)
-    np.testing.assert_allclose(loop.at_line(2 * np.pi * hertz * loop.period), expected, rtol=1e-10)
-    theta = 1.0  # the images of a frequency have all eigenvalues
-    images = loop.at_line(theta + 2 * np.pi * np.arange(4))
-    np.testing.assert_allclose(np.sort_complex(images), np.sort_complex(loop.response(theta)), rtol=1e-10)
-
-
 @pytest.mark.parametrize("cycles", [3, 41, 97])  # in 200 ticks, so that 41 and 97 are above half the rate of the frame
 def test_at_its_own_rate_a_signal_has_the_response_that_a_sine_shows(cycles):
     """Tick by tick, with the loop cut at the controller's output: what comes back, at the frequency of the sine."""

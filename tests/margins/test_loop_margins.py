@@ -140,9 +140,8 @@ def test_a_gain_may_fall_without_limit_if_its_limit_is_below_a_millionth(pole, l
     assert down.value == (pytest.approx(pole, rel=1e-8) if limited else 0)
 
 
-@pytest.mark.thorough
-@pytest.mark.sample(1)
 @pytest.mark.slow
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_margins_of_random_loops(seed):
     """Against the grid to 1e-9; whole frames that last less than the delay margin leave the loop stable."""

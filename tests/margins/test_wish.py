@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.errors import SpecError
 from wavesweep.margins.table import margins
 from wavesweep.program.spec import load
 
@@ -61,22 +60,6 @@ def test_margins_of_several_rates_are_those_of_the_table():
         assert measured["Ms"].value[number] == table["sensitivity"]
         assert measured["phase_deg"].value[number] == table["phase"]
         assert measured["gain"].value[number] == table["gain_up"]
-
-
-@pytest.mark.parametrize(
-    ("wish", "said"),
-    [
-        (
-            {"at_most": 2},
-            "expected cut, the signal at which the loop is cut, such as that which `wavesweep margins` names, found none",
-        ),
-        ({"cut": "d.y"}, 'expected an output of a block that some wire reads at a tick (c.y, p.y), found "d.y"'),
-    ],
-)
-def test_a_wish_of_a_margin_needs_a_cut_of_the_loop(wish, said):
-    with pytest.raises(SpecError) as raised:
-        load(TABLES | {"design": TABLES["design"] | {"wish": {"Ms": wish}}})
-    assert said in str(raised.value)
 
 
 @pytest.mark.asks("require")

@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.engine.errors import SpecError, UsageError
 
 pytestmark = pytest.mark.asks("axes")  # for its walls
 T = 1e-3
@@ -130,20 +129,3 @@ def test_forces_are_held_over_the_ticks_of_the_spec():
     end = rows[rows.hand == "port"].high.item()
     table = wavesweep.passivity(spec | {"sweep": {"K": [0.99 * end, 1.01 * end]}})
     assert table.port_passive.tolist() == [True, False]
-
-
-@pytest.mark.asks("for_all")
-def test_lists_that_do_not_fit_are_refused():
-    good = device(np.eye(2).tolist(), [], [], [1.0, 0.0], 1.0, 1)
-    for hand in (
-        {"force": ["hand_x", "hand_y"], "displacement": "device.x"},
-        {"force": ["hand_x", "hand_y"], "displacement": ["device.x"]},
-        {"force": [], "displacement": []},
-    ):
-        with pytest.raises(SpecError, match="as many names of forces as displacements"):
-            wavesweep.load(good | {"ports": good["ports"] | {"hand": hand}})
-    hand = {"force": ["hand_x", "hand_y"], "displacement": ["device.x", "device.vy"]}
-    with pytest.raises(SpecError, match="is a velocity"):
-        wavesweep.load(good | {"ports": good["ports"] | {"hand": hand}})
-    with pytest.raises(UsageError, match="a hand whose force acts on one block mass"):
-        wavesweep.zwidth(good, for_hands=["box"])

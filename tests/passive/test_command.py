@@ -51,11 +51,6 @@ def test_the_damping_needed_makes_the_port_passive():
         assert port_margin(values | {"device.damping": 1.5 + factor * needed}).passive == passive
 
 
-def test_no_damping_is_needed_or_none_is_enough():
-    assert more_damping(values_of("dc", K_VE=50.0)) == 0
-    assert np.isnan(more_damping(values_of("pmw")))
-
-
 def test_margins_that_are_lost_are_counted(wavesweep, tmp_path):
     """The impedance of a wave line without hold or delay cancels in the tick."""
     path = tmp_path / "line.toml"

@@ -31,23 +31,6 @@ def worded(box):
     return "box:" + ",".join(f"{name}={low:g}..{high:g}" for name, (low, high) in box.items())
 
 
-@pytest.mark.sample(2)
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("operator", "words", "expected"),
-    [
-        (None, ["box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "box"]),
-        (OPERATOR, ["port", "box:mass=0.1..0.1,damping=5..5,stiffness=100..300"], ["free", "operator", "box", "port"]),
-        (OPERATOR, ["passive"], ["free", "operator", "passive"]),
-        (OPERATOR, ["port"], ["operator", "port"]),
-        (None, ["port"], ["free", "port"]),
-    ],
-)
-def test_which_hands_have_rows(operator, words, expected):
-    run = intervals(spec_of(operator=operator), hands=hands_of(words))
-    assert list(dict.fromkeys(run.columns["hand"])) == expected
-
-
 @pytest.mark.slow
 def test_the_other_rows_are_those_of_the_plain_table():
     spec = spec_of(operator=OPERATOR, B_VE=[1.0])

@@ -36,7 +36,7 @@ def short(monkeypatch, tmp_path, studies):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_path):
     code, out, err = wavesweep("paper")
     assert (code, out) == (0, "")
@@ -48,7 +48,7 @@ def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_
     assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
     assert wavesweep("paper", "--quiet", "--no-plot", "--out", "there") == (0, "", "")
     csv, parquet = (read(tmp_path / f"there/statements{suffix}") for suffix in (".csv", ".parquet"))
@@ -60,7 +60,7 @@ def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all
     assert not (tmp_path / "there/fig4.png").exists()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path):
     code, out, _ = wavesweep("paper", "--out", "-")
     assert code == 0
@@ -77,7 +77,7 @@ def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_verdicts_as_json_are_one_object_on_stdout(wavesweep):
     code, out, err = wavesweep("paper", "--no-plot", "--json")
     assert (code, err) == (0, "")

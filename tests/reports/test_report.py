@@ -123,7 +123,7 @@ def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path,
     assert Path("results/axis/report.html").read_text(encoding="utf-8") == page
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     sweep = {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}}
     spec = PD | sweep | {"for_all": {"J": {"start": 0.009, "stop": 0.011}}}

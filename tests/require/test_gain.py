@@ -403,7 +403,6 @@ def test_the_largest_singular_value_is_below_the_level_inside_and_not_outside(se
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_the_gain_of_one_rate_is_the_norm_of_python_control():
     import control
 

@@ -39,9 +39,8 @@ def ends_of(table):
     return table[(table.limit_value != 0) & (table.value != 0)]
 
 
-@pytest.mark.thorough
-@pytest.mark.sample(1)
 @pytest.mark.slow
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", LOOPS)
 def test_central_differences_in_50_digits_give_the_same(name):
     values = LOOPS[name]
@@ -58,7 +57,6 @@ def test_central_differences_in_50_digits_give_the_same(name):
         assert quantities.elasticity["felt"] == pytest.approx(float(felt), rel=1e-8)
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_along_a_number_that_is_no_wall_too():
     values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57, K_VE=900.0)

@@ -4,11 +4,10 @@ import tomllib
 
 import numpy as np
 import pytest
-from support.drawn import ARM, as_blocks
+from support.drawn import as_blocks
 from support.specs import nested, random_values
 
 import wavesweep
-from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.from_spec import simulated
 
 TWO_RATES = """
@@ -119,35 +118,3 @@ def test_friction_encoder_and_motors_act_on_the_device_that_the_hand_moves():
     assert np.abs(seen["x_hat"] / 1e-4 - np.round(seen["x_hat"] / 1e-4)).max() < 1e-9
     assert np.abs(seen["f_device"]).max() == 0.5 < np.abs(seen["f_m"]).max()
     assert np.array_equal(seen["F_s"][::5], 300.0 * seen["x_hat"][::5] + 2.0 * seen["v_hat"][::5])
-
-
-TWO_MASSES = TWO_RATES.replace('"handle.f" = "push', '"arm.f" = "40*(handle.x - arm.x)"\n"handle.f" = "push').replace(
-    "[wire]", '[block.arm]\ntype = "mass"\nmass = 1.0\ndamping = 5.0\n[wire]'
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "effects", "words"),
-    [
-        (
-            ARM,
-            {"wall": 0.0},
-            r"option wall: expected a wall in \[ports\] whose numbers only multiply signals of wires, found none",
-        ),
-        (ARM, {"max_force": 1.0}, r"option max_force: expected ports.hand.reaction, the force of the motors, found none"),
-        (TWO_MASSES, {"jitter": 0.1}, r"option jitter: expected no plant besides the device, found arm"),
-        (
-            TWO_MASSES.replace('"40*', '"push + 40*'),
-            {"friction": 0.1, "resolution": 1e-4},
-            r"option resolution, friction: expected a device, the only block of type mass that the hand's force acts on",
-        ),
-        (
-            TWO_RATES.replace("damping = 1.0", 'damping = "B/2"'),
-            {"wall": 0.0},
-            r"option wall: expected a wall in \[ports\] whose numbers only multiply signals",
-        ),
-    ],
-)
-def test_what_a_loop_cannot_have_is_refused_with_what_it_lacks(text, effects, words):
-    with pytest.raises(UsageError, match=words):
-        run(text, [1.0], **effects)

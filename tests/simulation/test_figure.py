@@ -7,21 +7,7 @@ import wavesweep
 from wavesweep.program import plots
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import load
-from wavesweep.simulation.figure import _spans
-from wavesweep.simulation.from_spec import simulated
-from wavesweep.simulation.record import recorded
 from wavesweep.simulation.table import simulate as simulation_tables
-
-
-def simulation(kind="pmw-lm", **simulate):
-    """The columns and facts of a simulation."""
-    loop = {"controller": {"kind": kind}, "operator": {"stiffness": 100.0}}
-    spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).asking("simulate")
-    return recorded(simulated(spec)), {"spec": spec.tables()}
-
-
-def _facts(kind):
-    return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind, "at_s": 0.1}}}
 
 
 def test_a_long_run_keeps_its_extremes_in_few_points():
@@ -31,15 +17,6 @@ def test_a_long_run_keeps_its_extremes_in_few_points():
     assert np.all(np.diff(times) > 0)
     assert (kept.min(), kept.max(), kept[-1]) == (values.min(), values.max(), values[-1])
     assert np.array_equal(values[times.astype(int)], kept)
-
-
-@pytest.mark.parametrize("force", [{"duration_s": 10}, {"duration_s": 4, "input": "pulse", "width_s": 0.3}])
-def test_the_detail_is_where_contact_changes(force):
-    whole, detail = _spans(columns := simulation(wall=0.001, amplitude=3, **force)[0], _facts("sine"))
-    assert whole == slice(None)
-    assert detail.stop - detail.start == 800
-    touching = columns["touching"][detail]
-    assert 0 < touching.mean() < 1
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from scipy.signal import butter
 from support.missing import needed
 from support.specs import INTEGRATIONS
 
-from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded
@@ -175,47 +175,6 @@ def test_energy_out_of_the_channel_is_counted_over_the_step_of_each_frame():
     force, speed = (seen.signals[name][first] for name in ("F_s", "x_dot_s"))
     way = 1e-3 * np.resize([7, 5, 9], first.sum()) * speed
     assert seen.energy.slow[-1] == pytest.approx((force * way).sum(), rel=1e-12)
-
-
-LIST = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
-
-
-@pytest.mark.parametrize(
-    ("frames", "mistakes"),
-    [
-        (
-            20,
-            [f"simulate.frames: expected {LIST}, found 20"],
-        ),
-        (
-            [],
-            [f"simulate.frames: expected {LIST}, found an empty list"],
-        ),
-        (
-            [
-                0,
-                2.5,
-                {"ticks": 20, "lots": True},
-                {"delay": 1},
-                {"ticks": 3, "delay": 4},
-                {"ticks": 3, "delay": 1, "lost": True},
-            ],
-            [
-                "simulate.frames[0]: expected a whole number >= 1, found 0",
-                "simulate.frames[1]: expected a whole number >= 1, found 2.5",
-                "simulate.frames[2].lots: expected one of ticks, delay, lost, found an unknown key; did you mean `lost`?",
-                "simulate.frames[3]: expected the ticks of the frame, found none",
-                "simulate.frames[4].delay: expected a whole number <= 3, the ticks of the frame, found 4",
-                "simulate.frames[5].delay: expected no delay of a result that never comes, found 1",
-            ],
-        ),
-        ([1000] * 101, ["simulate.frames: expected at most 100000 ticks in all, found 101000"]),
-    ],
-)
-def test_what_is_no_frame_is_a_mistake(frames, mistakes):
-    with pytest.raises(SpecError) as error:
-        fig4(frames)
-    assert str(error.value).splitlines() == mistakes
 
 
 TWO = {**DRAWN, "block": DRAWN["block"] | {"later": {"type": "hold", "every": 5}}}

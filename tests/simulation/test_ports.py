@@ -159,25 +159,6 @@ def test_a_signal_that_is_asked_for_is_an_output_like_a_declared_one():
         load({"controller": {"kind": "pmw"}}, ["simulate.show=avatar.out"])
 
 
-@pytest.mark.parametrize(
-    ("outputs", "said"),
-    [
-        ({"error": "motor.v"}, "ports.outputs.error: expected another name than that of a signal, or the signal itself"),
-        ({"motor.x": "motor.v"}, "another name than that of a signal, or the signal itself"),
-        ({"outputs.x": "motor.v", "x": "motor.x"}, "a name that does not begin as columns do"),
-        ({"motor.x": "motor.x", "error": "error"}, ""),
-    ],
-)
-def test_no_output_hides_a_signal_of_its_name(outputs, said):
-    tables = tomllib.loads(DRIVE)
-    tables["ports"] = tables["ports"] | {"outputs": outputs}
-    if not said:
-        assert [name for name, *_ in load(tables).drawing.outputs] == list(outputs)
-        return
-    with pytest.raises(SpecError, match=said):
-        load(tables)
-
-
 def test_what_follows_a_step_is_counted_from_the_tick_at_which_it_sets_in(tmp_path, capsys):
     """y = ref - y/2 of the tick before is 1 at once, and 2/3 in the end; 2.4 s is taken at the tick at 3 s."""
     path = tmp_path / "spec.toml"

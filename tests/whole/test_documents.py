@@ -162,7 +162,7 @@ def test_docstrings_of_the_library_have_every_parameter_and_examples_that_run(re
     assert {*WITH_EXAMPLES, *BY_NAME} <= {*calls}
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
     from mypy import api as mypy
@@ -180,7 +180,7 @@ def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     assert (code, "right.py" in said, faults) == (1, False, [*range(first, first + len(slips))]), said
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_first_example_of_the_engine_has_types_throughout(tmp_path):
     mypy = pytest.importorskip("mypy.api")
     page = (ROOT / "docs" / "engine.md").read_text(encoding="utf-8")

@@ -54,7 +54,7 @@ MANY_BLOCKS = (
         (drawn(signals={"s0": "m.x"} | {f"s{n + 1}": f"-s{n}" for n in range(300)}), "200 within each other"),
         (drawn(long={"type": "tf", "num": [1.0], "den": [1.0] * 5000}), "long: expected at most 1200 states in all blocks"),
         (drawn(**{f"d{n}": {"type": "delay", "steps": 900} for n in (1, 2)}), "at most 1200 states in all blocks, found 1800"),
-        pytest.param(MANY_BLOCKS, "at most 10000 keys with those of all classes", marks=pytest.mark.thorough),
+        (MANY_BLOCKS, "at most 10000 keys with those of all classes"),
         (f"{HEAD}b = {{ start = 1, stop = 2, num = {10**7} }}\n", "a whole number <= 1e\\+06"),
     ],
 )

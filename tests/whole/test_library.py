@@ -170,25 +170,6 @@ def _publish(**options):
     wavesweep.program.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
 
 
-def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():
-    tables = [{"controller": {"kind": "pmw", "b": b}, "bode": {"frequency_hz": [1.0]}} for b in (10.0, 20.0, 30.0)]
-    found = wavesweep.bode(*tables)
-    assert found["spec"].tolist() == ["spec", "spec 2", "spec 3"]
-    assert list(found.attrs["facts"]["specs"]) == ["spec", "spec 2", "spec 3"]
-    assert found["admittance_abs"][1] == wavesweep.bode(tables[1])["admittance_abs"][0]
-
-
-def test_a_loop_in_a_notebook_shows_its_question_its_intervals_and_their_figure():
-    shown = wavesweep.compile({"controller": {"kind": "dc-slow"}})._repr_html_()
-    assert "<th>low</th>" in shown
-    assert "<th>doubt</th>" not in shown  # which is empty
-    assert "For which K_VE from 0 to 20000" in shown
-    assert "263.137165" in shown
-    assert "<svg" in shown
-    undecided = {"rates": {"tick_hz": 100.0}, "block": {"m": {"type": "mass", "mass": 1.0}}, "wire": {"m.f": "-m.x - m.v"}}
-    assert wavesweep.compile(undecided)._repr_html_() is None  # no axis: the text alone
-
-
 def test_calls_compute_with_one_thread_and_give_the_others_back(monkeypatch):
     """With several, small matrices take many times as long."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)

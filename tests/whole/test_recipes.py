@@ -164,7 +164,6 @@ def test_the_answers_are_those_of_the_comments(name):
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_an_arm_whose_commands_are_lost():
     """A constant interval of n + 1 ticks makes it unstable at 2 kd/((n + 1) h); some patterns do so earlier."""
     rows = whole_table("lost-commands")
@@ -176,7 +175,7 @@ def test_an_arm_whose_commands_are_lost():
     assert {"352.2", "355.5"} <= numbers_of("lost-commands")
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_messages_that_are_late_by_other_times():
     """A message in time and one that is r h late, in turn, for ever: the matrices of both, by hand."""
     rows = whole_table("late-messages")
@@ -195,7 +194,6 @@ def test_messages_that_are_late_by_other_times():
     assert brentq(lambda K: radius(K) - 1, 50, 66) == pytest.approx(rows.fails_from[15], rel=1e-6)
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_an_arm_whose_messages_are_lost_at_random():
     rows = whole_table("random-loss")
@@ -333,7 +331,6 @@ def test_a_rotor_that_turns_while_its_voltage_stands_still():
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_a_salient_rotor_whose_voltage_stands_still():
     """A step of the wanted current, marched in the frame of the stator by Runge-Kutta."""
     tables = tomllib.loads(TEXTS["salient-rotor"])
@@ -410,7 +407,6 @@ def test_the_average_over_an_exposure():
     np.testing.assert_allclose(rows.high * rows["T"], rows.n.map(limits), rtol=1e-12)
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_quadrotor_of_any_inertia():
     """The heaviest one sets the limit: what is proved is within 1 % of its own, and with it the loop is as stable as that."""
@@ -426,7 +422,6 @@ def test_a_quadrotor_of_any_inertia():
         assert row.fails_from == pytest.approx(heavy, rel=1e-6)
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_pictures_that_are_lost():
     """Proved with an observer and without: below the limit in which every picture arrives, and lost ones matter without it."""
@@ -441,7 +436,6 @@ def test_pictures_that_are_lost():
 
 
 @pytest.mark.slow
-@pytest.mark.thorough
 def test_a_wall_in_any_direction_at_any_pose():
     """What is proved for all of them is less than for any, and next to what the worst of a grid has."""
     ranges = {"phi": {"start": 0, "stop": 3.1416}, "q2": {"start": 0.4, "stop": 1.4}}

@@ -102,30 +102,3 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     tally = LoopSummary(OWN)
     tally.add(columns)
     assert Sentences(tally.numbers()).extremes() == [said]
-
-
-def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
-    columns = {
-        "b": np.array([1.0, 2.0]),
-        "along": np.full(2, "K_VE", object),
-        "intervals": np.ones(2, int),
-        "interval": np.zeros(2, int),
-        "low": np.array([300.0, 100.0]),
-        "high": np.array([1e6, 1e6]),
-        "high_omega": np.full(2, np.nan),
-        "certified": np.ones(2, bool),
-        "doubt": np.full(2, "", object),
-        "felt_low": np.full(2, np.nan),
-        "felt_high": np.full(2, np.nan),
-    } | known(2)
-    tally = LoopSummary(OWN)
-    tally.add(columns)
-    least = "smallest stable K_VE: 100 N/m at b = 2 N*s/m"
-    assert Sentences(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
-    below = LoopSummary(OWN)
-    below.add(columns | {"high": np.array([1e6, 2000.0])})
-    largest, said = Sentences(below.numbers()).extremes()
-    assert largest.startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")
-    assert said == least
-    tally.add(columns | {"low": np.zeros(2)})
-    assert tally.numbers()["least"] is None

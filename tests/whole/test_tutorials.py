@@ -18,41 +18,10 @@ STEP = re.compile(
     re.MULTILINE,
 )
 
-# Take longer than all the rest: a report has the answers of its page again; tests of two ports, of margins over boxes, of
-# frames that vary, of passive hands, of shafts and of verdicts have such answers about smaller loops.
-AT_LENGTH = (
-    "report ",
-    "zwidth engine.toml",
-    "zwidth late.toml",
-    "zwidth clip-and-frames.toml",
-    "check touch.toml --set",
-    "design touch.toml",
-    "simulate shaft.toml",
-    "identify run/simulate.csv",
-    "identify sweeps/examples/pushed.csv --resolution 2e-5",
-    "check sweeps/for-all/dc-slow.toml",
-    "stability-region arm.toml --set 'block.speed=",
-    "bode sweeps/templates/drive.toml",
-    "margins sweeps/templates/drive.toml",
-    "poles sweeps/templates/drive.toml",
-    "stability-region sweeps/recipes/random-loss.toml",
-    "zwidth hands.toml",
-    "zwidth random.toml",
-    "zwidth touch.toml",
-    "margins arm.toml --cut camera.y --set 'for_all",
-    "passivity sweeps/examples/two-channel.toml",
-    "margins design/best/servo-01.toml",
-    "check drive.toml",
-    "check device.toml",
-)
-
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "page", [pytest.param(page, marks=pytest.mark.thorough) if page in ("margins.md", "sweeps.md") else page for page in SHOWN]
-)
-@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.thorough)])
-def test_a_page_runs_from_its_beginning_to_its_end(page, whole, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("page", SHOWN)
+def test_a_page_runs_from_its_beginning_to_its_end(page, tmp_path, monkeypatch, capsys):
     from wavesweep.program.cli import main
 
     monkeypatch.chdir(tmp_path)
@@ -64,8 +33,6 @@ def test_a_page_runs_from_its_beginning_to_its_end(page, whole, tmp_path, monkey
         if step["file"]:
             with pathlib.Path(step["file"]).open("a" if step["more"] else "w", encoding="utf-8") as file:
                 file.write(step["lines"])
-            continue
-        if step["command"].startswith(AT_LENGTH) and not whole:
             continue
         code = main(shlex.split(step["command"]))
         seen = capsys.readouterr()

@@ -1,7 +1,7 @@
 """Columns that can fail: each is certified with the right ends, or is in doubt as it was.
 
 `expected.csv` has the right ends of each, from `witness.py`; what is answered: certified, a word of doubt, or the name of an
-error; what the answer took; and "thorough" if that is more than a seventh of a second. `WAVESWEEP_UPDATE=1` writes these anew:
+error; what the answer took; and "slow" if that is more than a seventh of a second. `WAVESWEEP_UPDATE=1` writes these anew:
 a certificate that is gained has to be written there, one that is lost is a fault.
 """
 
@@ -21,8 +21,8 @@ MORE = 2  # times as much work as was needed once
 
 
 def columns():
-    slow = {name for name, row in EXPECTED.items() if row["lane"] == "thorough"}
-    return [pytest.param(name, marks=[pytest.mark.thorough] * (name in slow)) for name in QUESTIONS]
+    slow = {name for name, row in EXPECTED.items() if row["lane"] == "slow"}
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name in slow)) for name in QUESTIONS]
 
 
 @pytest.mark.sample(40)

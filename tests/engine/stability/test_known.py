@@ -239,7 +239,7 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     assert soft.high == pytest.approx(turn, rel=1e-3)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
@@ -390,7 +390,7 @@ def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     )  # fmt: skip
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_combination_that_the_wall_does_not_change_makes_no_loop_stable():
     """The impedance of the local model is zero and nothing filters behind it: an eigenvalue of 1 stays whatever b is."""
     loop = wavesweep.compile({

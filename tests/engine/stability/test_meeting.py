@@ -33,7 +33,7 @@ def least_mass(b, d, tick=1e-3):
     return -d * tick / np.log((b - d) / (b + d))
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("every", [2, 10, 24])

@@ -174,7 +174,7 @@ def test_check_says_up_to_where_a_number_is_known_to_be_stable(blind, capsys):
     assert "k = 3: stable from 0.3 (where the search starts)" in said
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.whole
 def test_the_row_of_a_report_names_the_open_place_beside_its_doubt(blind, tmp_path):
     assert blind(2.0, 2.5, "report", "--out", str(tmp_path / "report.html")) == 0

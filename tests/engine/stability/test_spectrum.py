@@ -63,7 +63,7 @@ def test_the_rate_that_direct_coupling_does_not_run_at_counts_for_its_frame_and_
     assert swept["worst_gain"].tolist() == swept["admittance_abs"].tolist() == swept["admittance_abs"].tolist()[:1] * 3
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "doubt"), [(1e-12, "rounding"), (1e-6, "")])
 def test_a_radius_that_is_1_but_for_rounding_is_not_called_unstable(gain, doubt):
     """It is `1 - 2.83e-3 Kp`."""

@@ -33,7 +33,7 @@ def test_a_window_in_which_the_tick_explodes_is_found():
     assert loop.spectral_radius(**{"device.mass": 0.105}) > 1e4
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_what_overflows_is_not_known_and_the_rest_is():
     """From 200 N*s/m on the tick is unstable by itself; a frame of 200 ticks overflows beyond some 665 N*s/m."""
     loop = wavesweep.compile({"controller": {"kind": "pmw"}, "rates": {"ratio": 200}})
@@ -44,7 +44,6 @@ def test_what_overflows_is_not_known_and_the_rest_is():
     assert (loop.spectral_radius(b=np.concatenate([found.low + 1e-9, found.high * (1 - 1e-9)])) < 1).all()
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_range_that_overflows_throughout_has_no_interval_and_a_reason():
     """Nothing is invented where nothing is known."""

@@ -109,22 +109,6 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
 
 
-@pytest.mark.whole
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
-def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
-    (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe")
-    code, out, err = wavesweep(words[0], spec, *words[1:])
-    assert (code, out) == (2, "")
-    assert err.startswith("Error: matplotlibrc: expected text in UTF-8")
-    assert not (tmp_path / "results").exists()
-    (tmp_path / "matplotlibrc").unlink()
-    os.mkfifo(tmp_path / "matplotlibrc")
-    code, out, err = wavesweep(words[0], spec, *words[1:])
-    assert (code, out) == (2, "")
-    assert err.startswith("Error: matplotlibrc: expected a file, found a pipe or a device")
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
@@ -176,28 +160,6 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
         "zwidth.datapackage.json",
         "zwidth.parquet",
     ]
-
-
-@pytest.mark.whole
-def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec, monkeypatch):
-    code, _, err = wavesweep("zwidth", spec, "--out", "a" * 300)
-    assert code == 2
-    assert err.endswith("File name too long; choose another name\n")
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    for words in (("init", "pmw"), ("export", spec, "--to", "c"), ("zwidth", spec)):
-        code, _, err = wavesweep(*words)
-        assert code == 2
-        assert "may not be written to" in err
-
-
-@pytest.mark.parametrize("damage", ['"spec": null, "x": {', '"spec": [1], "x": {'])
-def test_a_package_that_somebody_has_changed_costs_no_finished_run(damage, wavesweep, spec, tmp_path):
-    again = ("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
-    wavesweep(*again)
-    package = tmp_path / "here" / "zwidth.datapackage.json"
-    package.write_text(package.read_text().replace('"spec": {', damage, 1))
-    code, _, err = wavesweep(*again)
-    assert (code, "fault of wavesweep" in err) == (0, False)
 
 
 @pytest.mark.parametrize("resources", ["null", "3", '"x"', "[]", "{}", "[1]", '[{"schema": null}]', '[{"schema": []}]'])

@@ -31,16 +31,10 @@ def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep, monkeypatc
     assert {"[sweep]", "[bode]", "[simulate]", "[device]"} <= set(tables)
 
 
-@pytest.mark.parametrize("key", [*EVERY.values(), *AXIS_KEYS.values()], ids=lambda key: key.path)
-def test_every_word_that_a_key_takes_has_a_meaning(key):
-    if key.type == "string" and key.choices and key.path != "controller.kind":
-        assert set(key.meanings) == set(key.choices)
-
-
-@pytest.mark.parametrize(("symbol", "path"), SYMBOLS.items())
-def test_symbols_are_keys_too(symbol, path, wavesweep):
-    assert wavesweep("keys", symbol) == wavesweep("keys", path)
-    assert f"symbol: {symbol}" in wavesweep("keys", symbol)[1]
+def test_symbols_are_keys_too(wavesweep):
+    for symbol, path in SYMBOLS.items():
+        assert wavesweep("keys", symbol) == wavesweep("keys", path)
+        assert f"symbol: {symbol}" in wavesweep("keys", symbol)[1]
 
 
 def test_a_table_and_an_axis_are_explained(wavesweep):

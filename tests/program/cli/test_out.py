@@ -69,7 +69,7 @@ def test_a_table_that_fails_in_its_middle_leaves_nothing(wavesweep, spec, monkey
 @pytest.mark.skipif(not Path("/dev/fd").exists(), reason="no files of open files here")
 @pytest.mark.parametrize(
     "words",
-    ["- < wall.toml", "<(sleep 0.2; cat wall.toml)", pytest.param("/dev/stdin < wall.toml", marks=pytest.mark.thorough)],
+    ["- < wall.toml", "<(sleep 0.2; cat wall.toml)", "/dev/stdin < wall.toml"],
 )
 def test_a_spec_is_read_from_stdin_or_what_a_shell_passes(wavesweep, spec, words):
     run = ["bash", "-c", f"{sys.executable} -m wavesweep zwidth {words} --out - --quiet"]

@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 
-import pyarrow.parquet
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -116,29 +115,6 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
 
 
 @pytest.mark.whole
-@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # which matplotlib's own sums say before they fail
-@pytest.mark.parametrize(
-    ("name", "value"), [("channel_norm", 1e308), ("spec_name", ["x"])], ids=["a number", "a fact that is no text"]
-)
-def test_a_table_with_what_cannot_be_drawn_is_refused(wavesweep, spec, tmp_path, name, value):
-    kind = "passivity" if name == "channel_norm" else "zwidth"
-    wavesweep(kind, spec, "--no-plot", "--out", tmp_path)
-    path = tmp_path / f"{kind}.parquet"
-    table = pyarrow.parquet.read_table(path)
-    if name in table.column_names:
-        changed = pyarrow.array([value] * table.num_rows)
-        table = table.set_column(table.column_names.index(name), name, changed)
-    else:
-        (key,) = [key for key in table.schema.metadata if b"wavesweep" in key]
-        facts = json.loads(table.schema.metadata[key]) | {name: value}
-        table = table.replace_schema_metadata(table.schema.metadata | {key: json.dumps(facts).encode()})
-    pyarrow.parquet.write_table(table, path)
-    code, _, err = wavesweep("plot", path, "--out", tmp_path / "figures")
-    assert (code, len(err.strip().splitlines())) == (2, 1)
-    assert "expected numbers and facts that can be drawn" in err
-
-
-@pytest.mark.whole
 @pytest.mark.sample(7)
 @pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
 @pytest.mark.parametrize(
@@ -173,24 +149,3 @@ def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, 
     assert place.lstat() == before
     assert (tmp_path / "mine.txt").read_text() == "mine"
     assert sorted(each.name for each in place.parent.iterdir() if each.name.startswith(".")) == []
-
-
-@pytest.mark.whole
-def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
-    assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
-    table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
-    changed = table.select(table.column_names[::-1]).add_column(0, "note", [["theirs"] * len(table)])
-    pyarrow.parquet.write_table(changed.replace_schema_metadata(table.schema.metadata), tmp_path / "zwidth.parquet")
-    assert wavesweep("plot", tmp_path / "zwidth.parquet", "--out", tmp_path / "again")[0] == 0
-    assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
-
-
-@pytest.mark.whole
-def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
-    assert wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")[0] == 0
-    pyarrow.parquet.write_table(
-        pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet").slice(0, 0), tmp_path / "zwidth.parquet"
-    )
-    code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
-    assert code == 2
-    assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")

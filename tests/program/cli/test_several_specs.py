@@ -1,6 +1,5 @@
 """`zwidth` and `bode` of several specs put all of them into one table and one figure."""
 
-import json
 import re
 from pathlib import Path
 
@@ -98,39 +97,3 @@ def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
                 np.testing.assert_array_equal(rows[key], own[key].to_numpy())
         assert np.isnan(table["b"][table["spec"] == "direct"]).all()
         assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
-
-
-def test_an_edited_spec_is_named_with_its_change(compare):
-    compare("--no-plot", "--quiet")
-    Path("direct.toml").write_text(DIRECT.replace("delay = 3", "delay = 5"))
-    code, _, err = compare("--no-plot")
-    assert code == 0
-    assert "replaced the results of this spec; changed: direct: environment.delay 3 -> 5\n" in err
-    assert compare("--no-plot", specs=("direct.toml", "waves.toml"))[0] == 0
-    Path("other.toml").write_text(WAVES)
-    code, _, err = compare("--no-plot", "--out", "results/waves+direct", specs=("direct.toml", "other.toml"))
-    assert code == 2
-    assert "found results of another spec (waves, direct; SHA-256 " in err
-
-
-def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
-    code, out, err = compare("--no-plot", "--json")
-    assert (code, err) == (0, "")
-    found = json.loads(out)
-    specs = found["tables"]["zwidth-specs"]["specs"]
-    own = library.zwidth("waves.toml")
-    assert specs["waves"]["largest"]["value"] == own.high.max()
-    assert specs["waves"]["stiffest_felt"]["value"] == own.felt_high.max()
-    assert specs["direct"]["largest"]["at"].keys() == {"B_VE", "rates.slow_hz"}
-
-
-@pytest.mark.slow
-def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(wavesweep, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    recipes = Path(library.__file__).parents[1] / "sweeps" / "recipes"
-    (tmp_path / "plain.toml").write_text('[controller]\nkind = "dc-slow"\n[sweep]\nB_VE = [0.5, 1.0]\n')
-    code, _, err = wavesweep("zwidth", "plain.toml", str(recipes / "two-rate-wall.toml"), "--out", "both", "--no-plot")
-    assert (code, "Error" in err) == (0, False)
-    table = results.read(tmp_path / "both/zwidth-specs.csv")
-    assert np.isnan(table["n"][table["spec"] == "plain"]).all()
-    assert np.isfinite(table["n"][table["spec"] != "plain"]).all()

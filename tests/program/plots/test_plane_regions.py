@@ -13,12 +13,9 @@ from wavesweep.program.analyses.plane_columns import (
     Interval,
     PlaneCurve,
     View,
-    _is_straight,
     curves_of,
 )
 from wavesweep.program.plots.plane_regions import region_of
-from wavesweep.program.plots.region_figures import draw_region
-from wavesweep.program.plots.style import Look
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -50,17 +47,6 @@ def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
         assert sum(map(area, region.areas)) == pytest.approx(0.05 * 1210 + 0.05 * 104)
 
 
-def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
-    """Its end is no crossing on one side, and as right to half a pixel as any other."""
-
-    def ending(low, real):
-        return (Interval(low, 200.0, real, True, True),), ()
-
-    corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
-    assert _is_straight(*corner, VIEW, tolerance=0.1)
-    assert not _is_straight(*corner, VIEW, tolerance=0.04)
-
-
 def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
     curve = PlaneCurve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
     region = region_of(curve, VIEW)
@@ -78,23 +64,6 @@ def test_a_boundary_is_one_line_where_a_hole_begins():
     hole = [(2.0, 700), (1.5, 650), (2.0, 600)]
     assert sorted(region.certain) == sorted([outer, lower, hole])
     assert region.doubtful == []
-
-
-def test_what_is_stable_and_not_certified_is_not_filled():
-    """It is dotted on white, above the fill."""
-    from matplotlib.figure import Figure
-
-    doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), ()
-    columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
-    axes = Figure().subplots()
-    region = region_of(PlaneCurve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)
-    draw_region(axes, region, Look("#0072B2", "-"), filled=True)
-    dotted = [each for each in axes.collections if each.get_hatch()]
-    assert [each.get_facecolor()[0].tolist() for each in dotted] == [[1, 1, 1, 1]]
-    corners = [tuple(corner) for path in dotted[0].get_paths() for corner in path.vertices.tolist()]
-    assert {(1.0, 1.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)} <= set(corners)
-    filled = next(each for each in axes.collections if not each.get_hatch())
-    assert dotted[0].get_zorder() > filled.get_zorder()
 
 
 def filled(figure):

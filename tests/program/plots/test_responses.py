@@ -23,17 +23,7 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
 
 
-def test_all_phases_of_a_figure_are_drawn_on_if_one_wraps_often(responses):
-    turned = responses["impedance_deg"] - 360 * 0.2 * responses["frequency_hz"]
-    figure = plots.bode(responses | {"impedance_deg": (turned + 180) % 360 - 180}, {})
-    phases = [axes for axes in figure.axes if axes.get_ylabel().startswith("phase of")]
-    assert len(phases) == 2
-    for axes in phases:
-        drawn = axes.lines[0].get_ydata()
-        assert np.nanmin(drawn) < -180
-
-
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
     from wavesweep.program.tables.response_table import responses
 

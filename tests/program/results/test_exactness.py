@@ -4,11 +4,8 @@ import csv
 import struct
 
 import numpy as np
-import pyarrow
-import pyarrow.parquet
 import pytest
 
-from wavesweep.engine.errors import UsageError
 from wavesweep.program import results
 from wavesweep.program.results import publish
 from wavesweep.program.tables.table import Table
@@ -46,21 +43,6 @@ def test_the_text_is_what_the_contract_says(columns, facts, tmp_path):
     assert lines[4] == "-0.0,4,K_VE,1,0,1e+15,-0.0,,4.0,1,1e-16,,1e+15,1e+15,1.0,1.0,1,1.0,1.0"
 
 
-def test_pandas_reads_what_we_write(columns, facts, tmp_path):
-    import pandas
-
-    publish(Table.of("zwidth", columns, facts), tmp_path)
-    frame = pandas.read_csv(tmp_path / "zwidth.csv")
-    assert list(frame.columns) == list(columns)
-    assert frame["high"].dtype == np.float64
-    assert frame["certified"].tolist() == columns["certified"].astype(int).tolist()
-    assert np.array_equal(frame["high"].to_numpy(), columns["high"], equal_nan=True)
-    assert pyarrow.parquet.read_table(tmp_path / "zwidth.parquet")["high"].null_count == np.isnan(columns["high"]).sum()
-    stored = pandas.read_parquet(tmp_path / "zwidth.parquet")
-    assert np.array_equal(stored["high"].to_numpy(), columns["high"], equal_nan=True)
-    assert stored["certified"].dtype == bool
-
-
 @pytest.mark.parametrize("stem", ["a,b", 'say "hi"', "two\nlines", "123", "NaN", "grün"])
 def test_a_spec_with_an_awkward_name_reads_back(stem, tmp_path, facts):
     fields = results.fields("bode")
@@ -82,12 +64,6 @@ def test_a_table_of_its_own_kind_reads_back_by_the_package_beside_it(facts, same
     same(results.read(tmp_path / "own.csv"), columns)
     (tmp_path / "own.datapackage.json").write_text("torn")
     assert results.read(tmp_path / "own.csv")["island"].tolist() == [1, 0, 1]
-
-
-def test_a_table_in_another_encoding_is_refused_in_a_sentence(tmp_path):
-    (tmp_path / "zwidth.csv").write_bytes("größe,B_VE\n1,2\n".encode("latin-1"))
-    with pytest.raises(UsageError, match=r"zwidth\.csv: expected a whole table, found a file .* can't decode byte"):
-        results.read(tmp_path / "zwidth.csv")
 
 
 def test_texts_come_back_from_parquet_as_they_were(tmp_path):

@@ -42,7 +42,6 @@ def run(*arguments):
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["zwidth", "stability-region", "bode", "passivity"])
-@pytest.mark.thorough
 def test_parts_read_as_the_single_file_does(home, same, command):
     import pandas
 

@@ -1,6 +1,5 @@
 """`wavesweep verify` finds every kind of difference between a folder of results, its packages and new rows."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -196,22 +195,7 @@ def test_every_kind_of_damage_is_named(folder, damage, capfd):
 
 
 @pytest.mark.slow
-def test_a_number_that_was_changed_in_the_csv_is_found_whatever_the_package_says_of_it(folder):
-    lines = (folder / "zwidth.csv").read_text().splitlines(keepends=True)
-    names, cells = lines[0].split(","), lines[3].split(",")
-    cells[names.index("high")] = repr(float(cells[names.index("high")]) * 1.01)
-    lines[3] = ",".join(cells)
-    content = "".join(lines).encode()
-    (folder / "zwidth.csv").write_bytes(content)
-    package = package_of(folder)
-    package["resources"][0] |= {"bytes": len(content), "hash": f"sha256:{hashlib.sha256(content).hexdigest()}"}
-    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
-    difference = verify(folder).differences[-1]
-    assert "zwidth.parquet and zwidth.csv: row 3, column high: " in difference
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_whatever_is_flipped_or_edited_in_a_package_is_found(folder, seed, monkeypatch):
     monkeypatch.setattr("wavesweep.program.results.verification._again", lambda *_: None)
     package, random = folder / "zwidth.datapackage.json", np.random.default_rng(seed)
@@ -280,24 +264,6 @@ def test_a_file_of_a_few_bytes_and_many_rows_is_refused_by_its_metadata(folder, 
     monkeypatch.setattr("wavesweep.program.results.table_files.memory", lambda: 1e7)
     with pytest.raises(UsageError, match="expected a table that fits into memory, found 300,000 rows"):
         results.read(folder / "zwidth.parquet")
-
-
-@pytest.mark.parametrize("name", ["ArrowNotImplementedError", "ArrowInvalid", "OSError"])
-def test_whatever_arrow_says_of_a_damaged_file_is_one_sentence(folder, monkeypatch, name):
-    """A byte of the footer decides which error it is; most of them are no ValueErrors."""
-    import pyarrow.parquet
-
-    def fail(*_, **__):
-        raise getattr(pyarrow, name, OSError)("more than 64 bits\nand more")
-
-    cut_off(folder)
-    monkeypatch.setattr(pyarrow.parquet, "read_table", fail)
-    monkeypatch.setattr(pyarrow.parquet, "ParquetFile", fail)
-    with pytest.raises(UsageError, match=r"expected a whole table, .* as one \(more than 64 bits\)$"):
-        results.read(folder / "zwidth.parquet")
-    said = verify(folder).differences
-    assert [text.endswith("as one (more than 64 bits)") for text in said] == [False, True, True]
-    assert "zwidth.parquet: its rows cannot be held against new ones: " in said[-1]
 
 
 @pytest.mark.sample(1)

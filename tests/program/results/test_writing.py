@@ -1,15 +1,12 @@
 """All files of a table appear or none does, other people's results stay, and blocks leave no trace."""
 
 import hashlib
-from functools import partial
-from io import BytesIO
 
 import numpy as np
 import pytest
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.results import publish, read_table, stream
-from wavesweep.program.results.table_files import GROUP_ROWS
+from wavesweep.program.results import publish, read_table
 from wavesweep.program.tables.table import Table
 
 
@@ -26,47 +23,6 @@ def test_equal_runs_give_equal_bytes(columns, facts, tmp_path):
         publish(Table.of("zwidth", columns, {**facts, "timings": {"total": seconds}}), tmp_path / name)
     first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
     assert {name for name in first if first[name] != second[name]} == {"zwidth.datapackage.json"}
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("length", "many"), [(300, [(1,)]), (2 * GROUP_ROWS + 5, [(7, 1000), (GROUP_ROWS,), (GROUP_ROWS + 1, 3)])]
-)
-def test_blocks_leave_no_trace(columns, facts, tmp_path, length, many):
-    table = {name: np.resize(column, length) for name, column in columns.items()}
-    publish(Table.of("zwidth", table, facts), tmp_path / "whole")
-    whole = BytesIO()
-    stream(Table.of("zwidth", table, facts), whole)
-    assert whole.getvalue() == (tmp_path / "whole/zwidth.csv").read_bytes()
-
-    def blocks(sizes):
-        start = number = 0
-        while start < length:
-            # Cycles through the sizes, and takes the rest at once when blocks would be thousands.
-            size = sizes[number % len(sizes)] if number < 400 else length
-            yield {name: column[start : start + size] for name, column in table.items()}
-            start, number = start + size, number + 1
-
-    for sizes in many:
-        parts, out = Table("zwidth", partial(blocks, sizes), facts), BytesIO()
-        publish(parts, tmp_path / "parts")
-        assert contents(tmp_path / "parts") == contents(tmp_path / "whole"), sizes
-        stream(parts, out)
-        assert out.getvalue() == whole.getvalue(), sizes
-
-
-def test_numbers_that_hardly_repeat_have_no_dictionary(columns, facts, tmp_path):
-    """They would fill one, which costs time and place, before Arrow gives it up."""
-    import pyarrow.parquet
-
-    publish(Table.of("zwidth", columns, facts), tmp_path)
-    with pyarrow.parquet.ParquetFile(tmp_path / "zwidth.parquet") as file:
-        group = file.metadata.row_group(0)
-    parts = [group.column(number) for number in range(group.num_columns)]
-    coded = {part.path_in_schema for part in parts if part.has_dictionary_page}
-    assert {"along", "intervals", "residual", "doubt"} <= coded
-    assert coded.isdisjoint({"high", "low", "B_VE", "high_omega"})
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf])
@@ -134,23 +90,6 @@ def test_files_of_unknown_origin_stay(columns, facts, tmp_path, package):
     with pytest.raises(UsageError, match="unknown origin"):
         publish(Table.of("zwidth", columns, facts), tmp_path)
     assert (tmp_path / "zwidth.csv").read_text() == "mine\n"
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda c: c.pop("residual"), "expected .*residual"),
-        (lambda c: c.update(low=c["low"][:-1]), "differ in length"),
-        (lambda c: c.update(certified=c["low"]), "column certified: .* expected a column of kind boolean"),
-        (lambda c: c.update(low=c["low"][None]), "column low: found 2-dimensional"),
-        (lambda c: c.update(colour=c["low"]), "column colour: neither"),
-    ],
-)
-def test_a_table_that_does_not_fit_is_refused(columns, facts, tmp_path, change, message):
-    change(columns)
-    with pytest.raises(WavesweepError, match=message):
-        publish(Table.of("zwidth", columns, facts), tmp_path)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_byte_that_was_changed_is_noticed_though_the_size_is_the_same(columns, facts, tmp_path):

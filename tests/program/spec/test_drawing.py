@@ -8,7 +8,7 @@ from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.program.spec import load, sweep_axes
+from wavesweep.program.spec import load
 
 
 def changed(text, *changes):
@@ -44,13 +44,6 @@ def test_whole_numbers_that_decide_the_structure_are_swept_as_values():
         spec.with_values({"k": 20})
 
 
-def test_the_stiffness_of_the_wall_is_k_ve():
-    axis, others = sweep_axes(load(tomllib.loads(WALL)), "K_VE")
-    assert (axis.name, axis.start, axis.stop, [other.name for other in others]) == ("K", 0.0, 20000.0, ["B"])
-    with pytest.raises(SpecError, match="the numbers of a wall"):
-        sweep_axes(load(tomllib.loads(PD)), "K_VE")
-
-
 def test_a_number_in_a_block_is_an_axis_by_its_path():
     tables = tomllib.loads(ARM)
     assert "block.net.every" not in load(tables).values
@@ -68,15 +61,6 @@ def test_a_number_in_a_block_is_an_axis_by_its_path():
     assert spec.with_values({"block.net.every": 40}).tables()["block"]["net"]["every"] == 40
     with pytest.raises(SpecError, match=r"block\.net\.every: expected a whole number >= 1, found 0"):
         spec.with_values({"block.net.every": 0})
-
-
-def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():
-    tables = tomllib.loads(ARM)
-    tables["rates"]["tick_hz"] = "10000"
-    spec = load(tables)
-    assert spec.tick_hz == 10000.0
-    assert spec.names.find("rates.tick_hz") is None
-    assert wavesweep.compile(tables).stable_intervals(span=(0, 20), kp=[60.0]).certified.all()
 
 
 DERIVED = (

@@ -3,12 +3,10 @@
 import json
 import pickle
 
-import numpy as np
 import pytest
 
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.program.reading.keys import VALUE_PATHS
-from wavesweep.program.spec import KEYS, load
+from wavesweep.program.spec import load
 
 LOOP = {"controller": {"kind": "pmw"}}
 FULL = """
@@ -39,13 +37,6 @@ def full(tmp_path):
     return load(path)
 
 
-def test_every_key_has_its_default():
-    values = load(LOOP).values
-    assert tuple(values) == VALUE_PATHS
-    assert values == {path: KEYS[path].default for path in VALUE_PATHS} | {"controller.kind": "pmw"}
-    assert {type(value) for value in values.values()} == {float, int, str}
-
-
 def test_a_file_is_read(full, tmp_path):
     assert (full.name, full.source, full.along) == ("full", str(tmp_path / "full.toml"), "B_VE")
     assert full.values["rates.ratio"] == 40
@@ -61,14 +52,6 @@ def test_a_file_is_read(full, tmp_path):
     ]
     assert [axis.name for axis in full.bode] == ["Kp"]
     assert (full.sweep[0].start, full.sweep[0].stop) == (0.0, 15.0)
-
-
-def test_numpy_values_in_a_dict_are_numbers():
-    tables = LOOP | {"rates": {"ratio": np.int64(10)}, "sweep": {"b": np.array([1, 2]), "Kp": (0, np.float32(1))}}
-    plain = LOOP | {"rates": {"ratio": 10}, "sweep": {"b": [1, 2], "Kp": [0, 1]}}
-    assert load(tables).sha256 == load(plain).sha256
-    with pytest.raises(SpecError, match=r"rates\.ratio: expected a whole number >= 1, found true"):
-        load(LOOP | {"rates": {"ratio": np.bool_(True)}})
 
 
 def test_resolved_tables_load_to_the_same_spec():

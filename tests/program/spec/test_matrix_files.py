@@ -79,22 +79,6 @@ def test_matrices_of_a_file_are_those_of_a_spec_that_writes_them(tmp_path, kind,
     np.testing.assert_allclose(ends[0][0], [0, 1 / static], rtol=1e-12)  # where it runs away
 
 
-def test_a_class_of_blocks_and_a_dict_take_files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "plant.npz").write_bytes(npz(**SOUND))
-    plant = {"type": "ss", "file": "plant.npz"}
-    part = {"block": {"m": plant}, "wire": {"m.u": "u"}, "ports": {"inputs": ["u"], "outputs": {"y": "m.y"}}}
-    tables = {
-        "rates": {"tick_hz": 100},
-        "type": {"part": part},
-        "block": {"left": {"type": "part"}, "alone": plant},
-        "wire": {"left.u": "0", "alone.u": "0"},
-    }
-    blocks = load(tables).tables()["block"]
-    assert blocks["left.m"]["A"] == blocks["alone"]["A"] == A
-    assert "file" not in blocks["alone"]
-
-
 @pytest.mark.parametrize(
     ("content", "keys", "key", "said"),
     [

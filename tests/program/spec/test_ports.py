@@ -3,7 +3,7 @@
 import tomllib
 
 import pytest
-from support.drawn import DRIVE, WALL
+from support.drawn import DRIVE
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
@@ -27,12 +27,6 @@ def test_an_input_whose_signal_is_no_signal_is_shown_how_to_name_the_one_that_wi
             load(tables(ports={"inputs": {"ref": wrong}}))
 
 
-def test_an_input_may_be_the_hands_force():
-    spec = load(tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }')))
-    assert (spec.drawing.outside, spec.routes, spec.routes_between(None, None)) == (("hand",), (), ())
-    assert spec.routes_between("push", None) == (("push", "place"),)
-
-
 def test_all_pairs_are_asked_for_unless_bode_names_an_end():
     spec = load(tables())
     assert len(spec.routes) == 8
@@ -48,8 +42,3 @@ def test_all_pairs_are_asked_for_unless_bode_names_an_end():
 )
 def test_the_unit_of_a_response_is_that_of_the_output_over_that_of_the_input(source, output, unit):
     assert load(tables()).unit_between(source, output) == unit
-
-
-def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate():
-    spec = load(tables(rates={"tick_hz": 20}, block=tables()["block"]))
-    assert (spec.frequency_hz[0], spec.frequency_hz[-1], len(spec.frequency_hz)) == (pytest.approx(2e-4), 9.8, 400)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.errors import SpecError
 from wavesweep.program.spec import KEYS, SYMBOLS, load, sweep_axes
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
@@ -64,28 +64,3 @@ def test_a_sweep_that_cannot_be_computed_is_refused_when_it_is_used(sweep, along
     with pytest.raises(SpecError) as error:
         sweep_axes(spec(sweep), along)
     assert str(error.value).startswith(words)
-
-
-def test_the_refusal_points_into_the_file(tmp_path):
-    path = tmp_path / "a.toml"
-    path.write_text('[controller]\nkind = "pmw"\n[sweep]\nalong = "Kp"\nb = { start = 1, stop = 2 }\n')
-    with pytest.raises(SpecError) as error:
-        sweep_axes(load(path))
-    assert [mistake.location for mistake in error.value.mistakes] == [f"{path}:3:2"]
-
-
-def test_an_axis_that_has_only_a_span_is_not_swept():
-    held = spec({"K_VE": {"start": 0, "stop": 900}, "b": {"start": 1, "stop": 2}, "Kp": [1, 2]})
-    axis, others = sweep_axes(held, "b")
-    assert (axis.start, axis.stop, [other.name for other in others]) == (1, 2, ["Kp"])
-    assert [other.name for other in sweep_axes(held, "b", swept=False)[1]] == ["K_VE", "Kp"]
-
-
-def test_without_a_span_a_number_that_is_explained_is_searched_about_its_value():
-    axis, _ = sweep_axes(spec({}), "device.mass", swept=False)
-    assert (axis.start, axis.stop) == pytest.approx((0.01, 1.0))
-    for name in ("device.mass", "operator.stiffness"):  # one that is 0
-        with pytest.raises(SpecError, match="expected a span to search"):
-            sweep_axes(spec({}), name, swept=name == "device.mass")
-    with pytest.raises(UsageError, match="decides how it is built"):
-        sweep_axes(spec({}), "environment.delay", swept=False)

@@ -3,10 +3,8 @@
 import pytest
 
 from wavesweep import load
-from wavesweep.passive.table import passivity
 from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
-from wavesweep.sensitivity.table import why
 
 
 @pytest.mark.asks("for_all")
@@ -22,13 +20,6 @@ def test_messages_of_a_swept_number_are_those_of_each_row():
         claims = intervals(load(tables | {"sweep": tables["sweep"] | axes}), jobs=1).facts["claims"]
         assert claims["for_all"]["loops"] == said
         assert claims["spec"]["loops"] == "messages of bus all in time"
-
-
-def test_numbers_that_a_preset_does_not_give_are_named_with_every_table():
-    spec = load({"controller": {"kind": "pmw"}, "device": {"preset": "touch", "mass": 0.1}, "sweep": {"B_VE": [0.5, 1.0]}})
-    said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
-    for table in (intervals(spec), responses([spec]), passivity(spec), why(spec)):
-        assert said in table.facts["notices"]
 
 
 def cycle(n, swept):

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.drawn import ARM, PD, WALL, as_blocks
+from support.drawn import ARM, PD, as_blocks
 from support.specs import KINDS, nested
 
 import wavesweep
@@ -125,43 +125,6 @@ def test_a_number_that_is_one_scalar_gain_and_others_agree():
     for table in tables[1:]:
         np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
         np.testing.assert_allclose(table["high"], tables[0]["high"], rtol=1e-9)
-
-
-def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():
-    with pytest.raises(UsageError, match=r"kd = 3 makes no loop: block\.m\.mass: expected a number > 0, found -0\.5"):
-        compiled(
-            PD, ('mass = "m"', 'mass = "m*((kd - 3)**2 - 0.5)"'), ("m = 0.2", "m = 1.0"), ("kd = 3.0", "kd = 5.0")
-        ).stable_intervals("kp", (0, 1), kd=[2, 3.0, 4])
-    with pytest.raises(UsageError, match=r"block\.late\.steps: expected a whole number <= 1000, found 2000"):
-        compiled(WALL).stable_intervals("K", (0, 1), n=[2, 2000])
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda loop, a: loop.stable_intervals("kp", (0, 10), a=a),
-        lambda loop, a: loop.response([1.0], a=a),
-        lambda loop, a: loop.passivity(a=a),
-        lambda loop, a: loop.spectral_radius(a=a),
-    ],
-)
-def test_a_swept_first_coefficient_that_is_0_makes_no_loop(call):
-    """Its neighbours on both sides do."""
-    text = PD.replace("[block.m]", 'a = 1.0\n[block.f]\ntype = "tf"\nnum = [1]\nden = ["a", 1]\n[block.m]')
-    text = text.replace('"m.f" = "-kp*m.x', '"f.u" = "m.x"\n"m.f" = "hand - kp*f.y')
-    text = text.replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "m.x" }\n[sweep]')
-    with pytest.raises(UsageError, match=r"block\.f\.den: expected a first coefficient other than 0, found 0"):
-        call(compiled(text), [-1.0, 0.0, 1.0])
-    assert len(call(compiled(text), [-1.0, 1.0])) >= 2
-
-
-def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
-    """The force reaches it within the tick, through a gain."""
-    text = PD.replace("[block.m]", '[block.g]\ntype = "gain"\n[block.m]').replace("[wire]", '[wire]\n"g.u" = "m.x + hand"')
-    text = text.replace('m.v"', 'm.v + hand"').replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "g.y" }\n')
-    for ask in (lambda loop: loop.response([1.0]), lambda loop: loop.passivity(), lambda loop: loop.simulate(np.ones(9))):
-        with pytest.raises(SpecError, match=r'ports\.hand\.displacement: expected a position that a plant has .*found "g.y"'):
-            ask(compiled(text))
 
 
 def test_drift_is_named_and_set_aside():

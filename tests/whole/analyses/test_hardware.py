@@ -92,7 +92,7 @@ def test_the_peak_gain_is_the_sum_of_a_marched_loops_forces(kind, changes):
 
 @pytest.mark.slow
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(2, 30))])
+@pytest.mark.parametrize("seed", range(4))
 def test_no_run_with_an_encoder_goes_beyond_the_bound(seed):
     rng = np.random.default_rng(seed)
     for _ in range(10):
@@ -126,7 +126,7 @@ def cycles(rng, rubs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in range(1, 12))])
+@pytest.mark.parametrize("seed", range(3))
 def test_a_cycle_that_is_predicted_is_seen_and_none_where_friction_holds_the_device(seed):
     """Without friction the frequency is right to a quarter and the amplitude to a factor of 2, else both to a factor of 3."""
     rng = np.random.default_rng(seed)
@@ -188,16 +188,6 @@ def test_the_worst_hand_comes_near_the_bound(kind):
 
 
 @pytest.mark.slow
-def test_an_offset_that_the_rounding_may_add_to_for_ever_is_not_bounded():
-    """With a spring in the hand, sampled waves leave an offset between hand and avatar that no wave takes away."""
-    tables = nested(values_of("pmw", velocity="difference", damping=5.0)) | {"operator": {"stiffness": 300.0}}
-    spec = wavesweep.load(tables)
-    assert peak_of_encoder(own_loop(spec)) is None
-    after = forces_of_errors(spec, 4000)[:, 0]
-    assert np.abs(after[-20:]).max() > 1e-4 * np.abs(after).max()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "rests"), [(0.9, True), (1.2, False)])
 def test_friction_holds_a_device_between_two_steps_of_its_encoder_up_to_its_limit(factor, rests):
     """A hand that presses half a step deep: beyond the limit neither of both readings lets the device rest."""
@@ -235,7 +225,7 @@ def rubbed(push, friction=0.26, parts=100, ticks=2000):
     return np.array(rows)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.parametrize(("push", "rests"), [(0.5, True), (1.0, False)])
 def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests):
     tables = RUBBING | {"simulate": {"friction": 0.26, "input": "pulse", "amplitude": push, "duration_s": 2.0}}

@@ -56,15 +56,6 @@ def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path,
         )
 
 
-@pytest.mark.parametrize("slow_hz", [50.0, 60.0])  # 60 Hz: assembled tick by tick
-def test_a_response_that_is_not_known_has_no_part(slow_hz):
-    free = {"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 0.0, "B_VE": 0.0}}
-    columns = wavesweep.compile(free).response([0.0, 1.0])  # nothing holds the device at rest: it has no static admittance
-    parts = columns[[f"admittance_{part}" for part in ("re", "im", "abs", "deg")]].to_numpy()
-    assert np.isnan(parts).tolist() == [[True] * 4, [False] * 4]
-    assert np.isfinite(columns["impedance_im"]).all()
-
-
 def free_mass(every=20, **changes):
     """A mass that nothing brakes, before a wall without stiffness and damping."""
     numbers = {"K": 0.0, "B": 0.0, "m": 0.1, "d": 0.0} | changes
@@ -165,17 +156,3 @@ def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
     assert columns["impedance_re"][0] == pytest.approx(200.0 + 500.0 * 0.001 / leak, rel=1e-6)
     assert columns["doubt"].tolist() == [""]
     assert not wavesweep.verdict(with_integral(leak))["felt"]["rigid"]
-
-
-@pytest.mark.parametrize("kind", ["dc", "pmw", "drawn"])
-def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
-    """Nothing holds the device: a constant force moves it without end, and the impedance at rest is 0."""
-    spec = {"controller": {"kind": kind, "Kp": 0.0} if kind == "pmw" else {"kind": kind}, "environment": {"K_VE": 0.0}}
-    if kind == "drawn":
-        spec = with_integral(ki=0.0)
-        spec["wire"] |= {"out.u": "(kp + ki + kd + leak)*speed.y"}
-        del spec["block"]["sum"], spec["wire"]["sum.u"]
-    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0]}})
-    assert columns["impedance_abs"].tolist() == [0.0]
-    assert np.isnan(columns[["admittance_abs", "worst_gain", "admittance_error", "worst_gain_error"]].iloc[0]).all()
-    assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])

@@ -62,26 +62,6 @@ def test_the_passive_wall_is_that_of_its_sampling_and_its_delay(late, seconds):
         assert bool(table.port_passive[0]) is passive
 
 
-@pytest.mark.parametrize(
-    ("tables", "said"),
-    [
-        (
-            {"device": {"delay": 1.25}},
-            "device.delay: expected a whole number >= 0, found 1.25; did you mean `device.dead_time`?",
-        ),
-        (
-            {"device": {"delay": 3, "dead_time": 1.2}},
-            "device.dead_time: expected at most 0.997 s, 1000 ticks with device.delay, found 1.2",
-        ),
-        ({"device": {"dead_time": -1e-3}}, "device.dead_time: expected a number >= 0, found -0.001"),
-    ],
-)
-def test_mistakes_in_the_delay_of_an_amplifier(tables, said):
-    with pytest.raises(wavesweep.SpecError) as error:
-        load({"controller": {"kind": "dc"}, **tables})
-    assert str(error.value) == said
-
-
 def test_a_dead_time_is_part_of_a_device_with_friction_encoder_and_limited_motors():
     """Against a march that cuts each tick where the force changes, and where the device comes to rest or sets off."""
     K, T, late, step, most, friction = 180.0, 1e-3, 1.3e-3, 2e-5, 0.5, 0.15

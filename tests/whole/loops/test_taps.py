@@ -73,18 +73,3 @@ def test_no_bit_of_taps_differs_between_the_simulation_and_c(tmp_path):
     written(tables_of(TAPPED, SUM, ports=hand, simulate={"input": "noise", "duration_s": 0.3}), tmp_path)
     code, said = made(tmp_path, "check", "gcc", "-O0")
     assert (code, said[-16:]) == (0, " no bit differs\n"), said
-
-
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        ({"taps": [5, 2]}, "taps: expected a list of runs of the block in ascending order, such as [2, 5], found 5, 2"),
-        ({"taps": [2, "n"], "steps": 3}, "steps: expected either steps, seconds or taps, found taps and steps"),
-        ({"taps": [2, "x"]}, 'tap2.steps: expected the name of a number in [numbers], found an unknown name "x"'),
-        ({"taps": [6, "n"]}, 'tap2.steps: expected a whole number >= 0, found "(n) - (6)": -1'),
-    ],
-)
-def test_mistakes_in_taps(line, said):
-    with pytest.raises(wavesweep.SpecError) as error:
-        load(tables_of({"type": "delay", **line}, "d.y1 + d.y2 + 0*n"))
-    assert str(error.value) == f"block.d.{said}"

@@ -322,34 +322,3 @@ def test_a_slow_controller_has_the_limits_that_its_frames_have(along):
     assert ends
     sides = loop.spectral_radius(**{along: [end * (1 + side) for end in ends for side in (-1e-7, 1e-7)]}) > 1
     assert (sides[::2] != sides[1::2]).all()
-
-
-@pytest.mark.parametrize(
-    ("keys", "path", "expected", "found"),
-    [
-        (
-            {"type": "lowpass", "a": 0.1, "rate_limit": 3},
-            "rate_limit",
-            "one of type, a, cutoff_hz, every, phase",
-            "a limit, which a block of type saturation has",
-        ),
-        (
-            {"type": "pi", "kp": 1, "output_limit": 3},
-            "output_limit",
-            "one of type, kp, ki, method, high, low, anti_windup, tracking_s, every, phase",
-            "an unknown key; did you mean `high`?",
-        ),
-        ({"type": "lowpass"}, "cutoff_hz", "either a or cutoff_hz", "neither"),
-        ({"type": "lowpass", "a": 0.1, "cutoff_hz": 3}, "cutoff_hz", "either a or cutoff_hz", "both"),
-        ({"type": "lowpass", "a": 1.1}, "a", "a number, or an expression, <= 1", "1.1"),
-        ({"type": "notch", "frequency_hz": 200, "q": 1}, "frequency_hz", "a number < 200 (half the block's own rate)", "200"),
-        ({"type": "lead", "zero_hz": 1, "pole_hz": 201}, "pole_hz", "a number < 200 (half the block's own rate)", "201"),
-        ({"type": "pid", "kp": 1, "tau": -1}, "tau", "a number, or an expression, >= 0", "-1"),
-        ({"type": "fir", "coefficients": []}, "coefficients", "a list of numbers", "an empty list"),
-        ({"type": "mean", "n": 0}, "n", "a whole number, or an expression, >= 1", "0"),
-    ],
-)
-def test_mistakes_in_words(keys, path, expected, found):
-    with pytest.raises(wavesweep.SpecError) as error:
-        spec_of(keys)
-    assert str(error.value) == f"block.w.{path}: expected {expected}, found {found}"

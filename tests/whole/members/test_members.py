@@ -9,18 +9,18 @@ LONGER = 2.0  # of every interval, a claim that is false
 KINDS = {make.__name__: make for make in members.KINDS}
 SAMPLE = [
     ("drawn_hands", 10),  # no row: the device runs away without a hand
-    pytest.param("drawn_hands", 1, marks=pytest.mark.thorough),
+    ("drawn_hands", 1),
     ("drawn_frames", 3),
     ("drawn_messages", 23),  # one message more that is lost is found here
-    pytest.param("drawn_messages", 2, marks=pytest.mark.thorough),  # one more tick of delay
+    ("drawn_messages", 2),  # one more tick of delay
     ("drawn_ranges", 2),
     ("built_in", 12),
     ("drawn_alone", 6),
     ("mean_square", 7),
-    pytest.param("mean_square", 8, marks=pytest.mark.thorough),
+    ("mean_square", 8),
     ("box_margins", 9),
-    pytest.param("two_ports", 10, marks=pytest.mark.thorough),  # one port in place of two is found here
-    pytest.param("built_in_words", 4, marks=pytest.mark.thorough),
+    ("two_ports", 10),  # one port in place of two is found here
+    ("built_in_words", 4),
     ("every_hand_damping", 136),  # delays in ticks that were taken for "frame" are found here
 ]
 

@@ -53,57 +53,9 @@ def test_a_figure_has_a_papers_width_and_the_same_bytes_each_time(table, draw, i
     assert first.read_bytes() == second.read_bytes()
 
 
-@pytest.mark.parametrize(("along", "shown"), [("K_VE", False), ("spring_k", True)])
-def test_a_range_that_begins_at_0_is_dotted_below_where_the_number_goes_on(along, shown, plane):
-    """The wall's stiffness ends at 0, but a number of a drawn loop does not."""
-    facts = {"spec": {"numbers": {"spring_k": {"value": 1.0, "unit": "N/m", "description": ""}}}}
-    (axes,) = plots.zwidth(plane | {"along": np.full(plane["low"].size, along, object)}, facts).axes
-    dotted = [patch.get_extents() for patch in axes.patches if patch.get_hatch()]
-    assert bool(dotted) == shown == (axes.get_ylim()[0] < 0)
-    legend = axes.figure.legends
-    assert any(text.get_text() == "beyond the swept range" for each in legend for text in each.get_texts()) == shown
-
-
 def png(figure):
     """The bytes of a figure."""
     return figure._repr_png_()
-
-
-def test_roles_are_given_in_order_and_what_is_left_out_is_said():
-    axes = {"K_LM": range(50), "Kp": range(4), "b": range(30), "B_VE": range(1000), "device.mass": range(3)}
-    best = {"K_LM": 33, "b": 7, "B_VE": 999, "device.mass": 2}
-    layout = lay_out(axes, best)
-    assert (layout.x, layout.panels, layout.family) == ("B_VE", "K_LM", "Kp")
-    assert (len(layout.points), len(layout.panel_values), len(layout.members)) == (400, 6, 4)
-    assert layout.fixed == {"b": 7, "device.mass": 2}
-    assert {0, 33, 49} <= set(layout.panel_values)
-    for said in ("400 of 1000 values of B_VE", "6 of 50 values of K_LM", "b at 7 alone", "device.mass at 2 alone"):
-        assert said in layout.left_out
-    assert lay_out({"b": range(4), "Kp": [1.0]}, {}).left_out == ""
-    assert (lay_out({"b": range(4)}, {}).x, lay_out({"b": range(4)}, {}).family) == (None, "b")
-
-
-def test_a_single_design_has_a_panel_for_each_value_and_its_response():
-    spec = {
-        "controller": {"kind": "pmw"},
-        "sweep": {"K_VE": {"start": 0, "stop": 2000}},
-        "design": {"vary": {"b": {"start": 5, "stop": 100}}, "wish": {"z_width": {"at_least": 400.0}, "felt": {}}},
-    }
-    facts = {"spec": wavesweep.load(spec).asking("design").tables(), "own": {"z_width": 500.0, "felt": None}}
-    facts["runners_up"] = [{"numbers": {"b": 90.0}, "wishes": {"z_width": 750.0, "felt": 600.0}}]
-    columns = {"b": np.array([40.0]), "z_width": np.array([900.0]), "felt": np.array([700.0])}
-    *panels, response = plots.design(columns, facts).axes
-    assert [text.get_text() for text in panels[0].get_yticklabels()] == ["nominal", "found", "next best"]
-    values = [[*zip(*line.get_data(), strict=True)] for axes in panels for line in axes.lines if line.get_marker() in "Xo"]
-    assert values == [[(500, 0)], [(900, 1)], [(750, 2)], [(700, 1)], [(600, 2)], [(25, 0)], [(40, 1)], [(90, 2)]]
-    texts = [[text.get_text() for text in axes.texts] for axes in panels]
-    assert texts[0] == ["500 (25 %)", "900 (125 %)", "750 (87.5 %)"]
-    assert texts[1][0] == "not known"
-    for line, b in zip(response.lines, (25.0, 40.0, 90.0), strict=True):
-        frequency, magnitude = line.get_data()
-        expected = wavesweep.compile({"controller": {"kind": "pmw", "b": b}}).response(frequency.tolist())
-        assert magnitude == pytest.approx(1e3 * expected["admittance_abs"].to_numpy(), rel=1e-9)
-    assert len(plots.design(columns, {**facts, "spec": {"design": facts["spec"]["design"]}}).axes) == 3
 
 
 def texts_of(canvas):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.steps import routes_of, step_at, step_between
 
 MOTOR = wavesweep.load(Path(__file__).parents[3] / "sweeps" / "templates" / "drive.toml")
@@ -58,12 +57,3 @@ def test_a_step_that_is_added_to_a_signal_comes_back_as_the_closed_loop():
         assert value == pytest.approx(s, abs=1e-13)
         y = decay * y + (1 - decay) / 2 * (s + 1)
     assert step.final == pytest.approx(-1.5 / 2.5)
-
-
-def test_what_does_not_come_to_rest_is_refused():
-    with pytest.raises(UsageError, match="comes to rest"):
-        step_between(MOTOR.with_values({"numbers.kp": 10.0}), ("ref", "speed"))
-    tables = MOTOR.tables()
-    tables["ports"]["outputs"]["angle"] = {"signal": "motor.x", "unit": "rad"}
-    with pytest.raises(UsageError, match="without end"):
-        step_between(wavesweep.load(tables), ("ref", "angle"))

@@ -1,42 +1,19 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
-from itertools import islice
-
 import pytest
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
-from wavesweep.program.store.checkpoint import MemoryCheckpoint
-from wavesweep.program.sweep import estimates, running, workers
+from wavesweep.program.sweep import estimates, workers
 from wavesweep.program.sweep.estimates import expected_bytes, refuse_full_disk
-from wavesweep.program.sweep.job import cut_otherwise
-from wavesweep.program.sweep.running import RunCounts
 from wavesweep.program.sweep.workers import WORTH, choose
-from wavesweep.program.tables.interval_table import intervals
 from wavesweep.program.tables.response_table import responses
 
 
 def spec_of(kind="pmw", **axes):
     return load({"controller": {"kind": kind}, "sweep": axes})
-
-
-@pytest.mark.parametrize(
-    ("name", "span"),
-    [
-        ("environment.delay", (0, 20)),
-        ("rates.ratio", (1, 20)),
-        ("rates.slow_hz", (50, 100)),
-        ("filters.lp1.order", (1, 4)),
-    ],
-)
-def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
-    spec = spec_of(along=name, **{name: {"start": span[0], "stop": span[1]}})
-    with pytest.raises(UsageError, match=f"intervals along {name}: .*sweep it as values"):
-        intervals(spec)
-    with pytest.raises(UsageError, match=f"intervals along {name}"):
-        wavesweep.compile(spec).stable_intervals(name, span=span)
 
 
 IN_A_RING = {
@@ -75,19 +52,6 @@ def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, 
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
-
-
-def test_chunks_of_one_slice_that_are_measured_are_kept_and_those_of_an_earlier_run_tell_nothing(long):
-    single = cut_otherwise(job_of(long), deep=1, wide=1)
-    store = MemoryCheckpoint()
-    counts = RunCounts()
-    first, second, third, fourth = islice(single.chunks.spread(range(len(single.chunks))), 4)
-    expected = running._expected(single, store, counts, None)
-    assert store.finished() == sorted({first, second})
-    assert counts.done == 2
-    assert 0 < expected < counts.seconds * len(single.chunks)
-    assert running._expected(single, store, counts, None) > 0
-    assert store.finished() == sorted({first, second, third, fourth})
 
 
 def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, monkeypatch):
