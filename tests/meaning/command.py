@@ -9,7 +9,9 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
+from meaning.coverage import lines
 from meaning.judge import Found, compiled, judge
+from meaning.rewritten import judge_rewritten
 from meaning.specs import spec_text
 
 
@@ -21,11 +23,20 @@ def main():
     parser.add_argument("--jobs", type=int, default=1, help="worker processes")
     parser.add_argument("--ticks", type=int, default=120, help="of a simulation")
     parser.add_argument("--ends", type=int, default=1, help="ends and responses of each so manieth spec alone")
+    parser.add_argument("--coverage", action="store_true", help="how many specs have each key, and no comparisons")
+    parser.add_argument("--rewritten", type=int, default=0, help="so many specs against the same in other words, and no others")
     parser.add_argument("--required", type=int, default=10, help="requirements of each so manieth of these alone")
     chosen = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if chosen.coverage:
+        found, missing = lines(chosen.specs)
+        print(*found, sep="\n")
+        sys.exit(bool(missing))
     numbers = range(chosen.seed, chosen.seed + chosen.specs)
     work = partial(attempt, chosen.ticks, chosen.ends, chosen.ends * chosen.required)
+    if chosen.rewritten:
+        numbers = range(chosen.seed, chosen.seed + chosen.rewritten)
+        work = attempt_rewritten
     if chosen.jobs == 1:
         sys.exit(tally(map(work, numbers)))
     with ProcessPoolExecutor(chosen.jobs) as pool:
@@ -40,6 +51,15 @@ def attempt(ticks: int, ends: int, required: int, number: int) -> tuple[int, lis
             loop = compiled(text, folder)
             return number, judge(text, loop, ticks, whole=number % ends == 0, required=number % required == 0), ""
         except Exception:  # noqa: BLE001 what goes wrong is a finding, and the others are still to run
+            return number, [], traceback.format_exc()
+
+
+def attempt_rewritten(number: int) -> tuple[int, list[Found], str]:
+    """The same of the law of rewriting."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return number, judge_rewritten(number, folder), ""
+        except Exception:  # noqa: BLE001 as above
             return number, [], traceback.format_exc()
 
 

@@ -47,7 +47,7 @@ class Drawing:
         self.blocks = self.key("block", {})
         self.wires = self.key("wire", {})
         self.outside = self.inputs()
-        self.remembered: dict[str, str] = {}  # what is remembered: of each tick, or of the runs of a block
+        self.remembered: set[tuple[str, str]] = set()  # what is remembered: of each tick, or of the runs of a block
         self.plants = {name: self.plant(name) for name in self.blocks if self.is_plant(name)}
         self.late = {}  # blocks that are dead times: (whole ticks, rest in s)
         for name, block in self.blocks.items():
@@ -153,7 +153,7 @@ class Drawing:
                 together = (
                     pulse and block and (self.every(source), self.phase(source)) == (self.every(block), self.phase(block))
                 )
-                self.remembered[part] = source if together else ""
+                self.remembered.add((part, source if together else ""))
                 then[f"@{'last' if together else 'before'} {part}"] = coefficient
             else:
                 then[""] = coefficient
@@ -358,10 +358,14 @@ class Drawing:
                 between += products
             elif far and near:
                 left, unmatched, pairs = self.paired(near, far)
-                others = [each for each in products if each not in (*near, *far)]
-                between += products if unmatched else pairs
-                alone += [] if unmatched else left
-                sampled += [] if unmatched else others
+                ends = {each[2].rpartition(".")[2] for each in unmatched}
+                if any(each[2].rpartition(".")[2] in ends for each in left):
+                    between += products
+                    continue
+                between += pairs
+                halves += unmatched
+                alone += left
+                sampled += [each for each in products if each not in (*near, *far)]
             elif far:
                 halves += products
             else:
@@ -727,7 +731,7 @@ class Drawing:
             equations[name] = self.read_form(_whole(text), "")
         for name in self.signals:
             equations.setdefault(name, self.read_form(_whole(self.signals[name]), ""))
-        for part, source in self.remembered.items():
+        for part, source in self.remembered:
             if not source:
                 writes[f"@before {part}"] = {part: 1.0}
             elif source in active:

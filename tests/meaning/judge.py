@@ -45,7 +45,7 @@ def judge(text: str, loop, ticks: int = 60, *, whole: bool = True, required: boo
         if required:
             found += judge_required(text, loop)
     hand = hand_of(tables)
-    found += judge_simulation(machine, loop, hand, ticks)
+    found += judge_simulation(tables, machine, loop, hand, ticks)
     if whole and mine < 1:
         found += judge_response(machine, loop, hand)
     return found
@@ -118,7 +118,7 @@ def hand_of(tables) -> tuple[str, str, str | None]:
     return push, "hand displacement", "hand reaction" if "reaction" in hand else None
 
 
-def judge_simulation(machine, loop, hand, ticks) -> list[Found]:
+def judge_simulation(tables, machine, loop, hand, ticks) -> list[Found]:
     """The same push in both: position, speed and force in each tick."""
     push, position, _ = hand
     force = np.random.default_rng(3).normal(size=ticks)
@@ -127,6 +127,8 @@ def judge_simulation(machine, loop, hand, ticks) -> list[Found]:
     columns = {"x": position}
     if push == "hand":
         columns |= {"v": "v", "v_hat": "v_hat", "f_m": "f_m"}
+    for name in tables.get("ports", {}).get("outputs", {}):
+        columns[name] = f"output {name}"
     mine = machine.run(force[: len(run)], push, list(columns.values()))
     found = []
     for column, name in columns.items():

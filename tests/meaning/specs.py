@@ -162,7 +162,30 @@ def controller(seed: int, quick: bool = False) -> dict:
     along = "K_VE" if draw.chance(0.6) else draw.of(axes)
     low, high = AXES[along]
     tables["sweep"] = {"along": along, along: {"start": low, "stop": high}}
+    rare = Draw([7, seed])  # so that specs without what is rare stay as they are
+    if rare.chance(0.3):
+        add_rare_of_controller(rare, tables)
     return tables
+
+
+def add_rare_of_controller(draw: Draw, tables: dict) -> None:
+    """Presets beside numbers of the device, and keys that are left out where there is a default."""
+    if draw.chance(0.4):
+        device = tables["device"]
+        device["preset"] = draw.of(("paper", "touch", "omni", "falcon", "desktop", "omega"))
+        left_out = draw.of(("mass", "damping", "none"))
+        if device["preset"] not in ("desktop", "omega"):
+            device.pop(left_out, None)
+        elif device["preset"] == "desktop" and left_out == "mass":
+            device.pop("mass", None)
+        device |= {} if "damping" in device or device["preset"] in ("paper", "touch", "omni", "falcon") else {"damping": 1.0}
+        device |= {} if "mass" in device or device["preset"] != "omega" else {"mass": 0.1}
+    swept = tables["sweep"]["along"]
+    for table, keys in tables.items():
+        if table not in ("rates", "device", "sweep"):
+            for key in list(keys):
+                if key not in ("kind", swept) and draw.chance(0.3):
+                    del keys[key]
 
 
 def low_or_high(draw: Draw, fast: int, side: str) -> dict:
@@ -244,6 +267,9 @@ def drawing(seed: int) -> dict:
         made.block("aside", "lowpass", cutoff_hz=draw.size(2.0, 30.0), **made.clock())
         made.wire("aside.u", "e + 0.5*dt*arm.v")
         force.append("- 0.3*aside.y")
+    rare = Draw([8, seed])  # likewise
+    if rare.chance(0.4):
+        add_rare(rare, made, force)
     made.wire("arm.f", " ".join(force))
     if draw.chance(0.2):
         made.tables["numbers"]["w"] = "2*pi*sqrt(K)/10"
@@ -259,7 +285,93 @@ def drawing(seed: int) -> dict:
     if "D*" not in text:
         del tables["numbers"]["D"]
     tables["sweep"] = {"along": "K", "K": {"start": 0.0, "stop": 500.0}}
+    if rare.chance(0.3):
+        leave_out_defaults(rare, tables)
     return tables
+
+
+def add_rare(draw: Draw, made: Drawn, force: list[str]) -> None:
+    """What is read in more than one way, or by one key alone: `prev` of an impulse, names of [signals] in plants, D, axes."""
+    made.draw, own = draw, made.draw
+    ports = made.tables["ports"]
+    if draw.chance(0.3):
+        ports["hand"]["reaction"] = "3*arm.x + 0.4*arm.v"
+    if draw.chance(0.5):
+        ports["outputs"] = {"told": "arm.v", "bent": {"signal": "2*arm.x - 0.1*prev(arm.v)", "unit": "m"}}
+    if draw.chance(0.3):
+        ports["inputs"] = {"load": draw.of(("load", {"signal": "load", "unit": "N"}))}
+        force.append("- 0.5*load")
+    which = draw.of(("impulse", "names", "direct", "axes", "through", "discrete"))
+    signals = made.tables["signals"]
+    if which == "impulse":
+        clock = made.clock()
+        if clock.get("every", 1) == 1:
+            clock = {"every": draw.whole(2, 4)}
+        made.block("kick", "impulse", **clock)
+        made.wire("kick.u", "arm.x")
+        reader = dict(clock)
+        if draw.chance(0.3):
+            made.tables["numbers"]["often"] = clock["every"]
+            reader["every"] = draw.of(("often", "2*often/2"))
+        elif draw.chance(0.3):
+            reader = {"every": 1}
+        made.block("after", "hold", **reader)
+        signals["kicked"] = "kick.y + 0.5*prev(kick.y)"
+        made.wire("after.u", draw.of(("kicked", "kick.y + 0.5*prev(kick.y)", "prev(kick.y) - 0.3*prev(prev(kick.y))")))
+        force.append("- 2*after.y + 0*kicked")
+    elif which == "names":
+        made.block("mate", "mass", mass=draw.size(0.1, 1.0), damping=draw.size(0.5, 3.0))
+        pull = f"{draw.size(10.0, 400.0)}*(mate.x - arm.x)"
+        signals["pull"] = draw.of((f"{pull} - 3*arm.x", f"({pull} - 0.4*arm.v)*2", pull))
+        force.append(draw.of(("+ pull", "+ 0.5*(2*pull)", "- (-pull)")))
+        made.wire("mate.f", f"-({pull})")
+    elif which == "direct":
+        made.block("lossy", "ss", A=[[-8.0]], B=[[3.0]], C=[[1.0]], D=[[draw.size(0.1, 2.0)]], inputs=["u"], outputs=["y"])
+        made.wire("lossy.u", "arm.v")
+        made.block("shunt", "tf", num=[draw.size(0.1, 1.0), 2.0], den=[1.0, draw.size(3.0, 30.0)])
+        made.wire("shunt.u", "arm.x")
+        made.block("seen", "hold", **made.clock())
+        made.wire("seen.u", "shunt.y")
+        force.append("- lossy.y - seen.y")
+    elif which in ("axes", "through"):
+        axes = ["r", "q"] if which == "axes" else ["x", "y"]
+        keys = {
+            "axes": axes,
+            "mass": [[0.4, 0.7]],
+            "damping": [[draw.size(0.5, 4.0), 2.0]],
+            "stiffness": [[draw.size(5.0, 60.0), 20.0]],
+        }
+        if which == "through":
+            keys["through"] = [[1.0, draw.between(0.1, 0.9)], [0.0, 1.0]]
+        made.block("plate", "mass_matrix", **keys)
+        one, two = axes
+        made.block("peek", "hold", **made.clock())
+        made.wire("peek.u", f"plate.{two} - 0.1*plate.v{one} - 0.3*plate.v{two}")
+        made.wire(f"plate.f{one}", "3*peek.y + arm.x")
+        made.wire(f"plate.f{two}", "2*arm.x")
+        force.append(f"- plate.{one}")
+    else:
+        made.block("law", "tf", num=[0.4, 0.1], den=[1.0, -0.5], discrete=True, **made.clock())
+        made.wire("law.u", "prev(arm.x)")
+        force.append("- law.y")
+    made.draw = own
+
+
+DEFAULTS = {  # keys that may be left out, of the types that may leave them
+    "mass": ("damping", "stiffness"), "inertia": ("damping", "stiffness"), "gain": ("k",), "delay": ("steps",),
+    "spring": ("d",), "pi": ("ki", "method"), "pid": ("ki", "kd", "tau", "method"), "integrator": ("method",),
+    "butterworth": ("pass",), "notch": ("depth",), "biquad": ("b0", "b1", "b2", "a1", "a2"), "avatar": ("integration",),
+    "local_model": ("B", "integration"), "channel": ("missing",), "mass_matrix": ("damping", "stiffness"), "ss": ("D",),
+}  # fmt: skip
+
+
+def leave_out_defaults(draw: Draw, tables: dict) -> None:
+    for name, keys in tables["block"].items():
+        for key in DEFAULTS.get(keys["type"], ()):
+            wired = keys["type"] == "spring" and f"{name}.v1" in tables["wire"]
+            named = isinstance(keys.get(key), str) and keys[key] not in METHODS
+            if draw.chance(0.4) and not wired and not named:
+                keys.pop(key, None)
 
 
 def linkage(seed: int, kind: str = "five-bar") -> dict:
@@ -291,6 +403,12 @@ def linkage(seed: int, kind: str = "five-bar") -> dict:
     for axis, push in pushes.items():
         made.wire(f"wall.{axis}", f"device.{axis}")
         made.wire(f"device.f{axis}", f"{push} - wall.f{axis}")
+    rare = Draw([9, seed])
+    if rare.chance(0.5):  # the device as the documents have it
+        keys = made.tables["block"]["device"]
+        for key in list(keys):
+            if key not in ("type", "x", "y", "z") and not (key == "l2" and "c2" in keys) and rare.chance(0.4):
+                del keys[key]
     del made.tables["signals"]
     hand = {"force": list(pushes.values()), "displacement": [f"device.{axis}" for axis in axes]}
     made.tables["ports"] = {"hand": hand}

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from wavesweep.engine.blocks import Block, MultirateLoop, ScheduledBlock
-from wavesweep.engine.drawing import WAVE_ENDS, Drawing, path_of
+from wavesweep.engine.drawing import TYPES, WAVE_ENDS, Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
@@ -86,6 +86,9 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     if not drawing.has_waves:
         return None
     types = {block.name: block.type for block in drawing.blocks}
+    for plant in drawing.plants:  # of several blocks, or that a dead time acts on
+        moves = any(TYPES[block.type].body for block in plant.members)
+        types[plant.name] = "mass" if moves else "plant"
     drawn = _cut_at_ends(Loops(drawing, values).drawn(), types)
     names = [placed_block.block.name for placed_block in drawn.placed]
     places = [place for place, name in enumerate(names) if types[name] in WAVE_ENDS]

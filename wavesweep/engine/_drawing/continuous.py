@@ -46,12 +46,14 @@ def parted(
             far = [term for term in terms if term[0].rpartition(".")[0] in far_plants]
             near = [term for term in terms if term[0].rpartition(".")[0] == own]
             pairs = _opposite_pairs(near, far)
-            if far:  # its ends do not fit, as of a spring behind a gear: it is one term
-                continuous += terms
+            ends = {signal.rpartition(".")[2] for signal, _ in far}
+            if any(signal.rpartition(".")[2] in ends for signal, _ in near):
+                continuous += terms  # whose ends do not fit, as behind a gear: it is one term
             else:
                 continuous += pairs
+                halves += far
                 alone += near
-                held += [term for term in terms if term not in (*pairs, *near)]
+                held += [term for term in terms if term not in (*pairs, *near, *far)]
         elif far_plants:
             halves += terms
         elif blocks == {own}:

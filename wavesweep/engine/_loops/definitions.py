@@ -191,14 +191,14 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
     later: see `with_delays`.
 
     The first state does not change, so y is the sum of the states times the numerator's
-    coefficients but the first. A state that is alone may count for ever, if its coefficient is 0; y
-    follows u then.
+    coefficients but the first. The state of an integrator that is alone may count for ever, if its
+    coefficient is 0; y follows u then.
     """
     equations = controllable(num, den)
     if not equations.states:
         return with_delays(equations, later)[1:]
     b = over(num, den)
-    direct = b[0] if len(equations.states) == 1 else 0
+    direct = b[0] if len(equations.states) == 1 and not den[-1] else 0
     return with_delays(equations._replace(C=[b[1:]], D=[[direct]]), later)[1:]
 
 

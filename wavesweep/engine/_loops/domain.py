@@ -271,7 +271,7 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
 
 def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     """Return which loops of a batch have a number that a key does not accept, `(loops,)`.
-    values: as for `assembled`."""
+    values: as for `assembled`; keys that read others, as limits do, are not asked."""
     from wavesweep.engine._drawing.conditions import conditions
 
     arrays = {path for path, value in values.items() if np.ndim(value)}
@@ -285,7 +285,7 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     shared = SharedParts()
     with np.errstate(all="ignore"):
         for condition in conditions(drawing):
-            if condition.names & varied:
+            if condition.names & varied and condition.names <= numbers.keys():
                 wrong |= _broken(condition, numbers, shared)
     return wrong
 
@@ -299,7 +299,7 @@ def _unsuitable_alone(drawing, items, others):
     shared = SharedParts()
     with np.errstate(all="ignore"):
         for condition in conditions(drawing):
-            alone = condition.names and not condition.names & others
+            alone = condition.names and condition.names <= numbers.keys() - others
             if alone and np.any(_broken(condition, numbers, shared)):
                 return True
     return False

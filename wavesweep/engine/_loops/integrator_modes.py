@@ -433,10 +433,14 @@ def equations_of(
             core = cores[block.name]
             _add_drawn(rest, core.type, keys_with(core, value), block)
             if core.type in SUMMING:
-                register = cores.get(f"prev({core.name}.sum)")
-                shown = register is not None and _clock(register) == _clock(core)
+                shown = [  # by registers that run with it, of which the first is a copy
+                    each.name
+                    for each in drawing.cores
+                    if each.name.startswith(f"prev({core.name}.sum)")
+                    and _clock(each) == _clock(core)
+                ]
                 for state in block.states:
-                    rest.sums[f"{block.name}.{state}"] = register.name if shown else ""
+                    rest.sums[f"{block.name}.{state}"] = shown[0] if shown else ""
     rest.wires = _wires_at_rest(drawing, rest.outputs.keys(), value, blocks)
     return rest
 
