@@ -32,3 +32,18 @@ def test_a_row_for_each_margin_in_files_with_a_figure(wavesweep, arm):
     assert rows["value"][rows["margin"] == "gain_down"].tolist() == [0]
     assert rows["margin"][~rows["limited"]].tolist() == ["gain_down"]
     assert wavesweep("verify", "results/arm")[0] == 0
+
+
+@pytest.mark.slow
+def test_a_name_in_signals_is_a_cut(wavesweep, tmp_path, monkeypatch):
+    """All of the loop goes through the error of the drive, as through its controller, but the error is read as seldom."""
+    monkeypatch.chdir(tmp_path)
+    drive = DOCS.parent / "sweeps/templates/drive.toml"
+    found = []
+    for cut in ("error", "control.y"):
+        code, out, _ = wavesweep("margins", str(drive), "--cut", cut, "--json", "--no-plot", "--overwrite")
+        assert code == 0
+        found.append(json.loads(out)["tables"]["margins"])
+    assert [each["times"] for each in found] == [1, 1]
+    for name, margin in found[0]["margins"].items():
+        assert margin["value"] == pytest.approx(found[1]["margins"][name]["value"], rel=1e-8)
